@@ -1,0 +1,1 @@
+"""Differentiable simulator of the Cusick drape test: mesh -> material -> drape -> camera -> silhouette."""

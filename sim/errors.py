@@ -1,0 +1,13 @@
+"""Errors a user can act on: each states the rule, the value found, where, and the remedy."""
+
+
+class CusickError(Exception):
+    """Base of every error that bad input can cause; the command line prints it and exits with status 2."""
+
+
+class SimulationError(CusickError, ValueError):
+    """A drape cannot be simulated as asked (bad mesh, material or settings)."""
+
+
+class DrapeDiverged(SimulationError):
+    """A drape did not converge: positions became non-finite or the solver ran out of iterations."""

@@ -1,0 +1,31 @@
+"""Shared fixtures. The repository root leaves sys.path, or `datasets/` would shadow other packages."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Folder of the public release; skips where it is absent, since it has no licence and is never shipped."""
+    folder = Path(os.environ.get("CUSICK_DATA", ROOT.parent / "shared" / "cusick"))
+    if not (folder / "data").is_dir():
+        pytest.skip(f"no Cusick release at {folder}; set CUSICK_DATA to its folder to run this test")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _no_global_seeds():
+    """Global generators must stay untouched: every random choice takes its generator as an argument."""
+    before_numpy = np.random.get_state()[1].copy()  # noqa: NPY002
+    before_torch = torch.random.get_rng_state()
+    yield
+    assert (np.random.get_state()[1] == before_numpy).all(), "a test or the code drew from numpy's global generator"  # noqa: NPY002
+    assert torch.equal(torch.random.get_rng_state(), before_torch), "a test or the code drew from torch's global generator"
