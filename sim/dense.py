@@ -33,6 +33,7 @@ solve_triangular_panel = _routine("cython_blas", "dtrsm", 11)
 subtract_outer_product = _routine("cython_blas", "dsyrk", 10)
 solve_triangular = _routine("cython_blas", "dtrsv", 8)
 multiply = _routine("cython_blas", "dgemv", 11)
+multiply_matrices = _routine("cython_blas", "dgemm", 13)
 
 
 def _thread_functions():

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
+import scipy.sparse.csgraph
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.linear import BlockPattern
 
-DIRECTIONS = 16
+DIRECTIONS = 32
 """Cuts tried at each level, evenly round the circle (a cut and its opposite differ: the separator is the left side's)."""
 
-LEFT_SHARES = (0.45, 0.5, 0.55)
+LEFT_SHARES = (0.42, 0.46, 0.5, 0.54, 0.58)
 """Shares of the vertices left of a cut that are tried; a somewhat uneven cut may have the smaller separator."""
 
 
@@ -55,11 +56,12 @@ def dissect(pattern: BlockPattern, leaf: int) -> Dissection:
         """Append the fronts of one piece; returns their roots (several where the piece falls apart)."""
         own, children = vertices, []
         if len(vertices) > leaf:
-            separator, left = _best_cut(pattern.points[vertices], graph)
+            left = _best_cut(pattern.points[vertices], graph)
+            separator = _separator(left, graph)
             for side in (left & ~separator, ~left & ~separator):
                 if side.any():
                     children += cut(vertices[side], graph[side][:, side])
-            own = vertices[separator]
+            own = _along(vertices[separator], pattern.points)
         if not len(own):
             return children
         for child in children:
@@ -73,15 +75,45 @@ def dissect(pattern: BlockPattern, leaf: int) -> Dissection:
     return Dissection(np.concatenate(fronts), start, np.array(parent))
 
 
-def _best_cut(
-    points: Float[ndarray, "vertices 2"], graph: sparse.csr_array
-) -> tuple[Bool[ndarray, " vertices"], Bool[ndarray, " vertices"]]:
-    """The straight cut with the smallest separator: masks of the separator and of the left side."""
+def _best_cut(points: Float[ndarray, "vertices 2"], graph: sparse.csr_array) -> Bool[ndarray, " vertices"]:
+    """Left side of the straight cut where the fewest vertices on the left touch the right."""
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     heights = points @ np.stack([np.cos(angles), np.sin(angles)])
     rank = np.argsort(np.argsort(heights, axis=0, kind="stable"), axis=0)
     left = np.hstack([rank < int(share * len(points)) for share in LEFT_SHARES])
-    separators = left & (graph @ (~left).astype(np.float32) > 0)
+    touching = (left & (graph @ (~left).astype(np.float32) > 0)).sum(axis=0)
     unevenness = 1 + np.abs(np.repeat(LEFT_SHARES, DIRECTIONS) - 0.5)
-    best = np.argmin(separators.sum(axis=0) * unevenness)
-    return separators[:, best], left[:, best]
+    return left[:, np.argmin(touching * unevenness)]
+
+
+def _separator(left: Bool[ndarray, " vertices"], graph: sparse.csr_array) -> Bool[ndarray, " vertices"]:
+    """The fewest vertices, on either side, that touch every coupling across a cut.
+
+    By Koenig's theorem it is as large as the largest matching of couplings across: from the unmatched vertices of the
+    left walk alternating paths; take the left vertices never reached and the right ones reached.
+    """
+    left_vertices, right_vertices = np.flatnonzero(left), np.flatnonzero(~left)
+    across = sparse.csr_array(graph[left][:, ~left])
+    partner = sparse.csgraph.maximum_bipartite_matching(across, perm_type="column")
+    matched = np.flatnonzero(partner >= 0)
+    back = np.full(len(right_vertices), -1)
+    back[partner[matched]] = matched
+    reached_left = partner < 0
+    while True:
+        reached_right = across.T @ reached_left.astype(np.float32) > 0
+        onwards = reached_left.copy()
+        onwards[back[reached_right]] = True  # a reached right vertex has a partner, or the matching could grow
+        if np.array_equal(onwards, reached_left):
+            break
+        reached_left = onwards
+    separator = np.zeros(len(left), bool)
+    separator[left_vertices[~reached_left]] = True
+    separator[right_vertices[reached_right]] = True
+    return separator
+
+
+def _along(vertices: Int[ndarray, " some"], points: Float[ndarray, "vertices 2"]) -> Int[ndarray, " some"]:
+    """Vertices of a separator from one end to the other: neighbours in space then lie side by side in memory."""
+    centred = points[vertices] - points[vertices].mean(axis=0) if len(vertices) else points[vertices]
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    return vertices[np.argsort(centred @ axes[:, 1], kind="stable")]

@@ -7,7 +7,6 @@ boundary (its update) is added into its parent's front and then dropped.
 Everything here depends on the pattern only and is done once.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ class EliminationTree(NamedTuple):
         start: First position in `order` of each front, and the end.
         sizes: Unknowns of each front: own, boundary, and both together (the type that BLAS wants).
         boundary_start, boundary: Positions in elimination order, ascending.
-        relative: Row, in blocks, of each boundary entry within the parent's front.
+        run_start, runs: Boundary rows that stay side by side in the parent's front: first and end here, first there.
         child_start, children: Fronts whose updates a front takes in.
         slot_start, slots, targets: Blocks of the matrix, and where in the factor each one's first number goes.
         panel_start: Panels in the factor; columns one after the other, each of own and boundary rows.
@@ -41,7 +40,8 @@ class EliminationTree(NamedTuple):
     sizes: Int[ndarray, "fronts 3"]
     boundary_start: Int[ndarray, " fronts_and_end"]
     boundary: Int[ndarray, " entries"]
-    relative: Int[ndarray, " entries"]
+    run_start: Int[ndarray, " fronts_and_end"]
+    runs: Int[ndarray, "runs 3"]
     child_start: Int[ndarray, " fronts_and_end"]
     children: Int[ndarray, " others"]
     slot_start: Int[ndarray, " fronts_and_end"]
@@ -67,6 +67,7 @@ def analyse(pattern: BlockPattern, dissection: Dissection, workers: int) -> Elim
         *(_scatter(columns, start, front, boundaries[front], panel_start[front]) for front in range(len(own))),
         strict=True,
     )
+    runs = [_runs(front, int(parent[front]), boundaries, start) for front in range(len(own))]
     parts = schedule(parent, children, _work(own, beyond), workers)
     update_start, update_end = _stack(parts, parent, children, (BLOCK * beyond) ** 2)
     return EliminationTree(
@@ -75,7 +76,8 @@ def analyse(pattern: BlockPattern, dissection: Dissection, workers: int) -> Elim
         sizes=(BLOCK * np.stack([own, beyond, own + beyond], axis=1)).astype(np.int32),
         boundary_start=_ends(beyond),
         boundary=np.concatenate(boundaries),
-        relative=np.concatenate(list(_relative(boundaries, start, parent))),
+        run_start=_ends([len(some) for some in runs]),
+        runs=BLOCK * np.concatenate(runs),
         child_start=_ends([len(group) for group in children]),
         children=np.concatenate([*children, np.empty(0)]).astype(np.int64),
         slot_start=_ends([len(some) for some in slots]),
@@ -125,10 +127,15 @@ def _boundaries(columns: sparse.csc_array, start: ndarray, children: list[list[i
     return boundaries
 
 
-def _relative(boundaries: list[ndarray], start: ndarray, parent: ndarray) -> Iterator[ndarray]:
-    """Row of every boundary entry in the parent's front."""
-    for boundary, above in zip(boundaries, parent, strict=True):
-        yield boundary if above < 0 else _rows(boundary, start[above], start[above + 1], boundaries[above])
+def _runs(front: int, above: int, boundaries: list[ndarray], start: ndarray) -> Int[ndarray, "runs 3"]:
+    """Runs of boundary rows that go to successive rows of the parent's front, all own there or all boundary."""
+    boundary = boundaries[front]
+    if above < 0:
+        return np.empty((0, 3), np.int64)
+    rows = _rows(boundary, start[above], start[above + 1], boundaries[above])
+    breaks = (np.diff(rows) != 1) | (rows[1:] == start[above + 1] - start[above])
+    first = np.concatenate([[0], np.flatnonzero(breaks) + 1])
+    return np.stack([first, np.append(first[1:], len(rows)), rows[first]], axis=1)
 
 
 def _rows(positions: ndarray, first: int, end: int, boundary: ndarray) -> ndarray:
