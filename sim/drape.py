@@ -35,7 +35,8 @@ class DrapeSettings:
 
     Attributes:
         law: `paper` (derives from an energy) or `published` (the published program's, quirks included).
-        mode: `drop` (implicit Euler from the laid-down cloth) or `equilibrium` (Newton to rest).
+        mode: `drop` (implicit Euler from the laid-down cloth) or `equilibrium` (Newton to rest, from a drop's end or
+            from a given drape).
         steps: Steps of a drop.
         step_seconds: Step of a drop [s].
         gravity: [m/s2].
@@ -252,11 +253,13 @@ def _rested(
     report: dict[str, Any],
 ) -> tuple[Equilibrium, ndarray]:
     s, system = simulator.settings, simulator.system
-    start, mu = (laid, FALLING) if warm is None else (_array(warm.vertices), 0.0)
+    if warm is None:  # the drop decides which of its many rests the cloth finds
+        fallen = drop(system, parameters, laid, steps=s.steps, step_seconds=s.step_seconds)
+        start, mu = fallen.positions[-1].copy(), FALLING
+    else:
+        start, mu = _array(warm.vertices).copy(), 0.0
     start[system.fixed] = laid[system.fixed]
-    rest = equilibrium(
-        system, parameters, start, laid, tolerance=s.tolerance, iterations=s.iterations, mu=mu
-    )
+    rest = equilibrium(system, parameters, start, laid, tolerance=s.tolerance, iterations=s.iterations, mu=mu)
     if not rest.converged:
         raise DrapeDiverged(
             f"the drape did not come to rest: net force {rest.residual:.2g} of the weight after {rest.iterations} Newton "

@@ -268,3 +268,10 @@ def mesh_from_obj(path: str | Path) -> Mesh:
     if np.ptp(positions[:, 2]) > 1e-6:
         raise SimulationError(f"{path} is not flat (z spans {np.ptp(positions[:, 2]):.3g} m); give the cloth's rest mesh")
     return Mesh(positions[:, :2], faces)
+
+
+def write_obj(path: str | Path, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> None:
+    """Writes positions [m] and triangles as a Wavefront OBJ file."""
+    lines = ["v %.9g %.9g %.9g" % tuple(point) for point in positions]
+    lines += ["f %d %d %d" % tuple(face + 1) for face in faces]
+    Path(path).write_text("\n".join(lines) + "\n")

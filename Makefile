@@ -1,0 +1,45 @@
+# Two commands do everything, their set-up included: `make bench` and `make test`.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+OUT ?= runs/bench
+
+.PHONY: bench test slow lint types imports wheel clean
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "cusick-bench needs Python 3.11 or newer; pass PYTHON=..."'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $(READY)
+
+bench: $(READY)  ## The main job on the shipped synthetic set: fit, score, leaderboard, report
+	$(BIN)/cusick-bench run --data synthetic --cloth cloth_soft --cloth cloth_medium --cloth cloth_stiff \
+	  --solver homo --solver nlopt:LN_BOBYQA --solver null:disc --solver null:copy --solver null:random-phase \
+	  --vertices 1205 --budget 30 --out $(OUT)
+	$(BIN)/cusick-bench leaderboard $(OUT)
+	$(BIN)/cusick-bench report $(OUT)
+
+test: $(READY)  ## The default suite
+	$(BIN)/python -m pytest -q -m "not slow"
+
+slow: $(READY)  ## Paper-size checks (minutes)
+	$(BIN)/python -m pytest -q -m slow
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)
+	$(BIN)/pyright
+
+imports: $(READY)
+	$(BIN)/lint-imports
+
+wheel: $(READY)  ## Builds the wheel and runs it outside the checkout
+	.ci/wheel-smoke $(BIN)/python
+
+clean:
+	rm -rf build dist *.egg-info runs
+	find . -name '__pycache__' -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -1,0 +1,176 @@
+"""`cusick-bench simulate`: one or many drapes of a cloth given by a few numbers."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import typer
+from PIL import Image
+from rich.progress import Progress, TimeRemainingColumn
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.datasets.profile import (
+    Profile,
+    amplitude_spectrum,
+    drape_coefficient,
+    fold_count,
+    profile_from_image,
+)
+from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
+from cusick_bench.sim.drape import Drape, DrapeSettings, DrapeSimulator
+from cusick_bench.sim.errors import CusickError, DrapeDiverged
+from cusick_bench.sim.heterogeneity import random_heterogeneity
+from cusick_bench.sim.material import PUBLISHED_BENDING_FACTOR, uniform_material
+from cusick_bench.sim.mesh import disc_mesh, mesh_from_obj, write_obj
+from cusick_bench.sim.silhouette import render
+
+
+class Mode(StrEnum):
+    """Ways to a drape."""
+
+    drop = "drop"
+    equilibrium = "equilibrium"
+
+
+class LawName(StrEnum):
+    """Material laws."""
+
+    paper = "paper"
+    published = "published"
+
+
+class CameraName(StrEnum):
+    """Cameras."""
+
+    parallel = "parallel"
+    pinhole = "pinhole"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One simulated drape with the numbers that describe it."""
+
+    drape: Drape
+    image: torch.Tensor
+    profile: Profile
+
+    def summary(self) -> dict[str, Any]:
+        """What the JSON document says of the drape."""
+        return {
+            "drape_coefficient": drape_coefficient(self.image),
+            "folds": fold_count(self.profile),
+            "converged": self.drape.converged,
+            "residual": self.drape.residual,
+            "seconds": self.drape.seconds,
+            "mean_radius_m": float(self.profile.radii.mean()),
+            "amplitudes_m": amplitude_spectrum(self.profile),
+        }
+
+
+def _write(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None:
+    """Mesh, silhouette (dark cloth on white, as the release has it) and profile of one drape."""
+    write_obj(folder / f"{name}.obj", outcome.drape.vertices.detach().numpy(), faces)
+    grey = np.round(255 * (1 - outcome.image.detach().numpy())).astype(np.uint8)
+    Image.fromarray(grey).save(folder / f"{name}.png")
+    table = np.column_stack([np.degrees(outcome.profile.angles), outcome.profile.radii])
+    np.savetxt(folder / f"{name}_profile.csv", table, delimiter=",", header="angle_deg,radius_m", comments="", fmt="%.6g")
+
+
+@user_errors
+def simulate(
+    density: Annotated[float, typer.Option(help="Areal density [kg/m2].")],
+    bending: Annotated[str, typer.Option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")],
+    stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
+    shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
+    vertices: Annotated[int, typer.Option(help="Mesh size.")] = 2699,
+    mesh: Annotated[Path | None, typer.Option(help="Flat cloth mesh (OBJ) instead of the own disc mesher.")] = None,
+    heterogeneity: Annotated[float, typer.Option(help="Spread of log stiffness (smooth field, 2 cm).")] = 0.0,
+    laying: Annotated[float, typer.Option(help="Sd of the height in which the cloth is laid down [m].")] = 1e-3,
+    rest: Annotated[float, typer.Option(help="Sd of the rest shape's height [m].")] = 0.0,
+    draws: Annotated[int, typer.Option(min=1, help="Number of drapes; each has its own random shapes.")] = 1,
+    mode: Annotated[Mode, typer.Option()] = Mode.drop,
+    law: Annotated[LawName, typer.Option()] = LawName.paper,
+    camera: Annotated[CameraName, typer.Option()] = CameraName.parallel,
+    steps: Annotated[int, typer.Option(help="Steps of 0.05 s of the drop.")] = 100,
+    seed: Annotated[int, typer.Option()] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes and profiles.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Simulates drapes and prints drape coefficient, folds and convergence.
+
+    The bending stiffness is that of the cloth as a plate, whatever the law.
+    """
+    rows = _bending_rows(bending)
+    factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
+    cloth = uniform_material(density=density, bending=tuple(factor * b for b in rows), stretch=stretch, shear=shear)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / ".writable").touch()
+        (out / ".writable").unlink()
+    sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
+    settings = DrapeSettings(
+        law=law.value, mode=mode.value, steps=steps, laying_amplitude=laying, rest_amplitude=rest, seed=seed
+    )
+    simulator = DrapeSimulator(sheet, settings)
+    view: Camera = ParallelCamera() if camera is CameraName.parallel else PinholeCamera()
+    results: list[dict[str, Any]] = []
+    columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        for draw in progress.track(range(draws), description="draping"):
+            drawn = random_heterogeneity(cloth, sheet, heterogeneity, np.random.default_rng([seed, draw, 2]))
+            try:
+                drape = simulator.drape(
+                    drawn,
+                    initial=torch.from_numpy(simulator.laid_down(seed + draw)),
+                    rest_angle=simulator.rest_angles(seed + draw),
+                )
+            except DrapeDiverged as error:
+                results.append({"draw": draw, "converged": False, "failure": str(error)})
+                continue
+            image = render(drape.vertices, sheet.faces, view)
+            outcome = Outcome(drape, image, profile_from_image(image))
+            results.append({"draw": draw, **outcome.summary()})
+            if out is not None:
+                _write(out, f"drape_{draw:04d}", outcome, sheet.faces)
+    _report(results, as_json, {"vertices": sheet.vertices, "faces": len(sheet.faces), "out": out})
+
+
+def _bending_rows(text: str) -> tuple[float, ...]:
+    try:
+        rows = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise CusickError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
+    if len(rows) not in (1, 3):
+        raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
+    return rows * 3 if len(rows) == 1 else rows
+
+
+def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:
+    """Prints the drapes; the document's own keys are those of a single drape, or means over the draws."""
+    done = [result for result in results if "failure" not in result]
+    failed = len(results) - len(done)
+    if as_json:
+        keys = ("drape_coefficient", "folds", "residual", "seconds")
+        means = {key: float(np.mean([result[key] for result in done])) if done else None for key in keys}
+        converged = failed == 0 and all(result["converged"] for result in done)
+        print_json({**means, "converged": converged, "failed": failed, **extra, "draws": results})
+    else:
+        table = Table(title=f"{len(results)} drape(s) of {extra['vertices']} vertices")
+        for name in ("draw", "drape coefficient", "folds", "at rest", "residual", "seconds"):
+            table.add_column(name, justify="right")
+        for r in results:
+            if "failure" in r:
+                table.add_row(str(r["draw"]), "-", "-", "failed", "-", "-")
+                console.print(f"draw {r['draw']}: {r['failure']}", markup=False)
+                continue
+            table.add_row(
+                str(r["draw"]), f"{r['drape_coefficient']:.4f}", str(r["folds"]), "yes" if r["converged"] else "no",
+                f"{r['residual']:.1e}", f"{r['seconds']:.2f}",
+            )  # fmt: skip
+        output.print(table)
+    if not done:
+        raise typer.Exit(1)
