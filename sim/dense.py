@@ -1,62 +1,140 @@
-"""Dense BLAS and LAPACK of SciPy, callable from numba kernels that are cached on disk.
+"""Dense linear algebra inside numba kernels: SciPy's BLAS and LAPACK, on matrices stored by columns.
 
-A cached kernel must not hold an address of the process that compiled it. Each routine therefore gets a symbol of our
-own, registered with LLVM at import, and kernels refer to it by name. All arguments are pointers, as in Fortran.
+A kernel cached on disk must not hold an address of the process that compiled it. Each routine therefore
+gets a symbol of our own, registered with LLVM at import, and kernels refer to it by name.
+
+Matrices are given by a flat array that starts at their first number, and by their stride: the distance
+between the starts of two columns.
 """
 
 import ctypes
+import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import llvmlite.binding
+import numba
 import numpy as np
 from numba import types
-from numba.extending import get_cython_function_address
-from scipy.linalg import cython_blas
-
-LOWER, RIGHT, TRANSPOSE, PLAIN = (np.frombuffer(letter, np.uint8) for letter in (b"L", b"R", b"T", b"N"))
-"""Option letters of BLAS; PLAIN ("N") is "not transposed" or "no unit diagonal"."""
-
-ONE, MINUS_ONE, ZERO = (np.array([number]) for number in (1.0, -1.0, 0.0))
-STEP_ONE = np.array([1], np.int32)
+from numba.core import cgutils
+from numba.extending import get_cython_function_address, intrinsic
 
 
-def _routine(library: str, name: str, arguments: int) -> types.ExternalFunction:
-    """Numba's handle of `scipy.linalg.<library>.<name>`."""
+def _routine(library: str, name: str, arguments: int) -> Any:
+    """Numba's handle of `scipy.linalg.<library>.<name>`; all arguments are pointers, as in Fortran."""
     symbol = f"cusick_bench_{name}"
     llvmlite.binding.add_symbol(symbol, get_cython_function_address(f"scipy.linalg.{library}", name))
     return types.ExternalFunction(symbol, types.void(*[types.voidptr] * arguments))
 
 
-cholesky = _routine("cython_lapack", "dpotrf", 5)
-solve_triangular_panel = _routine("cython_blas", "dtrsm", 11)
-subtract_outer_product = _routine("cython_blas", "dsyrk", 10)
-solve_triangular = _routine("cython_blas", "dtrsv", 8)
-multiply = _routine("cython_blas", "dgemv", 11)
-multiply_matrices = _routine("cython_blas", "dgemm", 13)
+_potrf = _routine("cython_lapack", "dpotrf", 5)
+_trsm = _routine("cython_blas", "dtrsm", 11)
+_syrk = _routine("cython_blas", "dsyrk", 10)
+_gemm = _routine("cython_blas", "dgemm", 13)
+_trsv = _routine("cython_blas", "dtrsv", 8)
+_gemv = _routine("cython_blas", "dgemv", 11)
 
 
-def _thread_functions():
+def _on_stack(as_type: Any) -> Any:
+    """Function for kernels that puts a number on the stack and gives its address."""
+
+    @intrinsic
+    def address(context, number):
+        def generate(target, builder, signature, arguments):
+            value = target.cast(builder, arguments[0], signature.args[0], as_type)
+            return builder.bitcast(cgutils.alloca_once_value(builder, value), cgutils.voidptr_t)
+
+        return types.voidptr(number), generate
+
+    return address
+
+
+_integer: Any = _on_stack(types.int32)
+_real: Any = _on_stack(types.float64)
+_letter: Any = _on_stack(types.uint8)
+
+_LOWER, _RIGHT, _TRANSPOSED, _PLAIN = (ord(letter) for letter in "LRTN")
+
+
+@numba.njit(cache=True)
+def cholesky(matrix: Any, size: int, stride: int) -> bool:
+    """A <- L with L L^T = A, in the lower triangle; False if A is not positive definite."""
+    failed = np.zeros(1, np.int32)
+    _potrf(_letter(_LOWER), _integer(size), matrix.ctypes, _integer(stride), failed.ctypes)
+    return failed[0] == 0
+
+
+@numba.njit(cache=True)
+def divide_by_transposed(triangle: Any, matrix: Any, rows: int, columns: int, stride: int) -> None:
+    """B <- B L^-T."""
+    _trsm(
+        _letter(_RIGHT), _letter(_LOWER), _letter(_TRANSPOSED), _letter(_PLAIN), _integer(rows),
+        _integer(columns), _real(1.0), triangle.ctypes, _integer(stride), matrix.ctypes, _integer(stride),
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def subtract_product(
+    left: Any, right: Any, target: Any, rows: int, columns: int, inner: int, stride: int
+) -> None:
+    """C <- C - A B^T."""
+    _gemm(
+        _letter(_PLAIN), _letter(_TRANSPOSED), _integer(rows), _integer(columns), _integer(inner),
+        _real(-1.0), left.ctypes, _integer(stride), right.ctypes, _integer(stride), _real(1.0), target.ctypes,
+        _integer(stride),
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def negative_square(matrix: Any, rows: int, columns: int, stride: int, target: Any) -> None:
+    """C <- -A A^T, its lower triangle, without gaps between its columns."""
+    _syrk(
+        _letter(_LOWER), _letter(_PLAIN), _integer(rows), _integer(columns), _real(-1.0), matrix.ctypes,
+        _integer(stride), _real(0.0), target.ctypes, _integer(rows),
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def solve_lower(triangle: Any, size: int, stride: int, vector: Any, transposed: bool) -> None:
+    """x <- L^-1 x, or x <- L^-T x."""
+    _trsv(
+        _letter(_LOWER), _letter(_TRANSPOSED if transposed else _PLAIN), _letter(_PLAIN), _integer(size),
+        triangle.ctypes, _integer(stride), vector.ctypes, _integer(1),
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def subtract_times(
+    matrix: Any, rows: int, columns: int, stride: int, vector: Any, target: Any, transposed: bool
+) -> None:
+    """y <- y - A x, or y <- y - A^T x."""
+    _gemv(
+        _letter(_TRANSPOSED if transposed else _PLAIN), _integer(rows), _integer(columns), _real(-1.0),
+        matrix.ctypes, _integer(stride), vector.ctypes, _integer(1), _real(1.0), target.ctypes, _integer(1),
+    )  # fmt: skip
+
+
+def _thread_functions() -> tuple[Any, Any] | None:
     """Setter and getter of OpenBLAS's thread count, or None where SciPy uses another BLAS."""
-    library = ctypes.CDLL(cython_blas.__file__)
+    library = ctypes.CDLL(importlib.import_module("scipy.linalg.cython_blas").__file__)
     for prefix in ("scipy_openblas", "openblas"):
-        try:
-            return getattr(library, f"{prefix}_set_num_threads"), getattr(library, f"{prefix}_get_num_threads")
-        except AttributeError:
-            continue
+        setter, getter = f"{prefix}_set_num_threads", f"{prefix}_get_num_threads"
+        if hasattr(library, setter):
+            return getattr(library, setter), getattr(library, getter)
     return None
 
 
-_THREADS = _thread_functions()
+_THREAD_FUNCTIONS = _thread_functions()
 
 
 @contextmanager
 def single_threaded() -> Iterator[None]:
-    """Keep SciPy's OpenBLAS on one thread: our kernels are parallel themselves, and its sums then have one order."""
-    if _THREADS is None:
+    """Keep OpenBLAS on one thread: kernels are parallel themselves, and its sums then have one order."""
+    if _THREAD_FUNCTIONS is None:
         yield
         return
-    set_threads, get_threads = _THREADS
+    set_threads, get_threads = _THREAD_FUNCTIONS
     before = get_threads()
     set_threads(1)
     try:

@@ -1,28 +1,31 @@
 """Nested dissection: an elimination order with little fill, from the positions of the vertices.
 
-A line cuts the mesh in two; the vertices that touch the other side form a separator. Both sides are cut again until a
-piece is small. Eliminating pieces before their separators keeps the factor of a plane mesh at O(n log n) numbers.
+A line cuts the mesh in two; the fewest vertices that touch every coupling across it are its separator. Both
+sides are cut again until a piece is small. With pieces eliminated before their separators, the factor of a
+plane mesh has O(n log n) numbers.
 
 References:
     A. George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10 (1973).
-    J. R. Gilbert and S.-H. Teng et al., "Geometric mesh partitioning", SIAM J. Sci. Comput. 19 (1998): cuts by position.
+    J. R. Gilbert, G. L. Miller, S.-H. Teng, "Geometric mesh partitioning", SIAM J. Sci. Comput. 19 (1998).
+    A. Pothen, C.-J. Fan, "Computing the block triangular form of a sparse matrix", ACM Trans. Math. Softw. 16
+        (1990): separators from matchings.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
-import scipy.sparse.csgraph
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from cusick_bench.sim.linear import BlockPattern
 
 DIRECTIONS = 32
-"""Cuts tried at each level, evenly round the circle (a cut and its opposite differ: the separator is the left side's)."""
+"""Cuts tried at each level, evenly round the circle; opposite ones differ in the side that is judged."""
 
 LEFT_SHARES = (0.42, 0.46, 0.5, 0.54, 0.58)
-"""Shares of the vertices left of a cut that are tried; a somewhat uneven cut may have the smaller separator."""
+"""Shares of the vertices on the left that are tried; a somewhat uneven cut may have the smaller separator."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +92,13 @@ def _best_cut(points: Float[ndarray, "vertices 2"], graph: sparse.csr_array) -> 
 def _separator(left: Bool[ndarray, " vertices"], graph: sparse.csr_array) -> Bool[ndarray, " vertices"]:
     """The fewest vertices, on either side, that touch every coupling across a cut.
 
-    By Koenig's theorem it is as large as the largest matching of couplings across: from the unmatched vertices of the
-    left walk alternating paths; take the left vertices never reached and the right ones reached.
+    By Koenig's theorem they are as many as the largest matching of couplings across has: walk alternating
+    paths from the unmatched vertices of the left; take the left vertices not reached and the right ones
+    reached.
     """
     left_vertices, right_vertices = np.flatnonzero(left), np.flatnonzero(~left)
     across = sparse.csr_array(graph[left][:, ~left])
-    partner = sparse.csgraph.maximum_bipartite_matching(across, perm_type="column")
+    partner = maximum_bipartite_matching(across, perm_type="column")
     matched = np.flatnonzero(partner >= 0)
     back = np.full(len(right_vertices), -1)
     back[partner[matched]] = matched
@@ -102,7 +106,7 @@ def _separator(left: Bool[ndarray, " vertices"], graph: sparse.csr_array) -> Boo
     while True:
         reached_right = across.T @ reached_left.astype(np.float32) > 0
         onwards = reached_left.copy()
-        onwards[back[reached_right]] = True  # a reached right vertex has a partner, or the matching could grow
+        onwards[back[reached_right]] = True  # all have partners, or the matching could grow
         if np.array_equal(onwards, reached_left):
             break
         reached_left = onwards
@@ -113,7 +117,9 @@ def _separator(left: Bool[ndarray, " vertices"], graph: sparse.csr_array) -> Boo
 
 
 def _along(vertices: Int[ndarray, " some"], points: Float[ndarray, "vertices 2"]) -> Int[ndarray, " some"]:
-    """Vertices of a separator from one end to the other: neighbours in space then lie side by side in memory."""
-    centred = points[vertices] - points[vertices].mean(axis=0) if len(vertices) else points[vertices]
+    """Vertices of a separator from one end to the other, so that neighbours lie side by side in memory."""
+    if not len(vertices):
+        return vertices
+    centred = points[vertices] - points[vertices].mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     return vertices[np.argsort(centred @ axes[:, 1], kind="stable")]

@@ -1,8 +1,8 @@
 """Symbolic analysis: what every front of a multifrontal factorisation holds, where, and who works on it.
 
-A front eliminates its `own` vertices. Its rows are these and, below them, its `boundary`: the later vertices that they
-are coupled to, directly or through fill. The front's columns of the factor (its panel) are kept; what it leaves on its
-boundary (its update) is added into its parent's front and then dropped.
+A front eliminates its `own` vertices. Its rows are these and, below them, its `boundary`: the later
+vertices that they are coupled to, directly or through fill. The front's columns of the factor (its panel)
+are kept; what it leaves on its boundary (its update) is added into its parent's front and then dropped.
 
 Everything here depends on the pattern only and is done once.
 """
@@ -24,20 +24,20 @@ class EliminationTree(NamedTuple):
     Attributes:
         order: Vertices in elimination order.
         start: First position in `order` of each front, and the end.
-        sizes: Unknowns of each front: own, boundary, and both together (the type that BLAS wants).
+        sizes: Unknowns of each front: own and boundary.
         boundary_start, boundary: Positions in elimination order, ascending.
-        run_start, runs: Boundary rows that stay side by side in the parent's front: first and end here, first there.
+        run_start, runs: Boundary rows that stay side by side in the parent's front: first, end, first there.
         child_start, children: Fronts whose updates a front takes in.
-        slot_start, slots, targets: Blocks of the matrix, and where in the factor each one's first number goes.
+        slot_start, slots, targets: Blocks of the matrix, and where in the factor each one's corner goes.
         panel_start: Panels in the factor; columns one after the other, each of own and boundary rows.
         update_start: Update matrices in the workspace.
         update_end: Size of the workspace.
-        schedule_start, schedule: Fronts in working order. All parts but the last are independent of each other.
+        schedule_start, schedule: Fronts in working order. All parts but the last are independent.
     """
 
     order: Int[ndarray, " vertices"]
     start: Int[ndarray, " fronts_and_end"]
-    sizes: Int[ndarray, "fronts 3"]
+    sizes: Int[ndarray, "fronts 2"]
     boundary_start: Int[ndarray, " fronts_and_end"]
     boundary: Int[ndarray, " entries"]
     run_start: Int[ndarray, " fronts_and_end"]
@@ -63,26 +63,24 @@ def analyse(pattern: BlockPattern, dissection: Dissection, workers: int) -> Elim
     own = np.diff(start)
     beyond = np.array([len(boundary) for boundary in boundaries])
     panel_start = _ends(BLOCK * BLOCK * own * (own + beyond))
-    slots, targets = zip(
-        *(_scatter(columns, start, front, boundaries[front], panel_start[front]) for front in range(len(own))),
-        strict=True,
-    )
-    runs = [_runs(front, int(parent[front]), boundaries, start) for front in range(len(own))]
+    fronts = range(len(own))
+    scattered = [_scatter(columns, start, front, boundaries[front], panel_start[front]) for front in fronts]
+    runs = [_runs(front, int(parent[front]), boundaries, start) for front in fronts]
     parts = schedule(parent, children, _work(own, beyond), workers)
     update_start, update_end = _stack(parts, parent, children, (BLOCK * beyond) ** 2)
     return EliminationTree(
         order=dissection.order,
         start=start,
-        sizes=(BLOCK * np.stack([own, beyond, own + beyond], axis=1)).astype(np.int32),
+        sizes=BLOCK * np.stack([own, beyond], axis=1),
         boundary_start=_ends(beyond),
         boundary=np.concatenate(boundaries),
         run_start=_ends([len(some) for some in runs]),
         runs=BLOCK * np.concatenate(runs),
         child_start=_ends([len(group) for group in children]),
         children=np.concatenate([*children, np.empty(0)]).astype(np.int64),
-        slot_start=_ends([len(some) for some in slots]),
-        slots=np.concatenate(slots),
-        targets=np.concatenate(targets),
+        slot_start=_ends([len(slots) for slots, _ in scattered]),
+        slots=np.concatenate([slots for slots, _ in scattered]),
+        targets=np.concatenate([targets for _, targets in scattered]),
         panel_start=panel_start,
         update_start=update_start,
         update_end=update_end,
@@ -128,7 +126,7 @@ def _boundaries(columns: sparse.csc_array, start: ndarray, children: list[list[i
 
 
 def _runs(front: int, above: int, boundaries: list[ndarray], start: ndarray) -> Int[ndarray, "runs 3"]:
-    """Runs of boundary rows that go to successive rows of the parent's front, all own there or all boundary."""
+    """Runs of boundary rows that go to successive rows of the parent's front, own or boundary ones there."""
     boundary = boundaries[front]
     if above < 0:
         return np.empty((0, 3), np.int64)
@@ -146,7 +144,7 @@ def _rows(positions: ndarray, first: int, end: int, boundary: ndarray) -> ndarra
 def _scatter(
     columns: sparse.csc_array, start: ndarray, front: int, boundary: ndarray, panel: int
 ) -> tuple[ndarray, ndarray]:
-    """Slots of the matrix in a front's panel and the place in the factor of each one's first number."""
+    """Slots of the matrix in a front's panel and the place in the factor of each one's corner."""
     first, end = start[front], start[front + 1]
     entries = slice(columns.indptr[first], columns.indptr[end])
     row = _rows(columns.indices[entries].astype(np.int64), first, end, boundary)
@@ -204,25 +202,29 @@ def _postorder(root: int, children: list[list[int]]) -> list[int]:
     return fronts[::-1]
 
 
-def _stack(parts: list[list[int]], parent: ndarray, children: list[list[int]], sizes: ndarray) -> tuple[ndarray, int]:
-    """Place of every update in the workspace.
+def _stack(
+    parts: list[list[int]], parent: ndarray, children: list[list[int]], sizes: ndarray
+) -> tuple[Int[ndarray, " fronts"], int]:
+    """Place of every update in the workspace, and the size of the workspace.
 
-    Each part has two stacks, one for even and one for odd depths: while a front puts its update on one stack, its
-    children's lie on top of the other and can be dropped right after. Memory stays small and warm in the cache.
+    Each part has two stacks, one for even and one for odd depths: while a front puts its update on one
+    stack, its children's lie on top of the other and can be dropped right after. Memory stays small and
+    warm in the cache.
     """
-    depth = np.zeros(len(parent), np.int64)
+    side = np.zeros(len(parent), np.int64)
     for front in reversed(range(len(parent))):
-        depth[front] = 0 if parent[front] < 0 else depth[parent[front]] + 1
+        side[front] = 0 if parent[front] < 0 else 1 - side[parent[front]]
     place, end = np.zeros(len(parent), np.int64), 0
     for part in parts:
         top, peak, inside = [0, 0], [0, 0], set(part)
         for front in part:
-            side = depth[front] % 2
-            place[front] = top[side]
-            top[side] += sizes[front]
-            peak[side] = max(peak[side], top[side])
-            top[1 - side] = min([place[child] for child in children[front] if child in inside], default=top[1 - side])
-        for front in part:
-            place[front] += end + (depth[front] % 2) * peak[0]
+            here, there = side[front], 1 - side[front]
+            place[front] = top[here]
+            top[here] += sizes[front]
+            peak[here] = max(peak[here], top[here])
+            top[there] = min(
+                (place[child] for child in children[front] if child in inside), default=top[there]
+            )
+        place[part] += end + side[part] * peak[0]
         end += sum(peak)
-    return place, end
+    return place, int(end)

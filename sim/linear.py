@@ -1,13 +1,14 @@
 """Sparse linear systems of 3x3 blocks with one fixed pattern, factorised again and again.
 
-Every implicit step and every Newton step of the simulator solves A x = b, where A is symmetric positive definite and
-couples the vertices of one mesh. The pattern is analysed once; afterwards only numbers change:
+Every implicit step and every Newton step of the simulator solves A x = b, where A is symmetric positive
+definite and couples the vertices of one mesh. The pattern is analysed once; afterwards only numbers change:
 
     linear = solver(BlockPattern.from_couplings(points, couplings))
     factor = linear.factorise(blocks)          # blocks: one 3x3 block per entry of the pattern
     x = factor.solve(b)
 
-Backends share this interface; `multifrontal` (ours, in numba) is the default, the others are found when installed.
+Backends share this interface; `multifrontal` (ours, in numba) is the default, others are found when
+installed.
 """
 
 import importlib
@@ -16,7 +17,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -29,11 +29,11 @@ BLOCK = 3
 
 
 class NotPositiveDefinite(SimulationError, ArithmeticError):
-    """The matrix has no Cholesky factor: add to its diagonal, or project its element blocks, and try again."""
+    """The matrix has no Cholesky factor: add to its diagonal, or project its elements, and try again."""
 
     def __init__(self) -> None:
         super().__init__(
-            "the matrix must be positive definite to be factorised, and it is not; regularise it (add to its diagonal)"
+            "the matrix must be positive definite, and it is not; regularise it: add to its diagonal"
         )
 
 
@@ -93,11 +93,10 @@ class BlockPattern:
         return np.repeat(np.arange(self.vertices), np.diff(self.indptr))
 
     def _check(self) -> None:
-        shape = (len(self.indptr) - 1, 2)
-        if shape[0] < 1 or self.points.shape != shape or not np.isfinite(self.points).all():
+        if self.vertices < 1 or self.points.shape != (self.vertices, 2) or not np.isfinite(self.points).all():
             raise SimulationError(
-                f"a pattern of n >= 1 rows needs n finite points in the plane, got {shape[0]} rows and points of "
-                f"shape {self.points.shape}"
+                f"a pattern of n >= 1 rows needs n finite points in the plane, got {self.vertices} rows and "
+                f"points of shape {self.points.shape}"
             )
         if self.indptr[0] != 0 or self.indptr[-1] != self.slots or (np.diff(self.indptr) < 0).any():
             raise SimulationError(f"indptr must rise from 0 to the number of blocks, {self.slots}")
@@ -113,11 +112,15 @@ class BlockPattern:
 
 
 class Factor(ABC):
-    """A matrix (or `members` matrices of one pattern) ready to solve with. Owns its storage; stays valid when kept."""
+    """A matrix, or several, ready to solve with. It owns its storage and stays valid as long as it is kept.
 
-    vertices: int
-    members: int | None
-    """Number of matrices, or None for a single one."""
+    Attributes:
+        vertices: Rows of blocks.
+        members: Number of matrices of a batch, None for a single one.
+    """
+
+    def __init__(self, vertices: int, members: int | None = None) -> None:
+        self.vertices, self.members = vertices, members
 
     @property
     @abstractmethod
@@ -128,8 +131,7 @@ class Factor(ABC):
         """Solve A x = b.
 
         Args:
-            right: One right-hand side (vertices, 3), or several (count, vertices, 3). With a batch of matrices, one
-                for each matrix.
+            right: One right-hand side (vertices, 3) or several (count, vertices, 3); one each for a batch.
 
         Returns:
             The solution, in the shape of `right`.
@@ -138,16 +140,19 @@ class Factor(ABC):
             SimulationError: `right` has another shape, or is not finite.
         """
         right = np.ascontiguousarray(right, np.float64)
-        several = right.ndim == 3 and (self.members is None or len(right) == self.members)
-        if right.shape[-2:] != (self.vertices, BLOCK) or not (several or (right.ndim == 2 and self.members is None)):
-            expected = "(vertices, 3) or (count, vertices, 3)" if self.members is None else "(members, vertices, 3)"
-            raise SimulationError(
-                f"right-hand side must have shape {expected} with {self.vertices} vertices"
-                f"{'' if self.members is None else f' and {self.members} members'}, got {right.shape}"
+        one = (self.vertices, BLOCK)
+        if self.members is None:
+            fits, expected = (
+                right.shape == one or right.shape[1:] == one,
+                f"{one} or (count, {one[0]}, {BLOCK})",
             )
+        else:
+            fits, expected = right.shape == (self.members, *one), (self.members, *one)
+        if not fits:
+            raise SimulationError(f"right-hand side must have shape {expected}, got {right.shape}")
         if not np.isfinite(right).all():
             raise SimulationError("right-hand side must be finite, got NaN or infinity; check the forces")
-        return self._solve(right.reshape(-1, self.vertices, BLOCK)).reshape(right.shape)
+        return self._solve(right.reshape(-1, *one)).reshape(right.shape)
 
     @abstractmethod
     def _solve(self, right: Float[ndarray, "several vertices 3"]) -> Float[ndarray, "several vertices 3"]: ...
@@ -157,7 +162,8 @@ class FactorBatch(Factor):
     """Factors one by one behind the interface of a batch, for backends that know no batches."""
 
     def __init__(self, factors: Sequence[Factor]) -> None:
-        self.factors, self.members, self.vertices = list(factors), len(factors), factors[0].vertices
+        super().__init__(factors[0].vertices, len(factors))
+        self.factors = list(factors)
 
     @property
     def nbytes(self) -> int:
@@ -185,7 +191,7 @@ class LinearSolver(ABC):
 
         Args:
             blocks: The block of every entry of the pattern.
-            out: A factor of this solver whose storage may be overwritten; it is returned. On an error it is invalid.
+            out: An old factor whose storage is used again where it fits; do not solve with it afterwards.
 
         Raises:
             NotPositiveDefinite: The matrix is not positive definite.
@@ -203,15 +209,16 @@ class LinearSolver(ABC):
     def _factorise(self, blocks: Float[ndarray, "slots 3 3"], out: Factor | None) -> Factor: ...
 
     def _factorise_batch(self, blocks: Float[ndarray, "members slots 3 3"], out: Factor | None) -> Factor:
-        kept: list[Any] = out.factors if isinstance(out, FactorBatch) else [None] * len(blocks)
-        return FactorBatch([self._factorise(one, keep) for one, keep in zip(blocks, kept, strict=True)])
+        fits = isinstance(out, FactorBatch) and out.members == len(blocks)
+        old = out.factors if isinstance(out, FactorBatch) and fits else [None] * len(blocks)
+        return FactorBatch([self._factorise(one, reuse) for one, reuse in zip(blocks, old, strict=True)])
 
     def _checked(self, blocks: ndarray, axes: tuple[str, ...]) -> ndarray:
         blocks = np.ascontiguousarray(blocks, np.float64)
-        if blocks.ndim != len(axes) + 2 or blocks.shape[-3:] != (self.pattern.slots, BLOCK, BLOCK) or not len(blocks):
-            raise SimulationError(
-                f"blocks must have shape ({', '.join(axes)}, 3, 3) with {self.pattern.slots} slots, got {blocks.shape}"
-            )
+        block = (self.pattern.slots, BLOCK, BLOCK)
+        if blocks.ndim != len(axes) + 2 or blocks.shape[-3:] != block or not len(blocks):
+            expected = ", ".join([*axes[:-1], *map(str, block)])
+            raise SimulationError(f"blocks must have shape ({expected}), got {blocks.shape}")
         return blocks
 
     def _failure(self, blocks: Float[ndarray, "*members slots 3 3"]) -> SimulationError:
@@ -223,27 +230,18 @@ class LinearSolver(ABC):
 
 @dataclass(frozen=True)
 class Backend:
-    """Where a backend lives, the package it needs, and what it is."""
+    """Where a backend lives, and the package it needs. Its module is imported when it is first used."""
 
     module: str
     solver: str
     package: str
-    summary: str
 
 
 BACKENDS: dict[str, Backend] = {
-    "multifrontal": Backend(
-        "cusick_bench.sim.multifrontal", "MultifrontalSolver", "numba", "block Cholesky on all cores (default)"
-    ),
-    "splu": Backend(
-        "cusick_bench.sim.linear_backends", "SparseLuSolver", "scipy", "SuperLU of SciPy: slow, independent check"
-    ),
-    "pardiso": Backend(
-        "cusick_bench.sim.linear_backends", "PardisoSolver", "pypardiso", "Intel MKL PARDISO (proprietary)"
-    ),
-    "cholmod": Backend(
-        "cusick_bench.sim.linear_backends", "CholmodSolver", "cvxopt", "CHOLMOD of SuiteSparse through cvxopt (GPL)"
-    ),
+    "multifrontal": Backend("cusick_bench.sim.multifrontal", "MultifrontalSolver", "numba"),
+    "splu": Backend("cusick_bench.sim.linear_backends", "SparseLuSolver", "scipy"),
+    "pardiso": Backend("cusick_bench.sim.linear_backends", "PardisoSolver", "pypardiso"),
+    "cholmod": Backend("cusick_bench.sim.linear_backends", "CholmodSolver", "cvxopt"),
 }
 
 
@@ -257,8 +255,8 @@ def solver(pattern: BlockPattern, backend: str = "auto") -> LinearSolver:
 
     Args:
         pattern: The coupled vertices.
-        backend: A name of `BACKENDS`; "auto" is always `multifrontal`, so that results do not depend on which
-            optional packages are installed.
+        backend: A name of `BACKENDS`; "auto" is always `multifrontal`, so that results do not depend on the
+            optional packages installed.
 
     Raises:
         SimulationError: The backend is unknown or its package is missing.

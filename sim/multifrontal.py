@@ -1,13 +1,13 @@
 """Multifrontal Cholesky factorisation of block matrices, in numba with SciPy's dense kernels.
 
-Front by front along the elimination tree: gather the matrix's blocks and the children's updates into a dense panel,
-factorise it, and pass its Schur complement up. Subtrees run in parallel; a batch runs its members in parallel. Every
-sum has one fixed order, so results are the same bits for any number of threads.
+Front by front along the elimination tree: gather the matrix's blocks and the children's updates into a
+dense panel, factorise it, and pass its Schur complement up. Subtrees run in parallel; a batch runs its
+members in parallel. Every sum has one fixed order, so results are the same bits for any number of threads.
 
 References:
-    I. S. Duff and J. K. Reid, "The multifrontal solution of indefinite sparse symmetric linear equations", ACM Trans.
-    Math. Softw. 9 (1983).
-    J. W. H. Liu, "The multifrontal method for sparse matrix solution: theory and practice", SIAM Review 34 (1992).
+    I. S. Duff, J. K. Reid, "The multifrontal solution of indefinite sparse symmetric linear equations", ACM
+        Trans. Math. Softw. 9 (1983).
+    J. W. H. Liu, "The multifrontal method for sparse matrix solution", SIAM Rev. 34 (1992).
 """
 
 from functools import cached_property
@@ -23,7 +23,7 @@ from cusick_bench.sim.elimination import EliminationTree, analyse
 from cusick_bench.sim.linear import BLOCK, BlockPattern, Factor, LinearSolver
 
 LEAF = 16
-"""Vertices of a piece that is not dissected further. Measured: 12 to 32 are equally fast, small saves memory."""
+"""Vertices of a piece that is not dissected further. Measured: 12 to 32 are equally fast."""
 
 STRIP = 24
 """Columns of a panel factorised at once. Measured: 18 to 36 are equally fast."""
@@ -42,11 +42,11 @@ def _gather_matrix(front, tree, blocks, panel, height):
 
 
 @numba.njit(cache=True)
-def _add_child(child, tree, updates, panel, update, own, beyond, into_panel):
-    """Add those columns of a child's update that are own columns of its parent, or those that are not."""
-    size = np.int64(tree.sizes[child, 1])
+def _add_child(child, tree, updates, target, height, own, into_panel):
+    """Add a child's update to its parent: to the own columns, in the parent's panel, or to the others."""
+    shift = 0 if into_panel else own
+    size = tree.sizes[child, 1]
     source = updates[tree.update_start[child] : tree.update_start[child] + size * size]
-    target, height, shift = (panel, own + beyond, 0) if into_panel else (update, beyond, own)
     runs = tree.runs[tree.run_start[child] : tree.run_start[child + 1]]
     for across in range(runs.shape[0]):
         first, end, first_above = runs[across]
@@ -56,7 +56,7 @@ def _add_child(child, tree, updates, panel, update, own, beyond, into_panel):
             column_above = (first_above - first + column - shift) * height - shift
             for down in range(across, runs.shape[0]):
                 begin, stop, row_above = runs[down]
-                skip = max(column - begin, 0)
+                skip = max(column - begin, 0)  # the lower triangle only
                 come = source[column * size + begin + skip : column * size + stop]
                 go = target[column_above + row_above + skip :]
                 for row in range(come.shape[0]):
@@ -69,33 +69,18 @@ def _factorise_panel(panel, own, height):
 
     Most of the work so becomes matrix products, which BLAS does several times as fast as triangular solves.
     """
-    sizes = np.empty(4, np.int32)  # of a strip of columns: its width, rows below it, columns before it; and the height
-    width, below, before, stride = sizes[0:], sizes[1:], sizes[2:], sizes[3:]
-    stride[0] = height
-    failed = np.zeros(1, np.int32)
     for first in range(0, own, STRIP):
-        width[0], before[0] = min(STRIP, own - first), first
+        width = min(STRIP, own - first)
         strip = panel[first * height + first :]
         if first > 0:
-            below[0] = height - first
-            dense.multiply_matrices(
-                dense.PLAIN.ctypes, dense.TRANSPOSE.ctypes, below.ctypes, width.ctypes, before.ctypes,
-                dense.MINUS_ONE.ctypes, panel[first:].ctypes, stride.ctypes, panel[first:].ctypes, stride.ctypes,
-                dense.ONE.ctypes, strip.ctypes, stride.ctypes,
-            )  # fmt: skip
-        dense.cholesky(dense.LOWER.ctypes, width.ctypes, strip.ctypes, stride.ctypes, failed.ctypes)
-        below[0] = height - first - width[0]
-        if below[0] > 0:
-            dense.solve_triangular_panel(
-                dense.RIGHT.ctypes, dense.LOWER.ctypes, dense.TRANSPOSE.ctypes, dense.PLAIN.ctypes,
-                below.ctypes, width.ctypes, dense.ONE.ctypes, strip.ctypes, stride.ctypes,
-                strip[width[0]:].ctypes, stride.ctypes,
-            )  # fmt: skip
-        if failed[0] != 0:
+            dense.subtract_product(panel[first:], panel[first:], strip, height - first, width, first, height)
+        if not dense.cholesky(strip, width, height):
             return False
-    for column in range(own):  # not every LAPACK reports NaN
-        if not np.isfinite(panel[column * (height + 1)]):
-            return False
+        for column in range(width):
+            if not np.isfinite(strip[column * (height + 1)]):  # not every LAPACK reports NaN
+                return False
+        if first + width < height:
+            dense.divide_by_transposed(strip, strip[width:], height - first - width, width, height)
     return True
 
 
@@ -103,26 +88,23 @@ def _factorise_panel(panel, own, height):
 def _factorise_front(front, tree, blocks, panels, updates):
     """Factorise one front; False if it is not positive definite.
 
-    With the front's matrix in four parts, own (o) and boundary (b): L_oo L_oo^T = F_oo, L_bo = F_bo L_oo^-T, and the
-    update is F_bb - L_bo L_bo^T.
+    With the front's matrix in four parts, own (o) and boundary (b): L_oo L_oo^T = F_oo, L_bo = F_bo
+    L_oo^-T, and the update is F_bb - L_bo L_bo^T.
     """
-    sizes = tree.sizes[front]
-    own, beyond = np.int64(sizes[0]), np.int64(sizes[1])
+    own, beyond = tree.sizes[front]
+    height = own + beyond
     panel = panels[tree.panel_start[front] : tree.panel_start[front + 1]]
     update = updates[tree.update_start[front] : tree.update_start[front] + beyond * beyond]
     children = tree.children[tree.child_start[front] : tree.child_start[front + 1]]
-    _gather_matrix(front, tree, blocks, panel, own + beyond)
+    _gather_matrix(front, tree, blocks, panel, height)
     for child in children:
-        _add_child(child, tree, updates, panel, update, own, beyond, True)
-    if not _factorise_panel(panel, own, own + beyond):
+        _add_child(child, tree, updates, panel, height, own, True)
+    if not _factorise_panel(panel, own, height):
         return False
     if beyond > 0:
-        dense.subtract_outer_product(
-            dense.LOWER.ctypes, dense.PLAIN.ctypes, sizes[1:].ctypes, sizes.ctypes, dense.MINUS_ONE.ctypes,
-            panel[own:].ctypes, sizes[2:].ctypes, dense.ZERO.ctypes, update.ctypes, sizes[1:].ctypes,
-        )  # fmt: skip
+        dense.negative_square(panel[own:], beyond, own, height, update)
         for child in children:
-            _add_child(child, tree, updates, panel, update, own, beyond, False)
+            _add_child(child, tree, updates, update, beyond, own, False)
     return True
 
 
@@ -150,7 +132,7 @@ def _factorise(tree, blocks, panels, updates):
 
 @numba.njit(cache=True, parallel=True)
 def _factorise_members(tree, blocks, panels, updates):
-    """Factorise a batch: every worker takes each so-manieth member and has a workspace of its own."""
+    """Factorise a batch: the members are dealt out to workers, each with a workspace of its own."""
     workers, members = updates.shape[0], blocks.shape[0]
     good = np.ones(members, np.bool_)
     fronts = tree.schedule.shape[0]
@@ -162,9 +144,8 @@ def _factorise_members(tree, blocks, panels, updates):
 
 @numba.njit(cache=True)
 def _solve_forward(front, tree, panels, x, updates):
-    """L y = b on one front: solve for the own unknowns, and pass the rest on to the parent as in factorising."""
-    sizes = tree.sizes[front]
-    own, beyond = sizes[0], sizes[1]
+    """L y = b on one front: solve for the own unknowns and pass the rest up, as in factorising."""
+    own, beyond = tree.sizes[front]
     panel = panels[tree.panel_start[front] : tree.panel_start[front + 1]]
     solution = x[BLOCK * tree.start[front] : BLOCK * tree.start[front + 1]]
     update = updates[BLOCK * tree.boundary_start[front] : BLOCK * tree.boundary_start[front + 1]]
@@ -176,43 +157,28 @@ def _solve_forward(front, tree, panels, x, updates):
             go = solution[above:] if above < own else update[above - own :]
             for row in range(end - first):
                 go[row] += come[first + row]
-    dense.solve_triangular(
-        dense.LOWER.ctypes, dense.PLAIN.ctypes, dense.PLAIN.ctypes, sizes.ctypes, panel.ctypes, sizes[2:].ctypes,
-        solution.ctypes, dense.STEP_ONE.ctypes,
-    )  # fmt: skip
+    dense.solve_lower(panel, own, own + beyond, solution, False)
     if beyond > 0:
-        dense.multiply(
-            dense.PLAIN.ctypes, sizes[1:].ctypes, sizes.ctypes, dense.MINUS_ONE.ctypes, panel[own:].ctypes,
-            sizes[2:].ctypes, solution.ctypes, dense.STEP_ONE.ctypes, dense.ONE.ctypes, update.ctypes,
-            dense.STEP_ONE.ctypes,
-        )  # fmt: skip
+        dense.subtract_times(panel[own:], beyond, own, own + beyond, solution, update, False)
 
 
 @numba.njit(cache=True)
 def _solve_backward(front, tree, panels, x, updates):
     """L^T x = y on one front, whose boundary is solved already."""
-    sizes = tree.sizes[front]
-    own, beyond = sizes[0], sizes[1]
+    own, beyond = tree.sizes[front]
     panel = panels[tree.panel_start[front] : tree.panel_start[front + 1]]
     solution = x[BLOCK * tree.start[front] : BLOCK * tree.start[front + 1]]
     known = updates[BLOCK * tree.boundary_start[front] : BLOCK * tree.boundary_start[front + 1]]
     if beyond > 0:
-        for entry in range(tree.boundary_start[front], tree.boundary_start[front + 1]):
-            for axis in range(BLOCK):
-                updates[BLOCK * entry + axis] = x[BLOCK * tree.boundary[entry] + axis]
-        dense.multiply(
-            dense.TRANSPOSE.ctypes, sizes[1:].ctypes, sizes.ctypes, dense.MINUS_ONE.ctypes, panel[own:].ctypes,
-            sizes[2:].ctypes, known.ctypes, dense.STEP_ONE.ctypes, dense.ONE.ctypes, solution.ctypes,
-            dense.STEP_ONE.ctypes,
-        )  # fmt: skip
-    dense.solve_triangular(
-        dense.LOWER.ctypes, dense.TRANSPOSE.ctypes, dense.PLAIN.ctypes, sizes.ctypes, panel.ctypes, sizes[2:].ctypes,
-        solution.ctypes, dense.STEP_ONE.ctypes,
-    )  # fmt: skip
+        for row in range(beyond):
+            place = tree.boundary[tree.boundary_start[front] + row // BLOCK]
+            known[row] = x[BLOCK * place + row % BLOCK]
+        dense.subtract_times(panel[own:], beyond, own, own + beyond, known, solution, True)
+    dense.solve_lower(panel, own, own + beyond, solution, True)
 
 
 @numba.njit(cache=True)
-def _permuted(tree, right):
+def _in_elimination_order(tree, right):
     x = np.empty(BLOCK * tree.order.shape[0])
     for place in range(tree.order.shape[0]):
         for axis in range(BLOCK):
@@ -221,7 +187,7 @@ def _permuted(tree, right):
 
 
 @numba.njit(cache=True)
-def _restored(tree, x, out):
+def _in_vertex_order(tree, x, out):
     for place in range(tree.order.shape[0]):
         for axis in range(BLOCK):
             out[tree.order[place], axis] = x[BLOCK * place + axis]
@@ -230,7 +196,7 @@ def _restored(tree, x, out):
 @numba.njit(cache=True, parallel=True)
 def _solve(tree, panels, right, out):
     """Solve for one right-hand side: subtrees in parallel."""
-    x = _permuted(tree, right)
+    x = _in_elimination_order(tree, right)
     updates = np.empty(BLOCK * tree.boundary.shape[0])
     starts, parts = tree.schedule_start, tree.schedule_start.shape[0] - 1
     for part in numba.prange(parts - 1):
@@ -243,7 +209,7 @@ def _solve(tree, panels, right, out):
     for part in numba.prange(parts - 1):
         for place in range(starts[part + 1] - 1, starts[part] - 1, -1):
             _solve_backward(tree.schedule[place], tree, panels, x, updates)
-    _restored(tree, x, out)
+    _in_vertex_order(tree, x, out)
 
 
 @numba.njit(cache=True, parallel=True)
@@ -251,22 +217,24 @@ def _solve_members(tree, panels, right, out):
     """Solve for several right-hand sides in parallel, with one factor or with one factor each."""
     fronts = tree.schedule.shape[0]
     for member in numba.prange(right.shape[0]):
-        x = _permuted(tree, right[member])
+        x = _in_elimination_order(tree, right[member])
         updates = np.empty(BLOCK * tree.boundary.shape[0])
         panel = panels[member % panels.shape[0]]
         for place in range(fronts):
             _solve_forward(tree.schedule[place], tree, panel, x, updates)
         for place in range(fronts - 1, -1, -1):
             _solve_backward(tree.schedule[place], tree, panel, x, updates)
-        _restored(tree, x, out[member])
+        _in_vertex_order(tree, x, out[member])
 
 
 class MultifrontalFactor(Factor):
     """Cholesky factors of one matrix or of a batch: nothing but their panels."""
 
-    def __init__(self, tree: EliminationTree, panels: Float[ndarray, "factors numbers"], members: int | None) -> None:
-        self.tree, self.panels, self.members = tree, panels, members
-        self.vertices = len(tree.order)
+    def __init__(
+        self, tree: EliminationTree, panels: Float[ndarray, "factors numbers"], members: int | None
+    ) -> None:
+        super().__init__(len(tree.order), members)
+        self.tree, self.panels = tree, panels
 
     @property
     def nbytes(self) -> int:
@@ -283,7 +251,7 @@ class MultifrontalFactor(Factor):
 
 
 class MultifrontalSolver(LinearSolver):
-    """Default backend. Not for use by several Python threads at once (they would share the workspace)."""
+    """Default backend. Its factorisations share a workspace."""
 
     name = "multifrontal"
 
