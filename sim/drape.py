@@ -1,8 +1,8 @@
 """From a material to a drape: the one entry point to the simulator, differentiable through torch.
 
-    simulator = DrapeSimulator(disc_mesh(2699), DrapeSettings())
-    drape = simulator.drape(uniform_material(density=0.192, bending=1e-5))
-    drape.vertices          # (vertices, 3) torch tensor, with gradients to every tensor given
+simulator = DrapeSimulator(disc_mesh(2699), DrapeSettings())
+drape = simulator.drape(uniform_material(density=0.192, bending=1e-5))
+drape.vertices          # (vertices, 3) torch tensor, with gradients to every tensor given
 """
 
 import time
@@ -80,7 +80,9 @@ class DrapeSettings:
             if not (np.isfinite(value) and value > 0):
                 raise SimulationError(f"{name} must be > 0 and finite, got {value}")
         if self.mode == "equilibrium" and self.law == "published":
-            raise SimulationError("law 'published' has no energy, so no equilibrium mode; use mode 'drop' or law 'paper'")
+            raise SimulationError(
+                "law 'published' has no energy, so no equilibrium mode; use mode 'drop' or law 'paper'"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,9 +237,7 @@ def _dropped(
     s, system = simulator.settings, simulator.system
     if warm is not None:
         raise SimulationError("a drop starts from the laid-down cloth; warm starts are for mode 'equilibrium'")
-    rollout = drop(
-        system, parameters, laid, steps=s.steps, step_seconds=s.step_seconds, keep_factors=differentiate
-    )
+    rollout = drop(system, parameters, laid, steps=s.steps, step_seconds=s.step_seconds, keep_factors=differentiate)
     force, _, _ = system.forces(rollout.positions[-1], laid, parameters, exact=False)
     residual = float(np.linalg.norm(force[system.free]) / (s.gravity * parameters.mass.sum()))
     report.update(converged=residual <= _DROP_AT_REST, residual=residual, iterations=s.steps)
@@ -262,8 +262,8 @@ def _rested(
     rest = equilibrium(system, parameters, start, laid, tolerance=s.tolerance, iterations=s.iterations, mu=mu)
     if not rest.converged:
         raise DrapeDiverged(
-            f"the drape did not come to rest: net force {rest.residual:.2g} of the weight after {rest.iterations} Newton "
-            f"steps (tolerance {s.tolerance:g}); raise `iterations`, or use mode 'drop'"
+            f"the drape did not come to rest: net force {rest.residual:.2g} of the weight after {rest.iterations} "
+            f"Newton steps (tolerance {s.tolerance:g}); raise `iterations`, or use mode 'drop'"
         )
     report.update(converged=True, residual=rest.residual, iterations=rest.iterations)
     return rest, rest.positions

@@ -50,6 +50,4 @@ def random_heterogeneity(
         generator: Source of randomness.
         length: Correlation length [m].
     """
-    return modulated(
-        material, mesh, smooth_field(spread, length, generator), smooth_field(spread, length, generator)
-    )
+    return modulated(material, mesh, smooth_field(spread, length, generator), smooth_field(spread, length, generator))

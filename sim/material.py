@@ -57,7 +57,7 @@ class Material:
                 raise SimulationError(f"{name} must be finite [{unit}], got {float(value[where])} at index {where}")
         if (self.density <= 0).any():
             raise SimulationError(
-                f"areal density must be > 0 kg/m2, got {float(self.density.min()):g}; weigh the sample or see fabrics.csv"
+                f"areal density must be > 0 kg/m2, got {float(self.density.min()):g}; weigh it, or see fabrics.csv"
             )
 
     def check_fits(self, mesh: Mesh) -> None:
@@ -129,9 +129,7 @@ def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
     found = cp.Variable(given.shape)
     # [[c11, c12], [c12, c22]] >= margin I as a cone: |(c11 - c22, 2 c12)| <= c11 + c22 - 2 margin
     constraints: list[cp.Constraint] = [
-        cp.SOC(
-            found[:, 0] + found[:, 2] - 2 * margin, cp.vstack([found[:, 0] - found[:, 2], 2 * found[:, 1]]), axis=0
-        ),
+        cp.SOC(found[:, 0] + found[:, 2] - 2 * margin, cp.vstack([found[:, 0] - found[:, 2], 2 * found[:, 1]]), axis=0),
         found[:, 3] >= margin,
     ]
     weights = np.sqrt(np.array([1.0, 2.0, 1.0, 1.0]))  # Frobenius norm of the symmetric matrix

@@ -98,9 +98,13 @@ class Mesh:
         while (vertex := following[loop[-1]]) != loop[0]:
             loop.append(vertex)
             if len(loop) > len(following):
-                raise SimulationError("the rim of the mesh is not one closed loop; mend the mesh (no holes, no bow ties)")
+                raise SimulationError(
+                    "the rim of the mesh is not one closed loop; mend the mesh (no holes, no bow ties)"
+                )
         if len(loop) != len(following):
-            raise SimulationError(f"the mesh has more than one boundary loop ({len(following)} rim edges); fill its holes")
+            raise SimulationError(
+                f"the mesh has more than one boundary loop ({len(following)} rim edges); fill its holes"
+            )
         return np.array(loop)
 
 
@@ -122,7 +126,9 @@ def _check(mesh: Mesh) -> None:
         raise SimulationError("some vertices belong to no face; remove them from the mesh")
     areas = _signed_areas(material, faces)
     if (bad := int(np.argmin(areas))) >= 0 and areas[bad] <= 1e-12:
-        raise SimulationError(f"face {bad} has area {areas[bad]:.3g} m2; faces must be counter-clockwise, not degenerate")
+        raise SimulationError(
+            f"face {bad} has area {areas[bad]:.3g} m2; faces must be counter-clockwise, not degenerate"
+        )
     counts = np.unique(np.sort(mesh._half_edges[0], axis=1), axis=0, return_counts=True)[1]
     if counts.max() > 2:
         raise SimulationError("an edge belongs to more than two faces; the mesh must be a manifold sheet")
@@ -249,7 +255,9 @@ def read_obj(path: str | Path) -> tuple[Float[ndarray, "vertices 3"], Int[ndarra
             except ValueError as error:
                 raise SimulationError(f"{path}, line {number}: cannot read {line.strip()[:60]!r} as OBJ") from error
             if len((positions if words[0] == "v" else faces)[-1]) != 3:
-                raise SimulationError(f"{path}, line {number}: need 3 coordinates or a triangle, got {line.strip()[:60]!r}")
+                raise SimulationError(
+                    f"{path}, line {number}: need 3 coordinates or a triangle, got {line.strip()[:60]!r}"
+                )
     if not positions or not faces:
         raise SimulationError(f"{path} holds {len(positions)} vertices and {len(faces)} faces; need a triangle mesh")
     points, triangles = np.array(positions), np.array(faces, dtype=np.int64)
@@ -266,12 +274,14 @@ def mesh_from_obj(path: str | Path) -> Mesh:
     """
     positions, faces = read_obj(path)
     if np.ptp(positions[:, 2]) > 1e-6:
-        raise SimulationError(f"{path} is not flat (z spans {np.ptp(positions[:, 2]):.3g} m); give the cloth's rest mesh")
+        raise SimulationError(
+            f"{path} is not flat (z spans {np.ptp(positions[:, 2]):.3g} m); give the cloth's rest mesh"
+        )
     return Mesh(positions[:, :2], faces)
 
 
 def write_obj(path: str | Path, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> None:
     """Writes positions [m] and triangles as a Wavefront OBJ file."""
-    lines = ["v %.9g %.9g %.9g" % tuple(point) for point in positions]
-    lines += ["f %d %d %d" % tuple(face + 1) for face in faces]
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in positions]
+    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
     Path(path).write_text("\n".join(lines) + "\n")

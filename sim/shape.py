@@ -75,9 +75,7 @@ def laid_down(mesh: Mesh, height: SmoothField, held_radius: float) -> Float[ndar
     return shape
 
 
-def dihedral_angles(
-    vertices: Float[Tensor, "vertices 3"], hinges: Int[ndarray, "hinges 4"]
-) -> Float[Tensor, "hinges"]:
+def dihedral_angles(vertices: Float[Tensor, "vertices 3"], hinges: Int[ndarray, "hinges 4"]) -> Float[Tensor, "hinges"]:
     """Signed dihedral angle of every hinge [rad], positive where the cloth is convex seen from its face.
 
     Differentiable. Of a rest shape these are the stress-free angles; its metric stays flat (a cloth with natural

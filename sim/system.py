@@ -12,14 +12,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from cusick_bench.sim import kernels
+from cusick_bench.sim import assembly, face_kernels, hinge_kernels, tables
 from cusick_bench.sim.elements import BlockLayout, Elements, block_layout, elements_of
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear import BlockPattern, LinearSolver, solver
 from cusick_bench.sim.mesh import Mesh
 
 Law = Literal["paper", "published"]
-_LAWS = {"published": kernels.PUBLISHED, "paper": kernels.PAPER}
+_LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,7 @@ class ParameterGradient:
     def zeros(cls, system: "DrapeSystem") -> "ParameterGradient":
         """A gradient to add to."""
         faces, hinges = len(system.elements.faces), len(system.elements.hinges)
-        return cls(
-            np.zeros((faces, 6, 4)), np.zeros((hinges, 3, 5)), np.zeros(system.mesh.vertices), np.zeros(hinges)
-        )
+        return cls(np.zeros((faces, 6, 4)), np.zeros((hinges, 3, 5)), np.zeros(system.mesh.vertices), np.zeros(hinges))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +122,7 @@ class DrapeSystem:
     def _gather(self) -> ndarray:
         out = np.empty((self.mesh.vertices, 3))
         work = self._work
-        kernels.gather_vertices(
+        assembly.gather_vertices(
             *self._corners, len(self.elements.faces), work["face_vector"], work["hinge_vector"], out
         )
         return out
@@ -145,11 +143,11 @@ class DrapeSystem:
             the linear solver reads), and the potential energy [J] (only meaningful where `exact`).
         """
         el, work, law = self.elements, self._work, _LAWS[self.law]
-        kernels.face_stiffness(
+        face_kernels.face_stiffness(
             law, exact, el.faces, el.face_u, el.face_v, el.face_area, x, p.stretch,
             work["face_energy"], work["face_vector"], work["face_blocks"],
         )  # fmt: skip
-        kernels.hinge_stiffness(
+        hinge_kernels.hinge_stiffness(
             law, exact, el.hinges, el.hinge_scale, el.hinge_weight, el.direction_low, el.direction_fraction, x,
             p.rest_angle, p.bending, work["hinge_energy"], work["hinge_vector"], work["hinge_blocks"],
         )  # fmt: skip
@@ -158,7 +156,7 @@ class DrapeSystem:
         stretched = x - anchor
         force -= self.spring[:, None] * stretched
         blocks = np.zeros((len(self.layout.indices), 3, 3))
-        kernels.assemble_blocks(
+        assembly.assemble_blocks(
             self.layout.contribution_ptr, self.layout.contributions, self.linear.needed_slots, len(el.faces),
             work["face_blocks"], work["hinge_blocks"], blocks,
         )  # fmt: skip
@@ -198,11 +196,11 @@ class DrapeSystem:
             dS/dx and dS/d(anchor).
         """
         el, work, law = self.elements, self._work, _LAWS[self.law]
-        kernels.face_adjoint(
+        face_kernels.face_adjoint(
             law, force_factor, stiffness_factor, el.faces, el.face_u, el.face_v, el.face_area, x, multiplier, velocity,
             p.stretch, work["face_vector"], gradient.stretch,
         )  # fmt: skip
-        kernels.hinge_adjoint(
+        hinge_kernels.hinge_adjoint(
             law, force_factor, stiffness_factor, el.hinges, el.hinge_scale, el.hinge_weight, el.direction_low,
             el.direction_fraction, x, p.rest_angle, multiplier, velocity, p.bending, work["hinge_vector"],
             gradient.bending, gradient.rest_angle,

@@ -11,14 +11,16 @@ References:
     Wang, O'Brien, Ramamoorthi. Data-driven elastic models for cloth. ACM Transactions on Graphics 30(4), 2011.
 """
 
-import math
-
 import numba
 import numpy as np
 
 STRAIN_SAMPLE = ((1 + 1 / 6) ** 2 - 1) / 2  # Green strain at a stretch of 1 + 1/6
 CURVATURE_STEP = 10.0  # [1/m] between bending samples
 _GRID = 10
+
+PUBLISHED = 0
+PAPER = 1
+"""Material laws, as the kernels know them."""
 
 
 def _published_nodes() -> tuple[np.ndarray, np.ndarray]:
@@ -100,13 +102,15 @@ def _direction_shares(strain, invariant, share, d_share, d2_share):
     for p in range(3):
         for a in range(3):
             for b in range(3):
-                term = -d_share[p, a] * _FORM_HESSIAN[0, b] * strain[b] - d_share[p, b] * _FORM_HESSIAN[0, a] * strain[a]
+                term = (
+                    -d_share[p, a] * _FORM_HESSIAN[0, b] * strain[b] - d_share[p, b] * _FORM_HESSIAN[0, a] * strain[a]
+                )
                 if a == b:
                     term += _FORM_HESSIAN[p + 1, a] - share[p] * _FORM_HESSIAN[0, a]
                 d2_share[p, a, b] = term / invariant
 
 
-# w_1..w_5 = the terms of (p0 + p45 + p90)^2, a Bernstein basis of degree 4 in cos^2 of the direction of a uniaxial strain.
+# w_1..w_5 = the terms of (p0 + p45 + p90)^2: a Bernstein basis of degree 4 in cos^2 of a uniaxial strain's direction.
 _PRODUCTS = np.array([[0, 0, 0], [1, 0, 1], [2, 1, 1], [2, 0, 2], [3, 1, 2], [4, 2, 2]])
 _FACTORS = np.array([1.0, 2.0, 1.0, 2.0, 2.0, 1.0])
 

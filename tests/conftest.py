@@ -28,4 +28,6 @@ def _no_global_seeds():
     before_torch = torch.random.get_rng_state()
     yield
     assert (np.random.get_state()[1] == before_numpy).all(), "a test or the code drew from numpy's global generator"  # noqa: NPY002
-    assert torch.equal(torch.random.get_rng_state(), before_torch), "a test or the code drew from torch's global generator"
+    assert torch.equal(torch.random.get_rng_state(), before_torch), (
+        "a test or the code drew from torch's global generator"
+    )

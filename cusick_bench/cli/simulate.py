@@ -77,7 +77,9 @@ def _write(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None
     grey = np.round(255 * (1 - outcome.image.detach().numpy())).astype(np.uint8)
     Image.fromarray(grey).save(folder / f"{name}.png")
     table = np.column_stack([np.degrees(outcome.profile.angles), outcome.profile.radii])
-    np.savetxt(folder / f"{name}_profile.csv", table, delimiter=",", header="angle_deg,radius_m", comments="", fmt="%.6g")
+    np.savetxt(
+        folder / f"{name}_profile.csv", table, delimiter=",", header="angle_deg,radius_m", comments="", fmt="%.6g"
+    )
 
 
 @user_errors
