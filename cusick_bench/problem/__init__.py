@@ -1,0 +1,28 @@
+"""The problem a solver sees: parameters, loss, budget, meter and memory."""
+
+from cusick_bench.problem.budget import Budget, Evaluation, Meter
+from cusick_bench.problem.drape_problem import DrapeProblem, Observation
+from cusick_bench.problem.errors import BudgetExceeded, ProblemError
+from cusick_bench.problem.journal import Checkpoint, Journal
+from cusick_bench.problem.losses import LOSSES
+from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.problem.space import SPACES, HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
+
+__all__ = [
+    "LOSSES",
+    "SPACES",
+    "Budget",
+    "BudgetExceeded",
+    "Checkpoint",
+    "DrapeProblem",
+    "Evaluation",
+    "HeterogeneousSpace",
+    "HomogeneousSpace",
+    "Journal",
+    "Meter",
+    "Observation",
+    "ParameterSpace",
+    "ProblemError",
+    "Specimen",
+    "StiffnessPrior",
+]

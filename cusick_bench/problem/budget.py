@@ -1,0 +1,154 @@
+"""Cost of a solver, measured by the problem and never by the solver: budget, meter, anytime trace."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from cusick_bench.problem.errors import BudgetExceeded, ProblemError
+
+# Forward-equivalents [drapes] of what a solver can ask for; an adjoint costs about as much as its forward
+# pass.
+COST = {"loss": 1, "gradient": 2, "drape": 1}
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Most that a solver may spend.
+
+    Attributes:
+        forward_equivalents: Drapes, a gradient counting as two; None for no limit.
+        seconds: Wall time [s]; None for no limit.
+    """
+
+    forward_equivalents: float | None = None
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("forward_equivalents", "seconds"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise ProblemError(
+                    f"budget in {name.replace('_', ' ')} must be > 0, got {value}; leave it out for no limit"
+                )
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One entry of the trace. Counts and times are totals up to and including this evaluation.
+
+    Attributes:
+        kind: "loss", "gradient" or "drape".
+        digest: Fingerprint of the parameter vector.
+        loss: Loss at the vector; inf where the drape failed.
+        best_loss: Smallest loss so far.
+        forward_equivalents: Drapes spent.
+        wall_seconds: Time since the solver began, its own work included [s].
+        seconds: Time of this evaluation [s].
+        simulated_seconds: Simulated time of this evaluation [s].
+        failure: Why the drape failed, empty where it did not.
+    """
+
+    kind: str
+    digest: str
+    loss: float
+    best_loss: float
+    forward_equivalents: float
+    wall_seconds: float
+    seconds: float
+    simulated_seconds: float = 0.0
+    failure: str = ""
+
+
+@dataclass
+class Meter:
+    """Counts what a problem computes and refuses what its budget does not allow.
+
+    In forward-equivalents the budget is never exceeded. In seconds an evaluation is refused where the last
+    one of its kind tells that it would end too late; one under way is not interrupted.
+
+    Attributes:
+        budget: The limits.
+        trace: Every evaluation so far.
+        observers: Called with each new evaluation, for progress bars.
+    """
+
+    budget: Budget = field(default_factory=Budget)
+    trace: list[Evaluation] = field(default_factory=list)
+    observers: list[Callable[[Evaluation], None]] = field(default_factory=list)
+    _reserved: float = 0.0
+    _clock_zero: float = field(default_factory=time.perf_counter)
+
+    @property
+    def forward(self) -> int:
+        """Drapes simulated, those of gradients included."""
+        return len(self.trace)
+
+    @property
+    def gradient(self) -> int:
+        """Adjoints computed."""
+        return sum(evaluation.kind == "gradient" for evaluation in self.trace)
+
+    @property
+    def failed(self) -> int:
+        """Evaluations whose drape failed; they are paid for like any other."""
+        return sum(bool(evaluation.failure) for evaluation in self.trace)
+
+    @property
+    def forward_equivalents(self) -> float:
+        """Drapes spent, a gradient counting as two."""
+        return self.trace[-1].forward_equivalents if self.trace else 0.0
+
+    @property
+    def simulated_seconds(self) -> float:
+        """Simulated time [s]."""
+        return sum(evaluation.simulated_seconds for evaluation in self.trace)
+
+    @property
+    def best_loss(self) -> float:
+        """Smallest loss so far; inf before the first success."""
+        return self.trace[-1].best_loss if self.trace else math.inf
+
+    @property
+    def wall_seconds(self) -> float:
+        """Time since the solver began [s], without the pause between a kill and its resumption."""
+        return time.perf_counter() - self._clock_zero
+
+    @contextmanager
+    def reserve(self, drapes: float) -> Iterator[None]:
+        """Keeps drapes back while a solver searches, so that it can still afford its prediction."""
+        self._reserved += drapes
+        try:
+            yield
+        finally:
+            self._reserved -= drapes
+
+    def admit(self, kind: str) -> None:
+        """Raises BudgetExceeded where an evaluation of this kind is not affordable."""
+        limit = self.budget.forward_equivalents
+        if limit is not None and self.forward_equivalents + COST[kind] + self._reserved > limit:
+            raise BudgetExceeded(
+                f"a {kind} costs {COST[kind]} forward-equivalents, {self.forward_equivalents:g} of {limit:g} "
+                f"are spent and {self._reserved:g} kept back; raise --budget to go on"
+            )
+        limit = self.budget.seconds
+        if limit is None:
+            return
+        expected = next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
+        if self.wall_seconds + expected > limit:
+            raise BudgetExceeded(
+                f"{self.wall_seconds:.1f} of {limit:g} s are spent and a {kind} takes about "
+                f"{expected:.1f} s; raise --seconds to go on"
+            )
+
+    def record(self, evaluation: Evaluation) -> None:
+        """Adds an evaluation to the trace and tells the observers."""
+        self.trace.append(evaluation)
+        for observer in self.observers:
+            observer(evaluation)
+
+    def replay(self, evaluation: Evaluation) -> None:
+        """Records an evaluation of an earlier, killed run, and sets the clock to what it showed then."""
+        self._clock_zero = time.perf_counter() - evaluation.wall_seconds
+        self.record(evaluation)

@@ -1,0 +1,121 @@
+"""What a solver's numbers mean: a parameter space turns an unconstrained vector tau into a cloth to drape.
+
+A new space is one file with one subclass of `ParameterSpace` and one line in `SPACES`.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
+from cusick_bench.sim.material import Material
+from cusick_bench.sim.mesh import Mesh
+
+BOUND = 3.0  # box for solvers that need one, in units of prior standard deviations
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A cloth as it is put on the plate.
+
+    Attributes:
+        material: Stiffness tables and areal density.
+        initial: How it is laid down, None for the problem's own way.
+        rest_angle: Dihedral rest angles of the hinges [rad], None for a flat cloth.
+    """
+
+    material: Material
+    initial: Float[Tensor, "vertices 3"] | None = None
+    rest_angle: Float[Tensor, " hinges"] | None = None
+
+
+@dataclass(frozen=True)
+class ParameterSpace(ABC):
+    """Unconstrained vectors tau with prior N(0, I), and the specimens they stand for.
+
+    Attributes:
+        mesh: The cloth's mesh.
+        prior: Median and scale of the stiffness tables.
+    """
+
+    mesh: Mesh
+    prior: StiffnessPrior
+    name: ClassVar[str]
+    differentiable: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def dimension(self) -> int:
+        """Length of tau."""
+
+    @abstractmethod
+    def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        """The cloth that tau stands for; differentiable with respect to tau."""
+
+    @abstractmethod
+    def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
+        """The prior median with all bending stiffnesses times `factor`."""
+
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, " dimension"], Float[np.ndarray, " dimension"]]:
+        """Box for solvers that need one, lower and upper [prior standard deviations]."""
+        return np.full(self.dimension, -BOUND), np.full(self.dimension, BOUND)
+
+    def sample_prior(self, generator: np.random.Generator) -> Float[np.ndarray, " dimension"]:
+        """A draw from the prior."""
+        return generator.standard_normal(self.dimension)
+
+    def density(self) -> Float[Tensor, ""]:
+        """Areal density [kg/m2]."""
+        return torch.tensor(self.prior.density, dtype=torch.float64)
+
+
+@dataclass(frozen=True)
+class HomogeneousSpace(ParameterSpace):
+    """One stretch and one bending table for the whole cloth: 39 numbers."""
+
+    name: ClassVar[str] = "homo"
+
+    @property
+    def dimension(self) -> int:
+        return STRETCH_SIZE + BENDING_SIZE
+
+    def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        stretch, bending = tau.split([STRETCH_SIZE, BENDING_SIZE])
+        return Specimen(Material(self.prior.stretch(stretch), self.prior.bending(bending), self.density()))
+
+    def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
+        return np.concatenate([np.zeros(STRETCH_SIZE), self.prior.bending_level(factor)])
+
+
+@dataclass(frozen=True)
+class HeterogeneousSpace(ParameterSpace):
+    """One stretch table a face and one bending table a hinge: 241,734 numbers on 2699 vertices."""
+
+    name: ClassVar[str] = "heter"
+
+    @property
+    def dimension(self) -> int:
+        return STRETCH_SIZE * len(self.mesh.faces) + BENDING_SIZE * len(self.mesh.hinges)
+
+    def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        stretch, bending = tau.split([STRETCH_SIZE * len(self.mesh.faces), BENDING_SIZE * len(self.mesh.hinges)])
+        return Specimen(
+            Material(
+                self.prior.stretch(stretch.unflatten(0, (-1, STRETCH_SIZE))),
+                self.prior.bending(bending.unflatten(0, (-1, BENDING_SIZE))),
+                self.density(),
+            )
+        )
+
+    def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
+        bending = np.tile(self.prior.bending_level(factor), len(self.mesh.hinges))
+        return np.concatenate([np.zeros(STRETCH_SIZE * len(self.mesh.faces)), bending])
+
+
+SPACES: dict[str, type[ParameterSpace]] = {space.name: space for space in (HomogeneousSpace, HeterogeneousSpace)}

@@ -1,0 +1,151 @@
+"""What a solver is: data plus one method. The base class checks what goes in and what comes out.
+
+A new solver is one file with a frozen dataclass, whose fields are its options, and one line in `registry.py`
+(or an entry point in the group `cusick_bench.solvers` of somebody else's package).
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from cusick_bench.problem import DrapeProblem
+from cusick_bench.sim.errors import CusickError
+
+Images = Float[np.ndarray, "images 256 256"]
+
+# Tells what a solver does and how much of it is done, in [0, 1], where that is not just the budget spent.
+Progress = Callable[[str, float], None]
+
+
+class SolverError(CusickError, ValueError):
+    """A solver is unknown, wrongly set up, or has answered with something that is no prediction."""
+
+
+def silent(message: str, fraction: float) -> None:
+    """The progress of a run that nobody watches."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A solver's answer.
+
+    Attributes:
+        train_image: Its fit of the training silhouette.
+        draws: Silhouettes it offers for samples it has not seen.
+        tau: Fitted parameters.
+        vertices: Drape behind `train_image` [m].
+        faces: Triangles of `vertices` and `draw_vertices`.
+        draw_vertices: Drapes behind `draws` [m].
+        paired: Draw i was made for held-out image i (oracles), rather than all draws for all images.
+        finished: Whether the solver ended by itself rather than by its budget.
+    """
+
+    train_image: Float[np.ndarray, "256 256"]
+    draws: Images
+    tau: Float[np.ndarray, " dimension"] | None = None
+    vertices: Float[np.ndarray, "vertices 3"] | None = None
+    faces: Int[np.ndarray, "faces 3"] | None = None
+    draw_vertices: Float[np.ndarray, "images vertices 3"] | None = None
+    paired: bool = False
+    finished: bool = True
+
+    def __post_init__(self) -> None:
+        if np.shape(self.train_image) != (256, 256):
+            raise SolverError(f"train_image must be 256 x 256 pixels, got {np.shape(self.train_image)}")
+        if np.ndim(self.draws) != 3 or np.shape(self.draws)[1:] != (256, 256) or len(self.draws) == 0:
+            raise SolverError(f"draws must be at least one image of 256 x 256, got {np.shape(self.draws)}")
+        for name in ("train_image", "draws"):
+            image = getattr(self, name)
+            if not (np.isfinite(image).all() and image.min() >= -1e-9 and image.max() <= 1 + 1e-9):
+                raise SolverError(f"{name} must lie in [0, 1] (cloth = 1), got {image.min()} .. {image.max()}")
+
+
+@dataclass(frozen=True)
+class Solver(ABC):
+    """A method that answers a drape problem. Fields of subclasses are its options."""
+
+    name: ClassVar[str]
+    kind: ClassVar[str] = "solver"  # or "null": no physics, "oracle": has seen the held-out images
+    reference: ClassVar[str] = ""
+    summary: ClassVar[str] = ""
+    needs_gradient: ClassVar[bool] = False
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Everything beside the problem that decides the answer."""
+        return asdict(self)
+
+    def solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress = silent) -> Prediction:
+        """Answers the problem within its budget.
+
+        Args:
+            problem: What to fit; it meters itself.
+            generator: Source of all randomness.
+            progress: Told what goes on.
+
+        Raises:
+            SolverError: The solver cannot be used on this problem.
+        """
+        if self.needs_gradient and not problem.space.differentiable:
+            raise SolverError(
+                f"{self.name} needs gradients, and the space {problem.space.name!r} has none; "
+                "use a gradient-free solver such as nlopt:LN_BOBYQA"
+            )
+        return self._solve(problem, generator, progress)
+
+    @abstractmethod
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        """Answers the problem; BudgetExceeded must not leave it."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What an oracle is shown: test images, and for each the images of repeats of the same drape."""
+
+    images: Images
+    repeats: tuple[Images, ...] = ()
+
+
+@dataclass(frozen=True)
+class Oracle(Solver):
+    """A reference row that looks at the held-out images, and is marked so."""
+
+    kind: ClassVar[str] = "oracle"
+    heldout: HeldOut | None = field(default=None, repr=False, compare=False, kw_only=True)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return {}
+
+    def revealing(self, heldout: HeldOut) -> Self:
+        """The oracle with the held-out images before its eyes."""
+        return replace(self, heldout=heldout)
+
+    @property
+    def seen(self) -> HeldOut:
+        """The held-out images.
+
+        Raises:
+            SolverError: They were not revealed.
+        """
+        if self.heldout is None or len(self.heldout.images) == 0:
+            raise SolverError(f"{self.name} is an oracle and needs held-out images, but the split has none")
+        return self.heldout
+
+
+def prediction_at(problem: DrapeProblem, tau: np.ndarray, *, finished: bool) -> Prediction:
+    """The drape at tau as fit of the training image and forecast of unseen samples; costs one drape."""
+    seen = problem.observe(tau)
+    return Prediction(
+        train_image=seen.image,
+        draws=seen.image[None],
+        tau=tau,
+        vertices=seen.vertices,
+        faces=problem.simulator.mesh.faces,
+        draw_vertices=seen.vertices[None],
+        finished=finished,
+    )

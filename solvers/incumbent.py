@@ -1,0 +1,55 @@
+"""The best point of a search, and losses that optimisers can digest."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from cusick_bench.datasets.profile import drape_coefficient
+from cusick_bench.problem import DrapeProblem
+
+# What an optimiser is told instead of infinity where a drape fails: worse than any loss of a silhouette (MSE
+# <= 1).
+PENALTY = 10.0
+
+Vector = Float[np.ndarray, " dimension"]
+
+
+class Incumbent:
+    """Asks the problem, and remembers the best answer.
+
+    Attributes:
+        tau: Best parameters so far; the prior median before the first success.
+        loss: Their loss.
+    """
+
+    def __init__(self, problem: DrapeProblem) -> None:
+        self.problem = problem
+        self.tau: Vector = np.zeros(problem.dimension)
+        self.loss = math.inf
+
+    def _keep(self, tau: Vector, loss: float) -> None:
+        if loss < self.loss:
+            self.tau, self.loss = np.array(tau), loss
+
+    def value(self, tau: Vector) -> float:
+        """Loss at tau, PENALTY where the drape fails."""
+        loss = self.problem.evaluate(tau)
+        self._keep(tau, loss)
+        return min(loss, PENALTY)
+
+    def value_and_gradient(self, tau: Vector) -> tuple[float, Vector]:
+        """Loss and gradient at tau, (PENALTY, 0) where the drape fails."""
+        loss, gradient = self.problem.evaluate_and_gradient(tau)
+        self._keep(tau, loss)
+        return min(loss, PENALTY), gradient
+
+    def drape_coefficient(self, tau: Vector) -> float:
+        """Drape coefficient at tau.
+
+        Raises:
+            DrapeDiverged: The drape fails.
+        """
+        seen = self.problem.observe(tau)
+        self._keep(tau, seen.loss)
+        return drape_coefficient(seen.image)

@@ -1,0 +1,122 @@
+"""The optimisers of NLopt, `nlopt:<ALGORITHM>`, from the prior median within the problem's box.
+
+Names are NLopt's own: LD_* (local, with gradients), LN_* (local, without), GD_* and GN_* (global, which end
+with the budget). Random algorithms draw their seed from the solver's generator, so every run can be repeated
+and resumed.
+
+References:
+    Johnson, The NLopt nonlinear-optimization package, https://github.com/stevengj/nlopt.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import nlopt
+import numpy as np
+
+from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.incumbent import Incumbent
+from cusick_bench.solvers.level_search import match_bending_level
+
+# The nine of the benchmark; any other algorithm of NLopt that needs no second optimiser works as well.
+BENCHMARKED = (
+    "LD_LBFGS",
+    "LD_MMA",
+    "LD_SLSQP",
+    "LN_BOBYQA",
+    "LN_COBYLA",
+    "LN_SBPLX",
+    "GN_DIRECT_L",
+    "GN_CRS2_LM",
+    "GN_ESCH",
+)
+_NEEDS_ANOTHER = ("AUGLAG", "MLSL")
+
+
+@dataclass(frozen=True)
+class NloptSolver(Solver):
+    """One algorithm of NLopt.
+
+    Attributes:
+        search: Drapes to spend on the bending level first (see `level_search`); 0 starts at the prior median.
+        step: First step of the gradient-free local algorithms [prior standard deviations].
+        tolerance: Relative change of loss and parameters at which local algorithms end.
+    """
+
+    search: int = 0
+    step: float = 0.5
+    tolerance: float = 1e-6
+    algorithm: ClassVar[str]
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        budget = problem.meter.budget
+        if self.algorithm.startswith("G") and budget.forward_equivalents is None and budget.seconds is None:
+            raise SolverError(f"{self.name} searches globally and ends with its budget only: give --budget")
+        incumbent = Incumbent(problem)
+        finished = False
+        with problem.meter.reserve(1):
+            try:
+                if self.search:
+                    match_bending_level(incumbent, self.search)
+                finished = self._optimise(incumbent, generator)
+            except BudgetExceeded:
+                pass
+        return prediction_at(problem, incumbent.tau, finished=finished)
+
+    def _optimise(self, incumbent: Incumbent, generator: np.random.Generator) -> bool:
+        problem = incumbent.problem
+        nlopt.srand(int(generator.integers(1, 2**31)))
+        optimiser = nlopt.opt(getattr(nlopt, self.algorithm), problem.dimension)
+        lower, upper = problem.bounds
+        optimiser.set_lower_bounds(lower)
+        optimiser.set_upper_bounds(upper)
+        optimiser.set_initial_step(self.step)
+        optimiser.set_min_objective(_objective(incumbent))
+        if self.algorithm.startswith("L"):
+            optimiser.set_ftol_rel(self.tolerance)
+            optimiser.set_xtol_rel(self.tolerance)
+        try:
+            optimiser.optimize(np.clip(incumbent.tau, lower, upper))
+        except (nlopt.RoundoffLimited, RuntimeError):
+            return False  # a line search ended in noise; the incumbent stands
+        except (ValueError, MemoryError) as error:
+            raise SolverError(f"NLopt refuses {self.algorithm} on {problem.dimension} parameters: {error}") from error
+        return True
+
+
+def _objective(incumbent: Incumbent) -> Callable[[np.ndarray, np.ndarray], float]:
+    """NLopt's callback: fills `gradient` in place where it has any length."""
+
+    def objective(tau: np.ndarray, gradient: np.ndarray) -> float:
+        if gradient.size == 0:
+            return incumbent.value(np.array(tau))
+        loss, gradient[:] = incumbent.value_and_gradient(np.array(tau))
+        return loss
+
+    return objective
+
+
+def nlopt_solver(algorithm: str) -> type[Solver]:
+    """The solver class of an NLopt algorithm.
+
+    Raises:
+        SolverError: NLopt has no such algorithm, or it needs a second optimiser.
+    """
+    known = [name for name in dir(nlopt) if name[:3] in ("LD_", "LN_", "GD_", "GN_")]
+    if algorithm not in known:
+        raise SolverError(f"NLopt has no algorithm {algorithm!r}; it has {', '.join(known)}")
+    if any(word in algorithm for word in _NEEDS_ANOTHER):
+        raise SolverError(f"{algorithm} needs a second optimiser; use one of {', '.join(BENCHMARKED)}")
+    opt = nlopt.opt(getattr(nlopt, algorithm), 2)
+    attributes = {
+        "name": f"nlopt:{algorithm}",
+        "algorithm": algorithm,
+        "needs_gradient": algorithm[1] == "D",
+        "summary": opt.get_algorithm_name(),
+        "reference": "Johnson, NLopt, https://github.com/stevengj/nlopt",
+        "__doc__": f"NLopt's {algorithm}: {opt.get_algorithm_name()}.",
+        "__module__": __name__,
+    }
+    return dataclass(frozen=True)(type(f"Nlopt{algorithm}", (NloptSolver,), attributes))

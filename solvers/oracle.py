@@ -1,0 +1,63 @@
+"""Reference rows that see the held-out images: what no method is expected to pass.
+
+"Others" of a held-out image are the remaining samples of its cloth, the training one among them (11 of 12).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cusick_bench.problem import DrapeProblem
+from cusick_bench.solvers.base import Images, Oracle, Prediction, Progress, SolverError
+
+
+def _others(problem: DrapeProblem, images: Images, index: int) -> Images:
+    return np.concatenate([np.asarray(problem.train_image)[None], np.delete(images, index, axis=0)])
+
+
+def _nearest(candidates: Images, image: np.ndarray) -> np.ndarray:
+    return candidates[np.square(candidates - image).mean((1, 2)).argmin()]
+
+
+@dataclass(frozen=True)
+class OracleMean(Oracle):
+    """Mean of the other samples' images."""
+
+    name: ClassVar[str] = "oracle:mean"
+    summary: ClassVar[str] = "mean image of the cloth's other samples"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        images = self.seen.images
+        means = np.stack([_others(problem, images, index).mean(0) for index in range(len(images))])
+        return Prediction(images.mean(0), means, paired=True)
+
+
+@dataclass(frozen=True)
+class OracleBestOther(Oracle):
+    """For every held-out image the nearest of the other samples' images."""
+
+    name: ClassVar[str] = "oracle:best-other"
+    summary: ClassVar[str] = "nearest image among the cloth's other samples"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        images = self.seen.images
+        nearest = [_nearest(_others(problem, images, index), image) for index, image in enumerate(images)]
+        return Prediction(_nearest(images, problem.train_image), np.stack(nearest), paired=True)
+
+
+@dataclass(frozen=True)
+class OracleRepeat(Oracle):
+    """A repeated capture of the same drape: the floor that measurement sets."""
+
+    name: ClassVar[str] = "oracle:repeat"
+    summary: ClassVar[str] = "another capture of the very same drape: the measurement floor"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        repeats = self.seen.repeats
+        if len(repeats) != len(self.seen.images) or not all(len(images) for images in repeats):
+            raise SolverError(
+                "oracle:repeat needs a repeated capture of every held-out drape, and this split has none; "
+                "run it on a fabric with several captures a side"
+            )
+        return Prediction(problem.train_image, np.stack([images[0] for images in repeats]), paired=True)

@@ -1,0 +1,87 @@
+"""Names of solvers. Write `homo`, `nlopt:LN_BOBYQA`, or with options `null:random-phase,draws=100`.
+
+A package elsewhere registers its own through an entry point in the group `cusick_bench.solvers`, whose value
+is a `Solver` subclass.
+"""
+
+import ast
+from collections.abc import Callable
+from dataclasses import fields
+from difflib import get_close_matches
+from importlib.metadata import entry_points
+from typing import Any
+
+from cusick_bench.solvers.base import Solver, SolverError
+from cusick_bench.solvers.homo import Homo
+from cusick_bench.solvers.nlopt_family import BENCHMARKED, nlopt_solver
+from cusick_bench.solvers.null import NullCopy, NullDisc, NullRandomPhase, NullRotation
+from cusick_bench.solvers.oracle import OracleBestOther, OracleMean, OracleRepeat
+
+ENTRY_POINTS = "cusick_bench.solvers"
+
+_BUILT_IN: tuple[type[Solver], ...] = (
+    Homo,
+    NullDisc,
+    NullCopy,
+    NullRotation,
+    NullRandomPhase,
+    OracleMean,
+    OracleBestOther,
+    OracleRepeat,
+)
+# Families: "prefix:" -> the solver class of what follows the colon.
+_FAMILIES: dict[str, Callable[[str], type[Solver]]] = {"nlopt": nlopt_solver}
+
+
+def registered() -> dict[str, type[Solver]]:
+    """Every solver by name: built in, the benchmarked members of families, and those of other packages."""
+    solvers = {solver.name: solver for solver in _BUILT_IN}
+    solvers |= {f"nlopt:{algorithm}": nlopt_solver(algorithm) for algorithm in BENCHMARKED}
+    for entry in entry_points(group=ENTRY_POINTS):
+        solvers[entry.name] = entry.load()
+    return solvers
+
+
+def solver_class(name: str) -> type[Solver]:
+    """The solver of a name.
+
+    Raises:
+        SolverError: There is none; the message lists what there is.
+    """
+    solvers = registered()
+    if name in solvers:
+        return solvers[name]
+    family, _, member = name.partition(":")
+    if family in _FAMILIES and member:
+        return _FAMILIES[family](member)
+    near = get_close_matches(name, solvers, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise SolverError(f"unknown solver {name!r}; {hint}registered are {', '.join(solvers)}")
+
+
+def make_solver(text: str) -> Solver:
+    """Makes a solver from `name` or `name,option=value,...`.
+
+    Raises:
+        SolverError: The name or an option is unknown.
+    """
+    name, *settings = text.split(",")
+    cls = solver_class(name.strip())
+    known = [field.name for field in fields(cls) if not field.kw_only]
+    options: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not equals or key.strip() not in known:
+            raise SolverError(
+                f"{name} has no option {setting!r}; write option=value, with option one of: "
+                f"{', '.join(known) or '(none)'}"
+            )
+        options[key.strip()] = _literal(value.strip())
+    return cls(**options)
+
+
+def _literal(text: str) -> Any:
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
