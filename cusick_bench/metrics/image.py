@@ -1,0 +1,96 @@
+"""Pixel metrics of silhouettes: mean squared error and intersection over union, for all pairs of two stacks.
+
+Images hold the cloth's coverage: 1 = cloth, 0 = background; bytes are read as 0..255. The squared error of
+all pairs is one matrix product, |a - b|^2 = |a|^2 - 2 a.b + |b|^2: a thousand draws against eleven samples
+take a second.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from cusick_bench.metrics.errors import MetricError
+
+_CHUNK = 128  # images held in float64 at a time: 64 MiB
+
+
+def mse(image: ArrayLike, target: ArrayLike) -> float:
+    """Mean squared error per pixel of two silhouettes in [0, 1].
+
+    Raises:
+        MetricError: The images differ in size or hold values that are not finite.
+    """
+    return float(mse_pairs(np.asarray(image)[None], np.asarray(target)[None])[0, 0])
+
+
+def iou(image: ArrayLike, target: ArrayLike) -> float:
+    """Intersection over union of the cloth in two silhouettes (coverage > 0.5); 1 where both are empty.
+
+    Raises:
+        MetricError: The images differ in size or hold values that are not finite.
+    """
+    return float(iou_pairs(np.asarray(image)[None], np.asarray(target)[None])[0, 0])
+
+
+def mse_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images targets"]:
+    """Mean squared error of every image against every target.
+
+    Args:
+        images: Silhouettes (N, H, W), floats in [0, 1] or bytes.
+        targets: Silhouettes (M, H, W).
+
+    Raises:
+        MetricError: The sizes differ, or values are not finite.
+    """
+
+    def compare(first: ndarray, second: ndarray) -> ndarray:
+        squares = (first**2).sum(1)[:, None] + (second**2).sum(1)[None] - 2 * first @ second.T
+        return np.maximum(squares, 0) / first.shape[1]
+
+    return _pairs(images, targets, compare)
+
+
+def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images targets"]:
+    """Intersection over union of every image with every target (coverage > 0.5); 1 where both are empty.
+
+    Args:
+        images: Silhouettes (N, H, W), floats in [0, 1] or bytes.
+        targets: Silhouettes (M, H, W).
+
+    Raises:
+        MetricError: The sizes differ, or values are not finite.
+    """
+
+    def compare(first: ndarray, second: ndarray) -> ndarray:
+        one, other = cloth(first).astype(np.float64), cloth(second).astype(np.float64)
+        both = one @ other.T
+        either = one.sum(1)[:, None] + other.sum(1)[None] - both
+        return np.where(either > 0, both / np.maximum(either, 1), 1.0)
+
+    return _pairs(images, targets, compare)
+
+
+def cloth(images: Float[ndarray, "*shape"]) -> Bool[ndarray, "*shape"]:
+    """Where a silhouette shows cloth rather than background."""
+    return images > 0.5
+
+
+def _pairs(images: ArrayLike, targets: ArrayLike, compare: Callable[[ndarray, ndarray], ndarray]) -> ndarray:
+    first, second = np.asarray(images), np.asarray(targets)
+    if first.ndim != 3 or second.ndim != 3 or first.shape[1:] != second.shape[1:]:
+        raise MetricError(f"silhouettes must be stacks of one size, got shapes {first.shape} and {second.shape}")
+    flat_targets = _coverage(second)
+    rows = [compare(_coverage(first[at : at + _CHUNK]), flat_targets) for at in range(0, len(first), _CHUNK)]
+    return np.concatenate(rows) if rows else np.zeros((0, len(second)))
+
+
+def _coverage(stack: ndarray) -> ndarray:
+    flat = stack.reshape(len(stack), -1).astype(np.float64)
+    if stack.dtype == np.uint8:
+        flat /= 255
+    if not np.isfinite(flat).all():
+        raise MetricError("a silhouette holds values that are not finite; the drape behind it has probably diverged")
+    return flat

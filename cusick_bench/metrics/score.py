@@ -1,0 +1,199 @@
+"""All metrics of one prediction: against its training sample, and against samples it has not seen.
+
+A prediction offers one or many silhouettes (draws) for the unseen samples. Every draw is compared with every
+unseen sample; a `paired` prediction (an oracle's) offers draw i for sample i only. Scores of many draws come
+twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that fits it best.
+The latter rewards N whatever the draws are, so it must be read beside random draws of equal number:
+`test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average.
+"""
+
+from collections.abc import Callable, Sequence
+from math import nan
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.special import gammaln
+
+from cusick_bench.datasets import DrapeSample
+from cusick_bench.metrics.errors import MetricError
+from cusick_bench.metrics.hausdorff import hausdorff
+from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
+from cusick_bench.metrics.profile import (
+    profile_rms,
+    profile_rms_rotated,
+    quantile_distance,
+    spectrum_distance,
+)
+from cusick_bench.metrics.shape import Image, Shape
+from cusick_bench.metrics.surface import Surface
+from cusick_bench.solvers.base import Prediction
+
+SUBSETS = (10, 100, 1000)  # numbers of draws for which best-of-n is recorded
+_MEAN_DRAWS = 100  # draws that enter the mean of a costly distance; the best draw is searched among all of them
+
+Matrix = Float[ndarray, "draws samples"]
+Distance = Callable[[Shape, Shape], float]
+
+TEST_METRICS = (
+    "test_mse",
+    "test_mse_best",
+    "test_iou",
+    "test_hausdorff_m",
+    "test_hausdorff_best_m",
+    "test_profile_rms_m",
+    "test_profile_rms_rotated_m",
+    "test_quantile_m",
+    "test_spectrum_m",
+    "test_dc_error",
+    "test_folds_error",
+)
+
+
+def score(
+    prediction: Prediction,
+    train_sample: DrapeSample,
+    test_samples: Sequence[DrapeSample],
+    *,
+    repeat_pairs: Sequence[tuple[Image, Image]] = (),
+) -> dict[str, float]:
+    """Scores a prediction.
+
+    Args:
+        prediction: A solver's answer.
+        train_sample: The sample that the solver has seen.
+        test_samples: Other samples of the same cloth.
+        repeat_pairs: Pairs of silhouettes of one and the same drape: the floor below which no score means anything.
+
+    Returns:
+        Metrics by name; lengths in metres; NaN where there is nothing to compare with. `train_*` compare the fit
+        with the training sample, `test_*` the draws with the unseen samples. `*_best` is best-of-`draws`,
+        `*_error` the difference of the means over draws and over samples, `*_target` the sample's value.
+
+    Raises:
+        MetricError: Images of different sizes, values that are not finite, or a paired prediction with more or
+            fewer draws than there are samples.
+    """
+    repeats = [mse(Shape(first).pixels, Shape(second).pixels) for first, second in repeat_pairs]
+    return {
+        **_train_scores(prediction, train_sample),
+        **_test_scores(prediction, test_samples),
+        "floor_mse": float(np.mean(repeats)) if repeats else nan,
+    }
+
+
+def expected_best(values: Matrix, count: int) -> float:
+    """Mean over samples of the expected minimum over `count` draws, picked without replacement from all.
+
+    The i-th smallest of N values is the minimum of n picked ones with probability C(N - i, n - 1) / C(N, n).
+
+    Raises:
+        MetricError: `count` is not within 1 .. N.
+    """
+    draws = len(values)
+    if not 1 <= count <= draws:
+        raise MetricError(f"best of {count} needs 1 to {draws} draws; make the solver offer more draws")
+    rank = np.arange(1, draws - count + 2)
+    log_weight = _log_binomial(draws - rank, count - 1) - _log_binomial(np.array(draws), count)
+    return float((np.exp(log_weight) @ np.sort(values, axis=0)[: len(rank)]).mean())
+
+
+def _log_binomial(n: ndarray, k: int) -> ndarray:
+    return gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
+
+
+def _train_scores(prediction: Prediction, sample: DrapeSample) -> dict[str, float]:
+    target = _sample_shape(sample)
+    fit = Shape(prediction.train_image, _mesh(prediction.vertices, prediction.faces))
+    return {
+        "train_mse": mse(fit.pixels, target.pixels),
+        "train_iou": iou(fit.pixels, target.pixels),
+        "train_hausdorff_m": _hausdorff(fit, target),
+        "train_profile_rms_m": _radial(profile_rms)(fit, target),
+        "train_dc": fit.drape_coefficient,
+        "train_dc_target": target.drape_coefficient,
+        "train_folds": float(fit.folds),
+        "train_folds_target": float(target.folds),
+    }
+
+
+def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample]) -> dict[str, float]:
+    if not samples:
+        return dict.fromkeys(TEST_METRICS, nan) | {"draws": float(len(prediction.draws))}
+    draws, tests = _draw_shapes(prediction), [_sample_shape(sample) for sample in samples]
+    paired = prediction.paired
+    if paired and len(draws) != len(tests):
+        raise MetricError(f"a paired prediction needs a draw for each of {len(tests)} samples, got {len(draws)}")
+    images, targets = np.asarray(prediction.draws), np.stack([test.pixels for test in tests])
+    squared = _paired(mse_pairs(images, targets), paired)
+    few = draws if paired else _thinned(draws)
+
+    def mean(distance: Distance) -> float:
+        return float(_table(few, tests, distance, paired).mean())
+
+    scores = {
+        "draws": len(squared),
+        "test_mse": squared.mean(),
+        "test_mse_best": squared.min(0).mean(),
+        **{f"test_mse_best_of_{n}": expected_best(squared, n) for n in SUBSETS if n <= len(squared)},
+        "test_iou": _paired(iou_pairs(images, targets), paired).mean(),
+        "test_hausdorff_m": mean(_hausdorff),
+        "test_hausdorff_best_m": _best_hausdorff(draws, tests, paired),
+        "test_profile_rms_m": mean(_radial(profile_rms)),
+        "test_profile_rms_rotated_m": mean(_radial(profile_rms_rotated)),
+        "test_quantile_m": mean(_radial(quantile_distance)),
+        "test_spectrum_m": mean(_radial(spectrum_distance)),
+        "test_dc_error": _mean_difference(draws, tests, lambda shape: shape.drape_coefficient),
+        "test_folds_error": _mean_difference(draws, tests, lambda shape: shape.folds),
+    }
+    return {name: float(value) for name, value in scores.items()}
+
+
+def _sample_shape(sample: DrapeSample) -> Shape:
+    return Shape(sample.image, None if sample.mesh is None else Surface.of(sample.mesh))
+
+
+def _mesh(vertices: ndarray | None, faces: ndarray | None) -> Surface | None:
+    return None if vertices is None or faces is None else Surface(vertices, faces)
+
+
+def _draw_shapes(prediction: Prediction) -> list[Shape]:
+    meshes = [None] * len(prediction.draws) if prediction.draw_vertices is None else prediction.draw_vertices
+    return [Shape(image, _mesh(mesh, prediction.faces)) for image, mesh in zip(prediction.draws, meshes, strict=True)]
+
+
+def _thinned(draws: list[Shape]) -> list[Shape]:
+    """At most `_MEAN_DRAWS` of the draws, evenly spaced: draws may be in order, as rotations are."""
+    return [draws[i] for i in np.unique(np.linspace(0, len(draws) - 1, _MEAN_DRAWS).astype(int))]
+
+
+def _hausdorff(draw: Shape, sample: Shape) -> float:
+    return hausdorff(draw.surface, sample.surface)
+
+
+def _radial(distance: Callable[[ndarray, ndarray], float]) -> Distance:
+    return lambda draw, sample: distance(draw.profile.radii, sample.profile.radii)
+
+
+def _paired(table: Matrix, paired: bool) -> Matrix:
+    """All draws against all samples, or one row with draw i against sample i."""
+    return np.diag(table)[None] if paired else table
+
+
+def _table(draws: Sequence[Shape], tests: Sequence[Shape], distance: Distance, paired: bool) -> Matrix:
+    if paired:
+        return np.array([[distance(draw, test) for draw, test in zip(draws, tests, strict=True)]])
+    return np.array([[distance(draw, test) for test in tests] for draw in draws])
+
+
+def _best_hausdorff(draws: Sequence[Shape], tests: Sequence[Shape], paired: bool) -> float:
+    """Mean over the samples of the smallest distance; a draw is dropped once it is known to be no better."""
+    best = np.full(len(tests), np.inf)
+    for index, draw in enumerate(draws):
+        for at in [index] if paired else range(len(tests)):
+            best[at] = min(best[at], hausdorff(draw.surface, tests[at].surface, stop_above=best[at]))
+    return float(best.mean())
+
+
+def _mean_difference(draws: Sequence[Shape], tests: Sequence[Shape], of: Callable[[Shape], float]) -> float:
+    return abs(float(np.mean([of(draw) for draw in draws]) - np.mean([of(test) for test in tests])))
