@@ -20,6 +20,11 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
 
+if numba.config.THREADING_LAYER == "default":
+    # Its idle threads sleep, whereas GNU OpenMP's spin and lose most of the gain on a busy machine; and OpenMP
+    # aborts a process pool that forks. Set NUMBA_THREADING_LAYER to choose otherwise.
+    numba.config.THREADING_LAYER = "workqueue"
+
 
 def _routine(library: str, name: str, arguments: int) -> Any:
     """Numba's handle of `scipy.linalg.<library>.<name>`; all arguments are pointers, as in Fortran."""

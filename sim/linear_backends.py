@@ -59,7 +59,7 @@ class UpperTriangle:
         column = np.broadcast_to((BLOCK * pattern.indices)[:, None, None] + axis, shape).ravel()
         place = np.flatnonzero(row <= column)
         size = (BLOCK * pattern.vertices,) * 2
-        matrix = sparse.coo_array((place, (row[place], column[place])), shape=size).tocsr()
+        matrix: Any = sparse.coo_array((place, (row[place], column[place])), shape=size).tocsr()
         matrix.sort_indices()
         self.indptr, self.indices, self.places, self.shape = matrix.indptr, matrix.indices, matrix.data, size
         self.slots = np.flatnonzero(pattern.rows <= pattern.indices)

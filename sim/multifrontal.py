@@ -110,10 +110,10 @@ def _factorise_front(front, tree, blocks, panels, updates):
 
 @numba.njit(cache=True)
 def _factorise_part(begin, end, tree, blocks, panels, updates):
-    for place in range(begin, end):
-        if not _factorise_front(tree.schedule[place], tree, blocks, panels, updates):
-            return False
-    return True
+    place = begin
+    while place < end and _factorise_front(tree.schedule[place], tree, blocks, panels, updates):
+        place += 1
+    return place == end
 
 
 @numba.njit(cache=True, parallel=True)
