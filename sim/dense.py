@@ -17,13 +17,14 @@ import llvmlite.binding
 import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, config
 from numba.extending import get_cython_function_address, intrinsic
 
-if numba.config.THREADING_LAYER == "default":
+_configuration: Any = config
+if _configuration.THREADING_LAYER == "default":
     # Its idle threads sleep, whereas GNU OpenMP's spin and lose most of the gain on a busy machine; and OpenMP
     # aborts a process pool that forks. Set NUMBA_THREADING_LAYER to choose otherwise.
-    numba.config.THREADING_LAYER = "workqueue"
+    _configuration.THREADING_LAYER = "workqueue"
 
 
 def _routine(library: str, name: str, arguments: int) -> Any:
@@ -80,9 +81,7 @@ def divide_by_transposed(triangle: Any, matrix: Any, rows: int, columns: int, st
 
 
 @numba.njit(cache=True)
-def subtract_product(
-    left: Any, right: Any, target: Any, rows: int, columns: int, inner: int, stride: int
-) -> None:
+def subtract_product(left: Any, right: Any, target: Any, rows: int, columns: int, inner: int, stride: int) -> None:
     """C <- C - A B^T."""
     _gemm(
         _letter(_PLAIN), _letter(_TRANSPOSED), _integer(rows), _integer(columns), _integer(inner),

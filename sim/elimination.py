@@ -222,9 +222,7 @@ def _stack(
             place[front] = top[here]
             top[here] += sizes[front]
             peak[here] = max(peak[here], top[here])
-            top[there] = min(
-                (place[child] for child in children[front] if child in inside), default=top[there]
-            )
+            top[there] = min((place[child] for child in children[front] if child in inside), default=top[there])
         place[part] += end + side[part] * peak[0]
         end += sum(peak)
     return place, int(end)

@@ -32,9 +32,7 @@ class NotPositiveDefinite(SimulationError, ArithmeticError):
     """The matrix has no Cholesky factor: add to its diagonal, or project its elements, and try again."""
 
     def __init__(self) -> None:
-        super().__init__(
-            "the matrix must be positive definite, and it is not; regularise it: add to its diagonal"
-        )
+        super().__init__("the matrix must be positive definite, and it is not; regularise it: add to its diagonal")
 
 
 @dataclass(frozen=True)
@@ -199,9 +197,7 @@ class LinearSolver(ABC):
         """
         return self._factorise(self._checked(blocks, ("slots",)), out)
 
-    def factorise_batch(
-        self, blocks: Float[ndarray, "members slots 3 3"], *, out: Factor | None = None
-    ) -> Factor:
+    def factorise_batch(self, blocks: Float[ndarray, "members slots 3 3"], *, out: Factor | None = None) -> Factor:
         """Factorise several matrices of the pattern; arguments and errors as for `factorise`."""
         return self._factorise_batch(self._checked(blocks, ("members", "slots")), out)
 

@@ -165,9 +165,7 @@ class CholmodFactor(TriangleFactor):
 
     @property
     def nbytes(self) -> int:
-        return len(self.cholmod.getfactor(self.factor)) * (
-            np.dtype(np.float64).itemsize + np.dtype(np.int64).itemsize
-        )
+        return len(self.cholmod.getfactor(self.factor)) * (8 + 8)  # a number and its row
 
     def _solve(self, right: Float[ndarray, "several vertices 3"]) -> Float[ndarray, "several vertices 3"]:
         columns = self.cvxopt.matrix(right.reshape(len(right), -1).T)

@@ -230,9 +230,7 @@ def _solve_members(tree, panels, right, out):
 class MultifrontalFactor(Factor):
     """Cholesky factors of one matrix or of a batch: nothing but their panels."""
 
-    def __init__(
-        self, tree: EliminationTree, panels: Float[ndarray, "factors numbers"], members: int | None
-    ) -> None:
+    def __init__(self, tree: EliminationTree, panels: Float[ndarray, "factors numbers"], members: int | None) -> None:
         super().__init__(len(tree.order), members)
         self.tree, self.panels = tree, panels
 
