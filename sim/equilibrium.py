@@ -99,7 +99,7 @@ def equilibrium(
     x = start.copy()
     force, blocks, energy = system.forces(x, anchor, parameters, exact=True)
     energies = [energy]
-    taken = 0
+    taken, residual = 0, np.inf
     for taken in range(iterations + 1):
         residual = float(np.linalg.norm(force[free]) / weight)
         if not np.isfinite(residual) or not np.isfinite(energy):

@@ -10,7 +10,8 @@ from scipy.spatial import Delaunay
 
 from cusick_bench.sim.dissection import dissect
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.linear import BlockPattern, LinearSolver, NotPositiveDefinite, available_backends, solver
+from cusick_bench.sim.linear import BlockPattern, NotPositiveDefinite, available_backends, solver
+from cusick_bench.sim.multifrontal import MultifrontalSolver
 
 
 def cloth_pattern(vertices: int, seed: int = 0) -> BlockPattern:
@@ -66,8 +67,8 @@ def pattern() -> BlockPattern:
 
 
 @pytest.fixture(scope="module")
-def default(pattern) -> LinearSolver:
-    return solver(pattern)
+def default(pattern) -> MultifrontalSolver:
+    return MultifrontalSolver(pattern)
 
 
 @pytest.mark.parametrize("vertices", [4, 30, 120, 297])
@@ -254,6 +255,11 @@ def test_bad_patterns_are_told():
         BlockPattern.from_couplings(points, np.array([[0, 2]]))
 
 
+def test_default_backend_is_ours(pattern):
+    assert isinstance(solver(pattern), MultifrontalSolver)
+    assert available_backends()[:2] == ["multifrontal", "splu"]
+
+
 def test_unknown_and_missing_backends_are_told(pattern, monkeypatch):
     with pytest.raises(SimulationError, match="must be one of auto, multifrontal"):
         solver(pattern, "umfpack")
@@ -311,7 +317,6 @@ def test_fill_grows_like_n_log_n():
     numbers = []
     for vertices in sizes:
         pattern = cloth_pattern(int(vertices))
-        tree = solver(pattern).tree
-        numbers.append(tree.panel_start[-1])
+        numbers.append(MultifrontalSolver(pattern).tree.panel_start[-1])
     exponent = np.polyfit(np.log(sizes), np.log(np.array(numbers) / np.log(sizes)), 1)[0]
     assert exponent == pytest.approx(1.0, abs=0.15)

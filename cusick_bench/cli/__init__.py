@@ -1,6 +1,9 @@
-"""The `cusick-bench` command: one file per command, mounted here."""
+"""Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
 import typer
+
+from cusick_bench.cli.convergence import convergence
+from cusick_bench.cli.simulate import simulate
 
 app = typer.Typer(
     name="cusick-bench",
@@ -9,6 +12,8 @@ app = typer.Typer(
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command()(simulate)
+app.command()(convergence)
 
 
 def main() -> None:

@@ -108,7 +108,7 @@ def simulate(
     """
     rows = _bending_rows(bending)
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
-    cloth = uniform_material(density=density, bending=tuple(factor * b for b in rows), stretch=stretch, shear=shear)
+    cloth = uniform_material(density=density, bending=(factor * rows[0], factor * rows[1], factor * rows[2]), stretch=stretch, shear=shear)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / ".writable").touch()
@@ -141,14 +141,14 @@ def simulate(
     _report(results, as_json, {"vertices": sheet.vertices, "faces": len(sheet.faces), "out": out})
 
 
-def _bending_rows(text: str) -> tuple[float, ...]:
+def _bending_rows(text: str) -> tuple[float, float, float]:
     try:
         rows = tuple(float(word) for word in text.split(","))
     except ValueError as error:
         raise CusickError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
     if len(rows) not in (1, 3):
         raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
-    return rows * 3 if len(rows) == 1 else rows
+    return (rows[0], rows[0], rows[0]) if len(rows) == 1 else (rows[0], rows[1], rows[2])
 
 
 def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:

@@ -115,6 +115,16 @@ class Meter:
         """Time since the solver began [s], without the pause between a kill and its resumption."""
         return time.perf_counter() - self._clock_zero
 
+    @property
+    def share(self) -> float:
+        """How much of the budget is spent, in [0, 1]; NaN where there is no limit."""
+        shares = []
+        if self.budget.forward_equivalents is not None:
+            shares.append(self.forward_equivalents / self.budget.forward_equivalents)
+        if self.budget.seconds is not None:
+            shares.append(self.wall_seconds / self.budget.seconds)
+        return min(max(shares), 1.0) if shares else math.nan
+
     @contextmanager
     def reserve(self, drapes: float) -> Iterator[None]:
         """Keeps drapes back while a solver searches, so that it can still afford its prediction."""
