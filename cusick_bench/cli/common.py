@@ -54,17 +54,13 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
         try:
             return command(*args, **kwargs)
         except CusickError as error:
-            console.print("[bold red]error:[/]", end=" ")
-            console.print(str(error), markup=False, highlight=False, soft_wrap=True)
-            raise typer.Exit(2) from error
+            message, cause = str(error), error
         except PermissionError as error:
-            console.print("[bold red]error:[/]", end=" ")
-            console.print(
-                f"no permission to write or read {error.filename}; choose another folder or change its mode",
-                markup=False,
-                highlight=False,
-                soft_wrap=True,
-            )
-            raise typer.Exit(2) from error
+            message, cause = f"no permission for {error.filename}; choose another folder or change its mode", error
+        except OSError as error:
+            message, cause = f"{error.strerror} ({error.filename}); choose another folder or free some space", error
+        console.print("[bold red]error:[/]", end=" ")
+        console.print(message, markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(2) from cause
 
     return guarded
