@@ -150,7 +150,7 @@ class Journal:
         kept = self._past[:evaluations]
         self._past, self._position = kept, len(kept)
         if self.folder is not None:
-            self._open([_line(entry) for entry in kept])
+            self._open(kept)
         return kept
 
     def append(self, entry: Entry) -> None:

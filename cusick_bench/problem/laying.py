@@ -23,9 +23,7 @@ SHARE = 0.5
 MODES = 20  # harmonics of the profile that are kept: folds, not pixels
 
 
-def laid_like(
-    image: Float[np.ndarray, "256 256"], mesh: Mesh, *, share: float = SHARE
-) -> Float[Tensor, "vertices 3"]:
+def laid_like(image: Float[np.ndarray, "256 256"], mesh: Mesh, *, share: float = SHARE) -> Float[Tensor, "vertices 3"]:
     """Lays the cloth down with the folds of a silhouette.
 
     Args:

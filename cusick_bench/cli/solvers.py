@@ -1,0 +1,42 @@
+"""`cusick-bench solvers`: what is registered."""
+
+from dataclasses import fields
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.solvers.registry import registered
+
+app = typer.Typer()
+
+
+@app.command("solvers")
+@user_errors
+def solvers(
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """List the registered solvers with their options and references.
+
+    Options are set in the name: --solver null:random-phase,draws=100. Any NLopt algorithm works as nlopt:NAME.
+    """
+    rows = [
+        {
+            "name": name,
+            "kind": solver.kind,
+            "summary": solver.summary,
+            "needs_gradient": solver.needs_gradient,
+            "options": {field.name: field.default for field in fields(solver) if not field.kw_only},
+            "reference": solver.reference,
+        }
+        for name, solver in registered().items()
+    ]
+    if json:
+        print_json({"solvers": rows})
+        return
+    table = Table("name", "kind", "what it is", "options", "reference")
+    for row in rows:
+        options = ", ".join(f"{key}={value}" for key, value in row["options"].items())
+        table.add_row(row["name"], row["kind"], row["summary"], options, row["reference"])
+    output.print(table)

@@ -1,0 +1,75 @@
+"""A drape problem of seconds whose answer is known, for examples and for the tests of solvers."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from cusick_bench.problem.budget import Budget, Meter
+from cusick_bench.problem.drape_problem import DrapeProblem
+from cusick_bench.problem.journal import Checkpoint, Journal
+from cusick_bench.problem.laying import laid_like
+from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.problem.space import SPACES, HomogeneousSpace
+from cusick_bench.sim.camera import ParallelCamera
+from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.silhouette import render
+
+AREAL_DENSITY = 0.2  # [kg/m2]
+
+
+@lru_cache(maxsize=8)
+def _simulator(vertices: int, mode: str, seed: int) -> DrapeSimulator:
+    settings = DrapeSettings(mode=mode, steps=30, seed=seed)  # pyright: ignore[reportArgumentType]
+    return DrapeSimulator(disc_mesh(vertices), settings)
+
+
+@lru_cache(maxsize=8)
+def _image(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
+    simulator = _simulator(vertices, mode, seed)
+    space = HomogeneousSpace(simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY))
+    with torch.no_grad():
+        specimen = space.specimen(torch.as_tensor(space.bending_level(bending)))
+        drape = simulator.drape(specimen.material)
+        return render(drape.vertices, simulator.mesh.faces, ParallelCamera()).numpy()
+
+
+def toy_problem(
+    *,
+    budget: Budget | None = None,
+    bending: float = 3.0,
+    space: str = "homo",
+    vertices: int = 150,
+    mode: str = "drop",
+    sample: int = 0,
+    folder: Path | None = None,
+) -> DrapeProblem:
+    """Poses the problem of finding a cloth again that was draped by the simulator itself.
+
+    Args:
+        budget: Most a solver may spend; 20 forward-equivalents by default.
+        bending: True factor on all bending stiffnesses of the prior median.
+        space: Parameter space.
+        vertices: Of the disc mesh.
+        mode: "drop" or "equilibrium".
+        sample: Sample of the cloth: each is laid down differently.
+        folder: Where to keep what a resumed solver needs; nowhere by default.
+    """
+    image = _image(vertices, mode, bending, sample)
+    simulator = _simulator(vertices, mode, 0)
+    return DrapeProblem(
+        train_image=image,
+        simulator=simulator,
+        space=SPACES[space](simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY)),
+        initial=laid_like(image, simulator.mesh),
+        meter=Meter(budget or Budget(20)),
+        journal=Journal(folder),
+        checkpoint=Checkpoint(folder),
+    )
+
+
+def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 150) -> np.ndarray:
+    """Silhouette of another sample of the toy problem's cloth."""
+    return _image(vertices, "drop", bending, sample)

@@ -1,0 +1,24 @@
+"""The runner: a grid of solver x cloth x seed, metered, resumable, on one process or many."""
+
+from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
+from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.execute import run
+from cusick_bench.runner.grid import Cell, ProblemSettings, plan, shard
+from cusick_bench.runner.progress import ProgressBars, Unwatched, Watcher
+from cusick_bench.runner.store import Store
+
+__all__ = [
+    "Cell",
+    "ProblemSettings",
+    "ProgressBars",
+    "RunnerError",
+    "Store",
+    "Unwatched",
+    "Watcher",
+    "build_problem",
+    "load_prediction",
+    "plan",
+    "run",
+    "run_cell",
+    "shard",
+]

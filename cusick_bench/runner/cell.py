@@ -1,0 +1,179 @@
+"""One cell: build the problem, solve, score, write. Whatever goes wrong inside becomes the cell's result."""
+
+import json
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from cusick_bench.datasets import DrapeDataset, DrapeSample
+from cusick_bench.metrics import score
+from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior
+from cusick_bench.problem.laying import laid_like
+from cusick_bench.runner.grid import Cell, ProblemSettings
+from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
+from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
+from cusick_bench.solvers.registry import make_solver
+
+# Told the share of the budget spent, in [0, 1] or NaN, the smallest loss so far, and what goes on.
+Report = Callable[[float, float, str], None]
+
+CAMERAS: dict[str, Callable[[], Camera]] = {"parallel": ParallelCamera, "pinhole": PinholeCamera}
+
+
+@lru_cache(maxsize=4)
+def _simulator(settings: ProblemSettings, seed: int) -> DrapeSimulator:
+    """Shared by the cells of a process: meshing and the solver's analysis take a second each."""
+    return DrapeSimulator(disc_mesh(settings.vertices), replace(settings.drape, seed=seed))
+
+
+def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None) -> DrapeProblem:
+    """Poses a cell's problem, with its memory in `folder`."""
+    settings, sample = cell.settings, dataset.sample(cell.train[0])
+    simulator = _simulator(settings, cell.seed)
+    image = np.asarray(sample.image, dtype=np.float64)
+    prior = StiffnessPrior(settings.drape.law, float(sample.row["areal_density"]))
+    return DrapeProblem(
+        train_image=image,
+        simulator=simulator,
+        space=SPACES[settings.space](simulator.mesh, prior),
+        thickness=float(sample.row["thickness"]),
+        camera=CAMERAS[settings.camera](),
+        renderer=settings.renderer,
+        loss=settings.loss,
+        initial=laid_like(image, simulator.mesh) if settings.laying == "image" else None,
+        meter=Meter(settings.budget),
+        journal=Journal(folder),
+        checkpoint=Checkpoint(folder),
+    )
+
+
+def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) -> dict[str, Any]:
+    """Runs a cell, or goes on with it where an earlier run was killed.
+
+    Args:
+        dataset: Data.
+        cell: What to run.
+        store: Where results lie.
+        report: Told how far the cell is.
+
+    Returns:
+        The cell's result; `status` is "done" or "failed".
+
+    Raises:
+        RunnerError: The disk cannot be written, or another process runs this cell.
+    """
+    if store.is_done(cell.key):
+        return store.result(cell.key)
+    with disk_errors(store.out), store.claimed(cell.key) as folder:
+        record = cell.record()
+        write_json(folder / "cell.json", record)
+        meter: Meter | None = None
+        problem: DrapeProblem | None = None
+        try:
+            problem = build_problem(dataset, cell, folder)
+            meter = problem.meter
+            prediction = _solve(problem, dataset, cell, report)
+            report(1.0, meter.best_loss, "scoring")
+            metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=_repeat_pairs(dataset, cell))
+            _write_prediction(folder / "prediction.npz", prediction, problem)
+            outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
+        except OSError as error:
+            if error.errno in FATAL:
+                raise
+            outcome = _failed(error)
+        except Exception as error:
+            outcome = _failed(error)
+        finally:
+            if problem is not None:
+                problem.journal.close()
+        result = record | outcome | {"spent": _spent(meter)}
+        write_json(folder / "result.json", result)
+        if result["status"] == "done":
+            store.mark_done(cell.key)
+        return result
+
+
+def _solve(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Report) -> Prediction:
+    solver = make_solver(cell.solver)
+    if isinstance(solver, Oracle):
+        images = np.stack([np.asarray(dataset.sample(row).image, dtype=np.float64) for row in cell.test])
+        solver = solver.revealing(HeldOut(images, tuple(_repeats(dataset, row) for row in cell.test)))
+    meter = problem.meter
+    meter.observers.append(lambda evaluation: report(meter.share, evaluation.best_loss, ""))
+    return solver.solve(
+        problem,
+        np.random.default_rng([cell.seed, 2]),
+        lambda message, fraction: report(fraction, meter.best_loss, message),
+    )
+
+
+def _samples(dataset: DrapeDataset, cell: Cell) -> tuple[DrapeSample, list[DrapeSample]]:
+    return dataset.sample(cell.train[0]), [dataset.sample(row) for row in cell.test]
+
+
+def _repeats(dataset: DrapeDataset, row: int) -> np.ndarray:
+    """Other captures of the drape in an index row, (k, 256, 256)."""
+    rows = dataset.repeats(row)
+    images = [np.asarray(dataset.sample(other).image, dtype=np.float64) for other in rows]
+    return np.stack(images) if images else np.zeros((0, 256, 256))
+
+
+def _repeat_pairs(dataset: DrapeDataset, cell: Cell) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Pairs of captures of one drape, for every drape of the cell that has been captured again."""
+    pairs = []
+    for row in (*cell.train, *cell.test):
+        image = np.asarray(dataset.sample(row).image, dtype=np.float64)
+        pairs += [(image, other) for other in _repeats(dataset, row)]
+    return pairs
+
+
+def _failed(error: Exception) -> dict[str, Any]:
+    """What is recorded of a failure; a traceback only where it is a bug rather than an answer."""
+    trace = "" if isinstance(error, CusickError) else traceback.format_exc()
+    return {"status": "failed", "failure": f"{type(error).__name__}: {error}", "traceback": trace, "metrics": {}}
+
+
+def _spent(meter: Meter | None) -> dict[str, float]:
+    names = ("forward", "gradient", "failed", "forward_equivalents", "simulated_seconds", "wall_seconds")
+    return {name: float(getattr(meter, name)) if meter else 0.0 for name in names}
+
+
+def _write_prediction(path: Path, prediction: Prediction, problem: DrapeProblem) -> None:
+    arrays: dict[str, np.ndarray] = {
+        "train_image": np.asarray(prediction.train_image, dtype=np.float32),
+        "train_target": np.asarray(problem.train_image, dtype=np.float32),
+        "draws": np.round(255 * np.clip(prediction.draws, 0, 1)).astype(np.uint8),
+    }
+    for name in ("tau", "vertices", "faces", "draw_vertices"):
+        value = getattr(prediction, name)
+        if value is not None:
+            arrays[name] = np.asarray(value)
+    if prediction.tau is not None:
+        with torch.no_grad():
+            material = problem.space.specimen(torch.as_tensor(prediction.tau)).material
+        arrays |= {name: getattr(material, name).numpy() for name in ("stretch", "bending", "density")}
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]
+    part.replace(path)
+
+
+def load_prediction(folder: Path) -> dict[str, np.ndarray]:
+    """The arrays of a cell's `prediction.npz`."""
+    with np.load(folder / "prediction.npz", allow_pickle=False) as archive:
+        return dict(archive)
+
+
+def load_cell(folder: Path) -> dict[str, Any]:
+    """A cell's `cell.json`."""
+    return json.loads((folder / "cell.json").read_text(encoding="utf-8"))

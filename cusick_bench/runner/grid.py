@@ -1,0 +1,179 @@
+"""The grid to run: solver x cloth x seed, each cell named by the hash of all that decides its numbers."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.problem import LOSSES, SPACES, Budget, ProblemError
+from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.errors import RunnerError
+from cusick_bench.sim.drape import DrapeSettings
+from cusick_bench.solvers.registry import make_solver
+
+CAMERAS = ("parallel", "pinhole")
+RENDERERS = ("coverage", "soft")
+LAYINGS = ("image", "random")
+
+
+@dataclass(frozen=True)
+class ProblemSettings:
+    """Everything about the problem that is not the cloth.
+
+    Attributes:
+        space: Parameter space.
+        vertices: Of the disc mesh.
+        drape: Simulator settings; its seed is replaced by the cell's.
+        camera: "parallel" (what the data say) or "pinhole" (the published scripts').
+        renderer: "coverage" or "soft".
+        loss: What is minimised on the training image.
+        laying: "image" lays the cloth with the folds that the training image shows, "random" by the seed alone.
+        budget: Most a solver may spend.
+    """
+
+    space: str = "homo"
+    vertices: int = 2699
+    drape: DrapeSettings = field(default_factory=DrapeSettings)
+    camera: str = "parallel"
+    renderer: str = "coverage"
+    loss: str = "mse"
+    laying: str = "image"
+    budget: Budget = field(default_factory=Budget)
+
+    def __post_init__(self) -> None:
+        for name, options in (
+            ("space", SPACES),
+            ("camera", CAMERAS),
+            ("renderer", RENDERERS),
+            ("loss", LOSSES),
+            ("laying", LAYINGS),
+        ):
+            if getattr(self, name) not in options:
+                raise ProblemError(f"unknown {name} {getattr(self, name)!r}; use one of {', '.join(options)}")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One solver on one cloth with one seed.
+
+    Attributes:
+        solver: Registered name, with options.
+        cloth: Cloth.
+        seed: Of the solver's generator and of the laid-down shape.
+        train: Index rows of the training samples.
+        test: Index rows of the held-out samples.
+        settings: The problem's settings.
+        dataset: Name of the data set.
+        dataset_hash: Content hash of the files in use.
+        protocol: How the samples were split.
+    """
+
+    solver: str
+    cloth: str
+    seed: int
+    train: tuple[int, ...]
+    test: tuple[int, ...]
+    settings: ProblemSettings
+    dataset: str
+    dataset_hash: str
+    protocol: str
+
+    def problem_hash(self) -> str:
+        """Fingerprint of the problem, whoever solves it."""
+        record = {"dataset": self.dataset_hash, "cloth": self.cloth, "train": self.train, "test": self.test}
+        return _digest(record | {"settings": asdict(self.settings)})
+
+    def record(self) -> dict[str, Any]:
+        """Contents of `cell.json`; the cell's key is their hash."""
+        solver = make_solver(self.solver)
+        return {
+            "solver": self.solver,
+            "kind": solver.kind,
+            "solver_options": solver.options,
+            "cloth": self.cloth,
+            "seed": self.seed,
+            "space": self.settings.space,
+            "vertices": self.settings.vertices,
+            "dataset": self.dataset,
+            "dataset_hash": self.dataset_hash,
+            "problem_hash": self.problem_hash(),
+            "protocol": self.protocol,
+            "train": list(self.train),
+            "test": list(self.test),
+            "settings": asdict(self.settings),
+            "budget": asdict(self.settings.budget),
+            "code_version": code_version(),
+        }
+
+    @property
+    def key(self) -> str:
+        """Name of the cell's folder."""
+        return _digest(self.record())
+
+
+def _digest(record: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(record, sort_keys=True, default=str).encode()).hexdigest()[:20]
+
+
+def plan(
+    dataset: DrapeDataset,
+    *,
+    solvers: list[str],
+    cloths: list[str] | None = None,
+    seeds: list[int] | None = None,
+    settings: ProblemSettings | None = None,
+    protocol: str = "paper",
+) -> list[Cell]:
+    """Lays out the grid and checks what can be checked before anything is simulated.
+
+    Args:
+        dataset: Data.
+        solvers: Registered names, with options.
+        cloths: Cloths of the data set, all by default.
+        seeds: Seeds, only 0 by default.
+        settings: The problem's settings.
+        protocol: How to split each cloth's samples.
+
+    Raises:
+        CusickError: An unknown solver or cloth, no solver, or a cloth to be simulated has no areal density.
+    """
+    if not solvers:
+        raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
+    made = {text: make_solver(text) for text in solvers}
+    cells = [
+        Cell(
+            solver=text,
+            cloth=split.cloth,
+            seed=seed,
+            train=tuple(split.train),
+            test=tuple(split.test),
+            settings=settings or ProblemSettings(),
+            dataset=dataset.name,
+            dataset_hash=dataset.content_hash,
+            protocol=protocol,
+        )
+        for split in dataset.split(protocol, cloths)
+        for text in made
+        for seed in seeds or [0]
+    ]
+    for cell in cells:
+        density = float(dataset.index.loc[cell.train[0], "areal_density"])  # pyright: ignore[reportArgumentType]
+        if made[cell.solver].kind == "solver" and not density > 0:
+            raise RunnerError(
+                f"{cell.solver} simulates {cell.cloth}, whose areal density is {density} kg/m2; "
+                "give it in fabrics.csv (fabric,areal_density_kg_m2,thickness_m)"
+            )
+    return cells
+
+
+def shard(cells: list[Cell], text: str) -> list[Cell]:
+    """Every n-th cell, starting from the i-th, for `i/n` with 1 <= i <= n.
+
+    Raises:
+        RunnerError: The text is no such fraction.
+    """
+    index, slash, count = text.partition("/")
+    if not (slash and index.isdigit() and count.isdigit() and 1 <= int(index) <= int(count)):
+        raise RunnerError(f"--shard takes i/n with 1 <= i <= n, such as 1/4; got {text!r}")
+    return cells[int(index) - 1 :: int(count)]
