@@ -1,0 +1,78 @@
+"""`cusick-bench leaderboard`: solvers of a results folder, ranked beside the floor and the rows without physics."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.leaderboard import (
+    Leaderboard,
+    LeaderboardError,
+    csv,
+    html_table,
+    latex,
+    leaderboards,
+    load_cells,
+    markdown,
+    record,
+    terminal,
+    text_table,
+)
+
+PIPED_WIDTH = 120
+FORMS = (".csv", ".md", ".tex", ".html")
+
+
+class StatisticName(StrEnum):
+    """How cells are averaged."""
+
+    mean = "mean"
+    iqm = "iqm"
+
+
+@user_errors
+def leaderboard(
+    folder: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="DIR")],
+    out: Annotated[
+        list[Path] | None,
+        typer.Option(help="Also write to this file: .csv (every number), .md, .tex or .html. Repeatable."),
+    ] = None,
+    by: Annotated[str, typer.Option(help="Metric to rank by; smaller is better.")] = "test_mse",
+    statistic: Annotated[StatisticName, typer.Option(help="Average over cells.")] = StatisticName.mean,
+    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Ranks the solvers of a results folder."""
+    for path in out or []:
+        if path.suffix not in FORMS:
+            raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(FORMS)}")
+    cells = load_cells(folder)
+    boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)
+    for path in out or []:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(_form(boards, path.suffix), encoding="utf-8")
+        console.print(f"wrote {path}", markup=False, highlight=False)
+    if as_json:
+        skipped = [
+            {"path": cell.folder, "status": cell.status, "reason": cell.reason, "solver": cell.solver}
+            | {"cloth": cell.cloth, "seed": cell.seed}
+            for cell in cells.skipped
+        ]
+        rows = [record(board, row) for board in boards for row in board.rows]
+        print_json({"rows": rows, "skipped": skipped, "notes": [note for board in boards for note in board.notes]})
+        return
+    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
+    for board in boards:
+        screen.print(terminal(board, screen.width))
+        for note in text_table(board).notes:
+            screen.print(note, markup=False, highlight=False, style="dim")
+
+
+def _form(boards: list[Leaderboard], suffix: str) -> str:
+    if suffix == ".csv":
+        return csv(boards)
+    form = {".md": markdown, ".tex": latex, ".html": html_table}[suffix]
+    return "\n".join(form(board) for board in boards)

@@ -1,0 +1,281 @@
+"""From cells to ranked rows: one row a solver, beside the floor, the rows without physics and the oracles.
+
+Rows are ordered by a metric, smallest first. A row shares the rank of the row above it as long as the
+bootstrap interval of its paired difference from the first row of that rank includes 0. The floor and the
+oracles have no rank, since they have seen what the others are asked for; nor has a row that lacks a cloth,
+since its mean is over an easier or harder set.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.leaderboard.bootstrap import (
+    MINIMUM_UNITS,
+    STATISTICS,
+    Estimate,
+    Statistic,
+    Values,
+    difference,
+    estimate,
+)
+from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+
+RANDOM_PHASE = "null:random-phase"
+_FLOOR = "repeat of the same drape"
+_RANKED = ("solver", "null")
+_BOARD = ["dataset", "dataset_hash", "protocol"]
+_VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
+_MEASURED = ("train_", "test_", "floor_", "spent_")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a leaderboard.
+
+    Attributes:
+        solver: Name with options.
+        variant: What sets it apart from another row of the same name, "" where nothing does.
+        kind: "solver", "null", "oracle" or "floor".
+        rank: 1 for the best; rows that cannot be told apart share it; None without a rank.
+        cells: Number of finished cells.
+        failed: Number of failed cells.
+        cloths: Cloths covered.
+        draws: Silhouettes offered for unseen samples; NaN where cells differ.
+        estimates: Statistic with interval of every metric and every cost.
+        means: Plain means of the same.
+        iqms: Interquartile means of the same.
+        matched_null: Best-of-`draws` MSE of as many random-phase draws; NaN where that is not known.
+    """
+
+    solver: str
+    variant: str
+    kind: str
+    rank: int | None
+    cells: int
+    failed: int
+    cloths: tuple[str, ...]
+    draws: float
+    estimates: dict[str, Estimate]
+    means: dict[str, float]
+    iqms: dict[str, float]
+    matched_null: float = nan
+
+    @property
+    def label(self) -> str:
+        """Name as it is shown."""
+        return f"{self.solver} ({self.variant})" if self.variant else self.solver
+
+    def value(self, metric: str) -> float:
+        """The statistic of a metric, NaN where the row has none."""
+        return self.estimates[metric].value if metric in self.estimates else nan
+
+
+@dataclass(frozen=True)
+class Leaderboard:
+    """Rows on one data set, best first.
+
+    Attributes:
+        dataset: Name of the data set.
+        dataset_hash: Its content hash.
+        protocol: How samples were split.
+        by: Metric that orders the rows.
+        statistic: "mean" or "iqm".
+        cloths: Cloths that any row covers.
+        rows: The rows.
+        notes: What a reader must know, one sentence each.
+        run: `run.json` of the results folder.
+    """
+
+    dataset: str
+    dataset_hash: str
+    protocol: str
+    by: str
+    statistic: str
+    cloths: tuple[str, ...]
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...]
+    run: dict[str, Any]
+
+
+def metric_names(table: pd.DataFrame) -> list[str]:
+    """Metrics and costs in a table of cells, in its order."""
+    return [name for name in table.columns if name.startswith(_MEASURED)]
+
+
+def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean", seed: int = 0) -> list[Leaderboard]:
+    """Ranks the solvers of a results folder, on one board for each data set and split in it.
+
+    Args:
+        cells: From `load_cells`.
+        by: Metric to rank by, smaller is better.
+        statistic: "mean" or "iqm" (interquartile mean), over cells.
+        seed: Of the bootstrap.
+
+    Raises:
+        LeaderboardError: Unknown metric or statistic.
+    """
+    if by not in (names := metric_names(cells.table)):
+        raise LeaderboardError(f"no metric {by!r} in {cells.folder}; rank by one of: {', '.join(names)}")
+    if statistic not in STATISTICS:
+        raise LeaderboardError(f"unknown statistic {statistic!r}; use one of: {', '.join(STATISTICS)}")
+    ranking = _Ranking(by, STATISTICS[statistic], np.random.default_rng(seed))
+    boards = []
+    for _, table in cells.table.groupby(_BOARD, sort=True):
+        cloths = tuple(sorted(table["cloth"].unique()))
+        rows = ranking.rows(cells, table, cloths)
+        identity = {name: str(table[name].iloc[0]) for name in _BOARD}
+        notes = tuple(_notes(cells, rows, cloths))
+        boards.append(
+            Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
+        )
+    return boards
+
+
+@dataclass(frozen=True)
+class _Ranking:
+    """How rows are made, ordered and ranked."""
+
+    by: str
+    statistic: Statistic
+    generator: np.random.Generator
+
+    def rows(self, cells: Cells, table: pd.DataFrame, cloths: tuple[str, ...]) -> tuple[Row, ...]:
+        groups = dict(_variants(table))
+        rows = []
+        for (solver, variant), group in groups.items():
+            failed = sum(cell.status == "failed" and cell.solver == solver for cell in cells.skipped)
+            rows.append(self._row(solver, variant, group, failed, table))
+        if (floor := self._floor(table)) is not None:
+            rows.append(floor)
+        rows.sort(key=lambda row: (not isfinite(row.value(self.by)), row.value(self.by), row.label))
+        values = {key: _values(group, self.by) for key, group in groups.items()}
+        return tuple(self._ranked(rows, values, cloths))
+
+    def _row(self, solver: str, variant: str, group: pd.DataFrame, failed: int, table: pd.DataFrame) -> Row:
+        columns = {name: _values(group, name) for name in metric_names(group)}
+        columns = {name: values for name, values in columns.items() if values}
+        arrays = {name: np.array(list(values.values())) for name, values in columns.items()}
+        draws, cloths = set(_values(group, "draws").values()), tuple(sorted(set(group["cloth"])))
+        return Row(
+            solver=solver,
+            variant=variant,
+            kind=str(group["kind"].iloc[0]),
+            rank=None,
+            cells=len(group),
+            failed=failed,
+            cloths=cloths,
+            draws=draws.pop() if len(draws) == 1 else nan,
+            estimates={name: estimate(values, self.statistic, self.generator) for name, values in columns.items()},
+            means={name: float(STATISTICS["mean"](array)) for name, array in arrays.items()},
+            iqms={name: float(STATISTICS["iqm"](array)) for name, array in arrays.items()},
+            matched_null=self._matched_null(group, table),
+        )
+
+    def _matched_null(self, group: pd.DataFrame, table: pd.DataFrame) -> float:
+        """Best-of-N of as many random-phase draws, on the same cloths."""
+        counts = set(_values(group, "draws").values())
+        if len(counts) != 1 or (draws := counts.pop()) <= 1:
+            return nan
+        null = table.loc[table["solver"].str.startswith(RANDOM_PHASE)]
+        equal = null.loc[null["draws"] == draws]
+        best = _values(null, f"test_mse_best_of_{draws:.0f}") | _values(equal, "test_mse_best")
+        cloths = sorted(set(group["cloth"]))
+        means = [np.mean([value for (cloth, _), value in best.items() if cloth == name] or nan) for name in cloths]
+        return float(self.statistic(np.array(means)))
+
+    def _floor(self, table: pd.DataFrame) -> Row | None:
+        """What a second capture of the same drape scores: the mean over the cloths that have one."""
+        values = {(cloth, 0): value for (cloth, _), value in _values(table, "floor_mse").items()}
+        if not values:
+            return None
+        array = np.array(list(values.values()))
+        return Row(
+            solver=_FLOOR,
+            variant="",
+            kind="floor",
+            rank=None,
+            cells=len(values),
+            failed=0,
+            cloths=tuple(sorted(cloth for cloth, _ in values)),
+            draws=nan,
+            estimates={"test_mse": estimate(values, self.statistic, self.generator)},
+            means={"test_mse": float(STATISTICS["mean"](array))},
+            iqms={"test_mse": float(STATISTICS["iqm"](array))},
+        )
+
+    def _ranked(
+        self, rows: list[Row], values: Mapping[tuple[str, str], Values], cloths: tuple[str, ...]
+    ) -> Iterator[Row]:
+        leader, rank, place = None, 0, 0
+        for row in rows:
+            if row.kind not in _RANKED or row.cloths != cloths or not isfinite(row.value(self.by)):
+                yield row
+                continue
+            place += 1
+            own = values[row.solver, row.variant]
+            if leader is None or difference(own, leader, self.statistic, self.generator).decided:
+                leader, rank = own, place
+            yield replace(row, rank=rank)
+
+
+def _values(group: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
+    """A column by (cloth, seed), without what is not finite."""
+    if name not in group:
+        return {}
+    cells = zip(group["cloth"], group["seed"], group[name], strict=True)
+    return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
+
+
+def _variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+    """Groups of comparable cells; cells of one solver under other settings or other code make another row."""
+    for solver, group in table.groupby("solver", sort=True):
+        settings = [_flat(json.loads(text)) for text in group["settings"].unique()]
+        for _, part in group.groupby(_VARIANT, sort=True):
+            first = part.iloc[0]
+            own = {name: first[name] for name in _VARIANT if name != "settings" and len(set(group[name])) > 1}
+            own |= {
+                name: value
+                for name, value in _flat(json.loads(str(first["settings"]))).items()
+                if name not in _VARIANT and any(other.get(name) != value for other in settings)
+            }
+            yield (str(solver), ", ".join(f"{name}={value}" for name, value in own.items())), part
+
+
+def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings as `drape.steps: 100`."""
+    flat: dict[str, Any] = {}
+    for name, value in settings.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+    return flat
+
+
+def _notes(cells: Cells, rows: tuple[Row, ...], cloths: tuple[str, ...]) -> Iterator[str]:
+    yield (
+        "Intervals hold 95 % of bootstrap resamples, of seeds within each cloth, or of cloths where seeds change "
+        "nothing. Rows of one rank cannot be told apart: the interval of their paired difference includes 0."
+    )
+    if len(cloths) < MINIMUM_UNITS and all(row.cells < MINIMUM_UNITS for row in rows):
+        yield (
+            f"Fewer than {MINIMUM_UNITS} cells a row: no intervals, and all ranks are tied. "
+            "Run more cloths (--cloth) or seeds (--seeds)."
+        )
+    if not any(row.kind == "floor" for row in rows):
+        yield "No floor: these data hold no drape that was captured twice."
+    for row in rows:
+        if row.kind in _RANKED and row.cloths != cloths:
+            yield f"{row.label} has no rank: it lacks {', '.join(sorted(set(cloths) - set(row.cloths)))}."
+    if any(row.draws > 1 and row.kind == "solver" and not isfinite(row.matched_null) for row in rows):
+        yield (
+            "A best-of-N score rewards N: run null:random-phase on the same cloths with as many draws "
+            "to have something to read it against."
+        )
+    for cell in cells.skipped:
+        where = f"{cell.solver or '?'} on {cell.cloth or '?'}, seed {'?' if cell.seed is None else cell.seed}"
+        yield f"Left out, {cell.status}: {where} ({cell.folder.name}): {cell.reason.splitlines()[0]}"

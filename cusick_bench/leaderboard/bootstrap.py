@@ -1,0 +1,120 @@
+"""Means with bootstrap intervals over cells (cloth x seed), and paired differences of two solvers.
+
+Seeds are resampled within each cloth (stratified): the statement is about these cloths. Where a cloth has only one
+seed, or seeds change nothing, that would say nothing, so each cloth counts by its mean over seeds and the cloths are
+resampled. Two solvers are compared on the same resampled cells: what a cloth does to both cancels.
+
+References:
+    R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare. Deep reinforcement learning at the
+    edge of the statistical precipice. NeurIPS 2021 (interquartile mean, stratified bootstrap).
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.stats import trim_mean
+
+RESAMPLES = 4000
+LEVEL = 0.95
+MINIMUM_UNITS = 3  # fewer resampled units give no interval that means anything
+
+Values = Mapping[tuple[str, int], float]  # (cloth, seed) -> value
+Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"]]
+
+
+def mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"]:
+    """Mean over cells."""
+    return values.mean(-1)
+
+
+def interquartile_mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"]:
+    """Mean of the middle half of the cells; the plain mean of fewer than four."""
+    return trim_mean(values, 0.25, axis=-1)
+
+
+STATISTICS: dict[str, Statistic] = {"mean": mean, "iqm": interquartile_mean}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A statistic with its bootstrap interval; the bounds are NaN where there are too few cells."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def decided(self) -> bool:
+        """Whether there is an interval and it leaves out 0."""
+        return self.low > 0 or self.high < 0
+
+
+def estimate(values: Values, statistic: Statistic, generator: np.random.Generator) -> Estimate:
+    """Statistic of one solver's values with its interval.
+
+    Args:
+        values: A value for each cell (cloth, seed).
+        statistic: One of `STATISTICS`.
+        generator: Source of the resamples.
+    """
+    return _interval([values], lambda columns: statistic(columns[0]), generator)
+
+
+def difference(first: Values, second: Values, statistic: Statistic, generator: np.random.Generator) -> Estimate:
+    """Statistic of `first` minus that of `second`, on the cells that both have, with its interval.
+
+    Args:
+        first: A value for each cell (cloth, seed). A solver with one seed of a cloth is taken to have no randomness:
+            the value stands for all seeds that the other solver has there.
+        second: Values of the other solver.
+        statistic: One of `STATISTICS`.
+        generator: Source of the resamples.
+    """
+    one, other = _filled(first, second), _filled(second, first)
+    shared = sorted(one.keys() & other.keys())
+    columns = [{cell: one[cell] for cell in shared}, {cell: other[cell] for cell in shared}]
+    return _interval(columns, lambda columns: statistic(columns[0]) - statistic(columns[1]), generator)
+
+
+def _filled(own: Values, other: Values) -> Values:
+    seeds = Counter(cloth for cloth, _ in own)
+    single = {cloth: value for (cloth, _), value in own.items() if seeds[cloth] == 1}
+    return {(cloth, seed): single[cloth] for cloth, seed in other if cloth in single} | dict(own)
+
+
+def _interval(
+    columns: Sequence[Values], statistic: Callable[[ndarray], ndarray], generator: np.random.Generator
+) -> Estimate:
+    """Statistic of columns with the same cells, and its percentile interval."""
+    if not columns[0]:
+        return Estimate(nan, nan, nan)
+    strata = [np.array(stratum) for stratum in _strata(columns)]
+    values = np.concatenate(strata).T
+    value = float(statistic(values))
+    if values.shape[1] < MINIMUM_UNITS:
+        return Estimate(value, nan, nan)
+    drawn = [part[generator.integers(len(part), size=(RESAMPLES, len(part)))] for part in strata]
+    resampled = np.moveaxis(np.concatenate(drawn, axis=1), 2, 0)
+    tail = 50 * (1 - LEVEL)
+    low, high = np.percentile(statistic(resampled), [tail, 100 - tail])
+    return Estimate(value, float(low), float(high))
+
+
+def _strata(columns: Sequence[Values]) -> list[list[list[float]]]:
+    """Values to resample, a row a unit: the seeds of each cloth as a stratum, or else all cloths as one stratum."""
+    by_cloth: dict[str, list[list[float]]] = {}
+    for cloth, seed in sorted(columns[0]):
+        by_cloth.setdefault(cloth, []).append([column[cloth, seed] for column in columns])
+    if min(map(len, by_cloth.values())) > 1 and not all(_constant(rows) for rows in by_cloth.values()):
+        return list(by_cloth.values())
+    return [[np.mean(rows, axis=0).tolist() for rows in by_cloth.values()]]
+
+
+def _constant(rows: list[list[float]]) -> bool:
+    """Whether seeds change nothing, up to rounding."""
+    return bool(np.allclose(rows, rows[0], rtol=1e-6, atol=0))

@@ -1,0 +1,157 @@
+"""Finished cells of a results folder as one table; cells that failed or are damaged are named, never fatal."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cusick_bench.leaderboard.errors import LeaderboardError
+
+_MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
+_REQUIRED = ("solver", "kind", "cloth", "seed")
+_IDENTITY = ("space", "vertices", "dataset", "dataset_hash", "protocol", "code_version")
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A cell that is left out of the table.
+
+    Attributes:
+        folder: Where it lies.
+        status: "failed", "unfinished" or "damaged".
+        reason: What happened.
+        solver: Its solver, "" where even that cannot be read.
+        cloth: Its cloth.
+        seed: Its seed, None where it cannot be read.
+    """
+
+    folder: Path
+    status: str
+    reason: str
+    solver: str = ""
+    cloth: str = ""
+    seed: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """What a results folder holds.
+
+    Attributes:
+        folder: The folder.
+        run: Contents of `run.json`, empty where there is none.
+        table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `spent_*`, all metrics,
+            and `folder`.
+        skipped: The other cells.
+    """
+
+    folder: Path
+    run: dict[str, Any]
+    table: pd.DataFrame
+    skipped: tuple[Skipped, ...]
+
+
+def load_cells(folder: Path | str) -> Cells:
+    """Reads every cell below a results folder.
+
+    Args:
+        folder: The folder that `cusick-bench run --out` wrote, or is writing.
+
+    Raises:
+        LeaderboardError: The folder is missing or holds no finished cell.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise LeaderboardError(f"no results folder at {folder}; give the folder of `cusick-bench run --out`")
+    rows: list[dict[str, Any]] = []
+    skipped: list[Skipped] = []
+    for cell in sorted(path for path in folder.glob("cells/*") if path.is_dir()):
+        outcome = _read_cell(cell)
+        if isinstance(outcome, Skipped):
+            skipped.append(outcome)
+        else:
+            rows.append(outcome)
+    if not rows and not skipped:
+        raise LeaderboardError(f"{folder} holds no cells; fill it with `cusick-bench run --out {folder}`")
+    if not rows:
+        reasons = "\n".join(f"  {cell.solver or '?'} on {cell.cloth or '?'}: {cell.reason}" for cell in skipped[:5])
+        raise LeaderboardError(
+            f"none of the {len(skipped)} cells in {folder} has finished; "
+            f"repeat the `cusick-bench run` command to go on\n{reasons}"
+        )
+    table = pd.DataFrame(rows).sort_values(["solver", "cloth", "seed"], ignore_index=True)
+    return Cells(folder, _read_run(folder), table, tuple(skipped))
+
+
+def _read_cell(folder: Path) -> dict[str, Any] | Skipped:
+    try:
+        return _read_result(folder)
+    except FileNotFoundError:
+        identity = _identity(folder / "cell.json")
+        return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **identity)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        identity = _identity(folder / "cell.json")
+        return Skipped(folder, "damaged", f"{error}; delete the folder and repeat the run command", **identity)
+
+
+def _read_result(folder: Path) -> dict[str, Any] | Skipped:
+    result = _read_json(folder / "result.json")
+    for name in _REQUIRED:
+        if name not in result:
+            raise ValueError(f"result.json lacks {name!r}")
+    identity = {"solver": str(result["solver"]), "cloth": str(result["cloth"]), "seed": int(result["seed"])}
+    if result.get("status") == "failed":
+        return Skipped(folder, "failed", str(result.get("failure") or "no reason recorded"), **identity)
+    if not (folder / "done").exists():
+        raise FileNotFoundError("no done marker")
+    metrics = {name: _number(value) for name, value in result["metrics"].items()}
+    if not math.isfinite(metrics.get("train_mse", math.nan)):
+        raise ValueError("result.json has no finite train_mse")
+    spent = {f"spent_{name}": _number(value) for name, value in result.get("spent", {}).items()}
+    known = {name: result.get(name, "") for name in _IDENTITY}
+    settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
+    return {
+        **identity,
+        "kind": str(result["kind"]),
+        **known,
+        "settings": settings,
+        **spent,
+        **metrics,
+        "folder": folder,
+    }
+
+
+def _number(value: Any) -> float:
+    """A metric; null stands for NaN."""
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"result.json holds {value!r} where a number belongs")
+    return float(value)
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    if path.stat().st_size > _MAXIMUM_BYTES:
+        raise ValueError(f"{path.name} is larger than {_MAXIMUM_BYTES >> 20} MiB")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(document, dict):
+        raise ValueError(f"{path.name} is no JSON object")
+    return document
+
+
+def _identity(path: Path) -> dict[str, Any]:
+    try:
+        record = _read_json(path)
+        return {"solver": str(record["solver"]), "cloth": str(record["cloth"]), "seed": int(record["seed"])}
+    except (OSError, ValueError, TypeError, KeyError):
+        return {}
+
+
+def _read_run(folder: Path) -> dict[str, Any]:
+    try:
+        return _read_json(folder / "run.json")
+    except (OSError, ValueError):
+        return {}

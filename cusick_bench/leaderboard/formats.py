@@ -1,0 +1,125 @@
+"""The forms of a leaderboard: terminal, Markdown, LaTeX, HTML fragment, and CSV with every number in full."""
+
+import html
+from dataclasses import asdict
+from typing import Any
+
+import pandas as pd
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from cusick_bench.leaderboard.board import Leaderboard, Row
+from cusick_bench.leaderboard.text import TextTable, text_table
+
+_STYLES = {"null": "yellow", "oracle": "magenta", "floor": "cyan", "solver": "bold"}
+_LATEX = str.maketrans(
+    {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}"}
+    | {"^": r"\textasciicircum{}", "\\": r"\textbackslash{}", "✗": r"$\times$", "±": r"$\pm$"}
+)
+
+
+def terminal(board: Leaderboard, width: int = 120) -> Table:
+    """A table for a terminal of that many characters; the rarer columns are left out where it is narrow."""
+    text = text_table(board).within(width)
+    table = Table(title=text.title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, title_justify="left")
+    for column in text.columns:
+        table.add_column(
+            Text(f"{column.head}\n{column.unit}".rstrip()),
+            justify="left" if column.left else "right",
+            no_wrap=not column.left,
+            overflow="fold",
+        )
+    for kind, entries in zip(text.kinds, text.entries, strict=True):
+        table.add_row(*map(Text, entries), style=_STYLES.get(kind, ""))
+    return table
+
+
+def markdown(board: Leaderboard) -> str:
+    """A Markdown table with its notes."""
+    text = text_table(board)
+    heads = [f"{column.head} {column.unit}".strip() for column in text.columns]
+    lines = [f"**{_escaped(text.title)}**", "", _line(heads)]
+    lines.append(_line([":---" if column.left else "---:" for column in text.columns]))
+    lines += [_line(list(map(_escaped, entries))) for entries in text.entries]
+    return "\n".join([*lines, "", *(f"- {_escaped(note)}" for note in text.notes)]) + "\n"
+
+
+def latex(board: Leaderboard) -> str:
+    """A LaTeX `tabular` (booktabs) with its notes as comments."""
+    text = text_table(board)
+    heads = [f"{column.head} {column.unit}".strip().translate(_LATEX) for column in text.columns]
+    lines = [f"% {note}" for note in (text.title, *text.notes)]
+    lines.append(r"\begin{tabular}{" + "".join("l" if column.left else "r" for column in text.columns) + "}")
+    lines += [r"\toprule", " & ".join(heads) + r" \\", r"\midrule"]
+    lines += [" & ".join(entry.translate(_LATEX) for entry in entries) + r" \\" for entries in text.entries]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def html_table(board: Leaderboard) -> str:
+    """An HTML `table` element; rows carry their kind as a class."""
+    text = text_table(board)
+    return "\n".join(
+        [
+            '<table class="leaderboard">',
+            f"<caption>{html.escape(text.title)}</caption>",
+            f"<thead><tr>{_heads(text)}</tr></thead>",
+            "<tbody>",
+            *(_html_row(kind, entries) for kind, entries in zip(text.kinds, text.entries, strict=True)),
+            "</tbody></table>",
+        ]
+    )
+
+
+def csv(boards: list[Leaderboard]) -> str:
+    """All rows of all boards, every metric with statistic, 95 % interval, mean and interquartile mean, provenance."""
+    records = [record(board, row) for board in boards for row in board.rows]
+    return pd.DataFrame(records).to_csv(index=False, lineterminator="\n")
+
+
+def record(board: Leaderboard, row: Row) -> dict[str, Any]:
+    """A row in full, flat, with what is needed to repeat it."""
+    command = board.run.get("command", "")
+    numbers: dict[str, Any] = {}
+    for name, estimate in row.estimates.items():
+        numbers |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+        numbers |= {f"{name}_mean": row.means[name], f"{name}_iqm": row.iqms[name]}
+    identity = {key: value for key, value in asdict(row).items() if key not in ("estimates", "means", "iqms", "cloths")}
+    return {
+        **identity,
+        "rank": "" if row.rank is None else row.rank,
+        "cloths": " ".join(row.cloths),
+        "statistic": board.statistic,
+        **numbers,
+        "dataset": board.dataset,
+        "dataset_hash": board.dataset_hash,
+        "protocol": board.protocol,
+        "command": command if isinstance(command, str) else " ".join(map(str, command)),
+        "code_version": board.run.get("code_version", ""),
+        "hardware": " ".join(str(board.run.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
+    }
+
+
+def _line(entries: list[str]) -> str:
+    return f"| {' | '.join(entries)} |"
+
+
+def _escaped(text: str) -> str:
+    return html.escape(text, quote=False).replace("|", r"\|").replace("\n", " ")
+
+
+def _heads(text: TextTable) -> str:
+    return "".join(
+        f'<th scope="col"{_side(column.left)} title="{html.escape(column.meaning)}">{html.escape(column.head)}'
+        f"<small>{html.escape(column.unit)}</small></th>"
+        for column in text.columns
+    )
+
+
+def _html_row(kind: str, entries: tuple[str, ...]) -> str:
+    cells = "".join(f"<td>{html.escape(entry)}</td>" for entry in entries)
+    return f'<tr class="{html.escape(kind)}">{cells}</tr>'
+
+
+def _side(left: bool) -> str:
+    return ' class="left"' if left else ""

@@ -1,0 +1,179 @@
+"""A leaderboard as a table of short strings: the common source of its terminal, Markdown, LaTeX and HTML forms."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import isfinite
+
+from cusick_bench.leaderboard.board import Leaderboard, Row
+from cusick_bench.leaderboard.bootstrap import Estimate
+
+
+_FOLDED = 25  # characters after which a long solver name is folded
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a leaderboard.
+
+    Attributes:
+        head: First line of the heading.
+        unit: Second line.
+        meaning: What it says, in full.
+        entry: How a row's entry is written.
+        left: Whether it is set flush left.
+        rarity: Columns of the highest rarity go first where space is short; those of 0 stay.
+    """
+
+    head: str
+    unit: str
+    meaning: str
+    entry: Callable[[Row], str]
+    left: bool = False
+    rarity: int = 0
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table ready to be set.
+
+    Attributes:
+        title: One line above it.
+        columns: Its columns.
+        kinds: Kind of each row, to mark it by.
+        entries: Strings, a row each.
+        notes: Sentences below it.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    kinds: tuple[str, ...]
+    entries: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...]
+
+    def within(self, width: int) -> "TextTable":
+        """The table without its rarest columns, as many as it takes to fit `width` characters."""
+        sizes = [
+            max(map(len, (column.head, column.unit, *(row[place] for row in self.entries)))) + 1
+            for place, column in enumerate(self.columns)
+        ]
+        sizes = [min(size, _FOLDED) for size in sizes]
+        rarity = max(column.rarity for column in self.columns)
+        if rarity == 0 or sum(sizes) + 1 <= width:
+            return self
+        kept = [place for place, column in enumerate(self.columns) if column.rarity < rarity]
+        columns = tuple(self.columns[place] for place in kept)
+        entries = tuple(tuple(row[place] for place in kept) for row in self.entries)
+        return replace(self, columns=columns, entries=entries).within(width)
+
+
+def short(value: float, digits: int = 4) -> str:
+    """A number below 1 as the paper writes it, `.0529`; nothing for NaN."""
+    if not isfinite(value):
+        return ""
+    text = f"{value:.{digits}f}"
+    return text.replace("0.", ".", 1) if text.startswith(("0.", "-0.")) else text
+
+
+def _with_interval(estimate: Estimate | None) -> str:
+    if estimate is None or not isfinite(estimate.value):
+        return ""
+    if not isfinite(estimate.low):
+        return short(estimate.value)
+    return f"{short(estimate.value)} [{short(estimate.low)}, {short(estimate.high)}]"
+
+
+def _best_of(row: Row) -> str:
+    return f"{short(row.value('test_mse_best'))} /{row.draws:.0f}" if row.draws > 1 else ""
+
+
+def _seconds(value: float) -> str:
+    return "" if not isfinite(value) else f"{value:.1f}" if value < 100 else f"{value:,.0f}"
+
+
+def _count(value: float) -> str:
+    return f"{value:,.0f}" if isfinite(value) else ""
+
+
+COLUMNS = (
+    Column("#", "", "rank; rows of one rank cannot be told apart", lambda row: str(row.rank or "")),
+    Column("solver", "", "solver and its options", lambda row: row.label, left=True),
+    Column(
+        "kind", "", "null: no physics; oracle: has seen the test samples", lambda row: row.kind, left=True, rarity=4
+    ),
+    Column(
+        "cells",
+        "",
+        "finished cells (cloth x seed), + failed ones",
+        lambda row: f"{row.cells}+{row.failed}✗" if row.failed else str(row.cells),
+        rarity=3,
+    ),
+    Column("train", "MSE", "fit of the training silhouette, per pixel", lambda row: short(row.value("train_mse"))),
+    Column(
+        "test",
+        "MSE [95 %]",
+        "draws against unseen samples of the cloth, per pixel",
+        lambda row: _with_interval(row.estimates.get("test_mse")),
+    ),
+    Column("best", "MSE /N", "unseen samples against the best of N draws", _best_of, rarity=2),
+    Column(
+        "random",
+        "MSE /N",
+        "the same, of N draws with random fold phases: what N alone is worth",
+        lambda row: short(row.matched_null),
+        rarity=2,
+    ),
+    Column(
+        "H",
+        "mm",
+        "symmetric Hausdorff distance of the draws' surfaces from those of unseen samples",
+        lambda row: short(1e3 * row.value("test_hausdorff_m"), 1),
+    ),
+    Column(
+        "DC err",
+        "points",
+        "drape coefficient in per cent, mean of draws from mean of unseen samples",
+        lambda row: short(1e2 * row.value("test_dc_error"), 1),
+    ),
+    Column(
+        "folds",
+        "err",
+        "number of folds, mean of draws from mean of unseen samples",
+        lambda row: short(row.value("test_folds_error"), 1),
+        rarity=1,
+    ),
+    Column(
+        "cost",
+        "drapes",
+        "forward-equivalents a cell: drapes, a gradient counting as two",
+        lambda row: _count(row.value("spent_forward_equivalents")),
+        rarity=1,
+    ),
+    Column("time", "s", "wall seconds a cell", lambda row: _seconds(row.value("spent_wall_seconds"))),
+)
+
+
+def text_table(board: Leaderboard) -> TextTable:
+    """Sets a leaderboard in strings."""
+    statistic = {"mean": "mean", "iqm": "interquartile mean"}[board.statistic]
+    return TextTable(
+        title=f"{board.dataset}, {len(board.cloths)} cloths, {statistic} over cells, ranked by {board.by}",
+        columns=COLUMNS,
+        kinds=tuple(row.kind for row in board.rows),
+        entries=tuple(tuple(column.entry(row) for column in COLUMNS) for row in board.rows),
+        notes=(*board.notes, *_provenance(board)),
+    )
+
+
+def _provenance(board: Leaderboard) -> list[str]:
+    run = board.run
+    facts = [f"Data: {board.dataset} (sha256 {board.dataset_hash[:12]}), split: {board.protocol}"]
+    if command := run.get("command"):
+        facts.append("Command: " + (command if isinstance(command, str) else " ".join(map(str, command))))
+    hardware = ", ".join(str(run[key]) for key in ("processor", "platform") if run.get(key))
+    if run.get("cores"):
+        hardware += f", {run['cores']} cores"
+    if hardware:
+        facts.append(f"Hardware: {hardware}")
+    if run.get("code_version"):
+        facts.append(f"Code: {run['code_version']}, {run.get('time', '')}".rstrip(", "))
+    return [f"{fact}." for fact in facts]
