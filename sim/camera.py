@@ -6,7 +6,7 @@ The world is right-handed, in metres: x right (warp), y up in the image, z towar
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol, get_args
+from typing import Literal, Protocol, get_args, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -23,6 +23,7 @@ EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
 ImageY = Literal["up", "down"]
 
 
+@runtime_checkable
 class Camera(Protocol):
     """Whatever projects points of space into the image, differentiably."""
 
@@ -31,9 +32,9 @@ class Camera(Protocol):
         ...
 
 
-def _check(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low < value < high:  # also false for NaN
-        raise SimulationError(f"camera: {name} must lie in ({low:g}, {high:g}) {unit}, got {value}")
+def _check(name: str, value: float | int, limit: float, unit: str) -> None:
+    if not 0 < value < limit:  # also false for NaN
+        raise SimulationError(f"camera: {name} must lie between 0 and {limit:g} {unit}, got {value}")
 
 
 def _check_frame(centre_px: tuple[float, float], image_y: str) -> None:
@@ -67,7 +68,7 @@ class ParallelCamera:
     image_y: ImageY = "up"
 
     def __post_init__(self) -> None:
-        _check("px_per_m", self.px_per_m, 0, math.inf, "px/m")
+        _check("px_per_m", self.px_per_m, math.inf, "px/m")
         _check_frame(self.centre_px, self.image_y)
 
     def project(self, vertices: Float[Tensor, "*batch vertices 3"]) -> Float[Tensor, "*batch vertices 2"]:
@@ -99,9 +100,9 @@ class PinholeCamera:
     image_y: ImageY = "up"
 
     def __post_init__(self) -> None:
-        _check("fov_rad", self.fov_rad, 0, math.pi, "rad")
-        _check("eye_height_m", self.eye_height_m, 0, math.inf, "m")
-        _check("size_px", self.size_px, 0, math.inf, "px")
+        _check("fov_rad", self.fov_rad, math.pi, "rad")
+        _check("eye_height_m", self.eye_height_m, math.inf, "m")
+        _check("size_px", self.size_px, math.inf, "px")
         _check_frame(self.centre_px, self.image_y)
 
     @property
