@@ -64,7 +64,7 @@ _LOWER, _RIGHT, _TRANSPOSED, _PLAIN = (ord(letter) for letter in "LRTN")
 
 
 @numba.njit(cache=True)
-def cholesky(matrix: Any, size: int, stride: int) -> bool:
+def cholesky(matrix, size, stride):
     """A <- L with L L^T = A, in the lower triangle; False if A is not positive definite."""
     failed = np.zeros(1, np.int32)
     _potrf(_letter(_LOWER), _integer(size), matrix.ctypes, _integer(stride), failed.ctypes)
@@ -72,7 +72,7 @@ def cholesky(matrix: Any, size: int, stride: int) -> bool:
 
 
 @numba.njit(cache=True)
-def divide_by_transposed(triangle: Any, matrix: Any, rows: int, columns: int, stride: int) -> None:
+def divide_by_transposed(triangle, matrix, rows, columns, stride):
     """B <- B L^-T."""
     _trsm(
         _letter(_RIGHT), _letter(_LOWER), _letter(_TRANSPOSED), _letter(_PLAIN), _integer(rows),
@@ -81,7 +81,7 @@ def divide_by_transposed(triangle: Any, matrix: Any, rows: int, columns: int, st
 
 
 @numba.njit(cache=True)
-def subtract_product(left: Any, right: Any, target: Any, rows: int, columns: int, inner: int, stride: int) -> None:
+def subtract_product(left, right, target, rows, columns, inner, stride):
     """C <- C - A B^T."""
     _gemm(
         _letter(_PLAIN), _letter(_TRANSPOSED), _integer(rows), _integer(columns), _integer(inner),
@@ -91,7 +91,7 @@ def subtract_product(left: Any, right: Any, target: Any, rows: int, columns: int
 
 
 @numba.njit(cache=True)
-def negative_square(matrix: Any, rows: int, columns: int, stride: int, target: Any) -> None:
+def negative_square(matrix, rows, columns, stride, target):
     """C <- -A A^T, its lower triangle, without gaps between its columns."""
     _syrk(
         _letter(_LOWER), _letter(_PLAIN), _integer(rows), _integer(columns), _real(-1.0), matrix.ctypes,
@@ -100,7 +100,7 @@ def negative_square(matrix: Any, rows: int, columns: int, stride: int, target: A
 
 
 @numba.njit(cache=True)
-def solve_lower(triangle: Any, size: int, stride: int, vector: Any, transposed: bool) -> None:
+def solve_lower(triangle, size, stride, vector, transposed):
     """x <- L^-1 x, or x <- L^-T x."""
     _trsv(
         _letter(_LOWER), _letter(_TRANSPOSED if transposed else _PLAIN), _letter(_PLAIN), _integer(size),
@@ -109,9 +109,7 @@ def solve_lower(triangle: Any, size: int, stride: int, vector: Any, transposed: 
 
 
 @numba.njit(cache=True)
-def subtract_times(
-    matrix: Any, rows: int, columns: int, stride: int, vector: Any, target: Any, transposed: bool
-) -> None:
+def subtract_times(matrix, rows, columns, stride, vector, target, transposed):
     """y <- y - A x, or y <- y - A^T x."""
     _gemv(
         _letter(_TRANSPOSED if transposed else _PLAIN), _integer(rows), _integer(columns), _real(-1.0),

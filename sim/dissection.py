@@ -83,7 +83,7 @@ def _best_cut(points: Float[ndarray, "vertices 2"], graph: sparse.csr_array) -> 
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     heights = points @ np.stack([np.cos(angles), np.sin(angles)])
     rank = np.argsort(np.argsort(heights, axis=0, kind="stable"), axis=0)
-    left = np.hstack([rank < int(share * len(points)) for share in LEFT_SHARES])
+    left = np.hstack([rank < max(1, int(share * len(points))) for share in LEFT_SHARES])
     touching = (left & (graph @ (~left).astype(np.float32) > 0)).sum(axis=0)
     unevenness = 1 + np.abs(np.repeat(LEFT_SHARES, DIRECTIONS) - 0.5)
     return left[:, np.argmin(touching * unevenness)]

@@ -64,7 +64,7 @@ def analyse(pattern: BlockPattern, dissection: Dissection, workers: int) -> Elim
     beyond = np.array([len(boundary) for boundary in boundaries])
     panel_start = _ends(BLOCK * BLOCK * own * (own + beyond))
     fronts = range(len(own))
-    scattered = [_scatter(columns, start, front, boundaries[front], panel_start[front]) for front in fronts]
+    scattered = [_scatter(columns, start, front, boundaries[front], int(panel_start[front])) for front in fronts]
     runs = [_runs(front, int(parent[front]), boundaries, start) for front in fronts]
     parts = schedule(parent, children, _work(own, beyond), workers)
     update_start, update_end = _stack(parts, parent, children, (BLOCK * beyond) ** 2)
@@ -130,8 +130,9 @@ def _runs(front: int, above: int, boundaries: list[ndarray], start: ndarray) -> 
     boundary = boundaries[front]
     if above < 0:
         return np.empty((0, 3), np.int64)
-    rows = _rows(boundary, start[above], start[above + 1], boundaries[above])
-    breaks = (np.diff(rows) != 1) | (rows[1:] == start[above + 1] - start[above])
+    first_above, end_above = int(start[above]), int(start[above + 1])
+    rows = _rows(boundary, first_above, end_above, boundaries[above])
+    breaks = (np.diff(rows) != 1) | (rows[1:] == end_above - first_above)
     first = np.concatenate([[0], np.flatnonzero(breaks) + 1])
     return np.stack([first, np.append(first[1:], len(rows)), rows[first]], axis=1)
 
@@ -145,7 +146,7 @@ def _scatter(
     columns: sparse.csc_array, start: ndarray, front: int, boundary: ndarray, panel: int
 ) -> tuple[ndarray, ndarray]:
     """Slots of the matrix in a front's panel and the place in the factor of each one's corner."""
-    first, end = start[front], start[front + 1]
+    first, end = int(start[front]), int(start[front + 1])
     entries = slice(columns.indptr[first], columns.indptr[end])
     row = _rows(columns.indices[entries].astype(np.int64), first, end, boundary)
     column = np.repeat(np.arange(end - first), np.diff(columns.indptr[first : end + 1]))

@@ -35,7 +35,7 @@ class NotPositiveDefinite(SimulationError, ArithmeticError):
         super().__init__("the matrix must be positive definite, and it is not; regularise it: add to its diagonal")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BlockPattern:
     """Which vertices are coupled: a symmetric pattern of blocks, diagonal included, in compressed rows.
 
@@ -125,7 +125,7 @@ class Factor(ABC):
     def nbytes(self) -> int:
         """Memory kept by the factor [bytes]."""
 
-    def solve(self, right: Float[ndarray, "*several vertices 3"]) -> Float[ndarray, "*several vertices 3"]:
+    def solve(self, right: Float[ndarray, "*shape"]) -> Float[ndarray, "*shape"]:
         """Solve A x = b.
 
         Args:
@@ -139,14 +139,10 @@ class Factor(ABC):
         """
         right = np.ascontiguousarray(right, np.float64)
         one = (self.vertices, BLOCK)
-        if self.members is None:
-            fits, expected = (
-                right.shape == one or right.shape[1:] == one,
-                f"{one} or (count, {one[0]}, {BLOCK})",
-            )
-        else:
-            fits, expected = right.shape == (self.members, *one), (self.members, *one)
+        single = self.members is None
+        fits = right.shape in (one, (len(right), *one)) if single else right.shape == (self.members, *one)
         if not fits:
+            expected = f"{one} or (count, {one[0]}, {BLOCK})" if single else (self.members, *one)
             raise SimulationError(f"right-hand side must have shape {expected}, got {right.shape}")
         if not np.isfinite(right).all():
             raise SimulationError("right-hand side must be finite, got NaN or infinity; check the forces")
@@ -197,7 +193,7 @@ class LinearSolver(ABC):
         """
         return self._factorise(self._checked(blocks, ("slots",)), out)
 
-    def factorise_batch(self, blocks: Float[ndarray, "members slots 3 3"], *, out: Factor | None = None) -> Factor:
+    def factorise_batch(self, blocks: Float[ndarray, "*members slots 3 3"], *, out: Factor | None = None) -> Factor:
         """Factorise several matrices of the pattern; arguments and errors as for `factorise`."""
         return self._factorise_batch(self._checked(blocks, ("members", "slots")), out)
 

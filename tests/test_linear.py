@@ -9,6 +9,7 @@ import scipy.sparse as sparse
 from scipy.spatial import Delaunay
 
 from cusick_bench.sim.dissection import dissect
+from cusick_bench.sim.elimination import analyse
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear import BlockPattern, NotPositiveDefinite, available_backends, solver
 from cusick_bench.sim.multifrontal import MultifrontalSolver
@@ -119,7 +120,7 @@ def test_disconnected_parts(backend):
 
 
 def test_a_single_vertex(backend):
-    pattern = BlockPattern.from_couplings(np.zeros((1, 2)), np.empty((0, 2)))
+    pattern = BlockPattern.from_couplings(np.zeros((1, 2)), np.empty((0, 2), int))
     block = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 0.5], [0.0, 0.5, 2.0]])
     solution = solver(pattern, backend).factorise(block[None]).solve(np.array([[1.0, 2.0, 3.0]]))
     np.testing.assert_allclose(block @ solution[0], [1.0, 2.0, 3.0], rtol=1e-13)
@@ -295,6 +296,11 @@ def test_factor_keeps_its_panels_only(default, pattern):
     factor = default.factorise(random_blocks(pattern))
     panels = np.sum(default.tree.sizes[:, 0] * default.tree.sizes.sum(axis=1))
     assert factor.nbytes == 8 * panels
+
+
+def test_workspace_holds_few_updates_at_a_time(pattern):
+    tree = analyse(pattern, dissect(pattern, 16), workers=1)
+    assert tree.update_end < 0.4 * np.sum(tree.sizes[:, 1] ** 2)
 
 
 def test_dissection_eliminates_every_vertex_once_and_keeps_pieces_apart():
