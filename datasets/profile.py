@@ -100,7 +100,7 @@ def profile_from_image(
     def along(radii: ndarray) -> ndarray:  # (angles, n) radii [px] -> coverage
         return _bilinear(padded, centre[0] + step_column[:, None] * radii, centre[1] + step_row[:, None] * radii)
 
-    rows, columns = np.indices(padded.shape, sparse=True)
+    rows, columns = np.ogrid[: padded.shape[0], : padded.shape[1]]
     distance = np.hypot(columns - 2 - centre[0], rows - 2 - centre[1])
     cloth = padded >= 0.5
     if not cloth.any():

@@ -1,0 +1,258 @@
+"""The data set as solvers, metrics and torch see it: a frozen table of silhouettes, and samples read on demand."""
+
+import hashlib
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import torch
+from jaxtyping import Float
+from scipy.ndimage import shift
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.image import read_silhouette
+from cusick_bench.datasets.layout import inside_root
+from cusick_bench.datasets.measure import content_hash, profile_of
+from cusick_bench.datasets.mesh_file import read_mesh
+from cusick_bench.datasets.profile import Profile
+from cusick_bench.datasets.protocol import Protocol
+from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.datasets.splits import Split, split_rows
+
+if TYPE_CHECKING:
+    import trimesh
+    from cusick_bench.datasets.audit import Audit
+
+
+@dataclass(frozen=True, eq=False)
+class DrapeSample:
+    """One drape.
+
+    Attributes:
+        image: Silhouette, cloth = 1.
+        profile: Radius-angle profile of the image.
+        row: Its row of the index.
+        mesh_path: File of its mesh, None if there is none.
+    """
+
+    image: Float[Tensor, "size size"]
+    profile: Profile
+    row: "pd.Series[Any]"
+    mesh_path: Path | None
+
+    @cached_property
+    def mesh(self) -> "trimesh.Trimesh | None":
+        """The mesh [m], turned as the index says; None if there is none.
+
+        Raises:
+            BadMesh: The file cannot be read.
+        """
+        if self.mesh_path is None:
+            return None
+        import trimesh  # here, as it takes longer to import than a data set to load
+
+        mesh = read_mesh(self.mesh_path)
+        turn = round(float(self.row["mesh_rotation_deg"]) / 90) % 4
+        cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[turn]
+        rotation = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]], dtype=np.float64)
+        return trimesh.Trimesh(mesh.vertices @ rotation, mesh.faces, process=False)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DrapeDataset(Dataset[dict[str, Any]]):
+    """Silhouettes of drapes with their meshes and what is known of the cloth; made by `load`.
+
+    Attributes:
+        name: Of the data set.
+        root: Folder of its files.
+        protocol: Nominal values of the experiment.
+        corrected: Corrections that were applied.
+        table: See `index`.
+    """
+
+    name: str
+    root: Path
+    protocol: Protocol
+    corrected: tuple[str, ...]
+    table: pd.DataFrame = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"DrapeDataset({self.name!r}, {len(self)} silhouettes of {len(self.cloths)} cloths, {str(self.root)!r})"
+
+    @property
+    def index(self) -> pd.DataFrame:
+        """A copy of the table, one row per silhouette.
+
+        Columns:
+            dataset, fabric (number), cloth (a named set, or e.g. `fabric_9`), sample, capture
+            side: "up", "down", or "" if unknown
+            observation: number in a series over time, else 0
+            image, mesh: paths below `root`; "" for no mesh
+            same_as: in a named set, the identical image of a fabric, else ""
+            mesh_rotation_deg: turn about z that `sample` applies to the mesh
+            image_shift_columns_px, image_shift_rows_px: shift that `sample` applies to the image
+            areal_density: [kg/m2], thickness: [m]; NaN if unknown
+            notes: every correction and doubt
+        """
+        return self.table.copy()
+
+    def _row(self, i: int) -> dict[str, Any]:
+        return {str(name): value for name, value in self.table.iloc[i].items()}
+
+    @property
+    def cloths(self) -> list[str]:
+        """Names of the sets, in the table's order."""
+        return list(dict.fromkeys(self.table["cloth"]))
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __getitem__(self, i: int) -> dict[str, Any]:
+        row = self._row(i)
+        return {
+            "image": self.image(i),
+            "index": i,
+            **{name: row[name] for name in ("cloth", "side")},
+            **{name: int(row[name]) for name in ("fabric", "sample", "capture", "observation")},
+            **{name: float(row[name]) for name in ("areal_density", "thickness")},
+        }
+
+    def image(self, i: int) -> Float[Tensor, "size size"]:
+        """Silhouette of row i, float64 in [0, 1], cloth = 1.
+
+        Raises:
+            BadImage: The file cannot be used.
+        """
+        row = self._row(i)
+        pixels = read_silhouette(inside_root(self.root, row["image"]), self.protocol)
+        columns, rows = float(row["image_shift_columns_px"]), float(row["image_shift_rows_px"])
+        if columns or rows:
+            pixels = np.clip(shift(pixels, (rows, columns), order=1), 0, 1)
+        return torch.from_numpy(np.array(pixels))
+
+    def sample(self, i: int) -> DrapeSample:
+        """Image, profile and (read when first used) mesh of row i.
+
+        Raises:
+            BadImage: The image cannot be used.
+        """
+        image, mesh = self.image(i), self._row(i)["mesh"]
+        profile = profile_of(image.numpy(), self.protocol)
+        return DrapeSample(image, profile, self.table.iloc[i], inside_root(self.root, mesh) if mesh else None)
+
+    def select(self, **conditions: Any) -> "DrapeDataset":
+        """The part whose rows have the given values, e.g. `select(cloth="cotton_blue", sample=[1, 2])`.
+
+        Rows are numbered anew from 0.
+
+        Raises:
+            DataError: An unknown column, or nothing is left.
+        """
+        keep = np.ones(len(self), dtype=bool)
+        for column, value in conditions.items():
+            if column not in self.table:
+                known = ", ".join(self.table.columns)
+                raise DataError(f"unknown column {column!r}", where=self.name, remedy=f"use one of {known}")
+            values = [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+            keep &= np.array([cell in values for cell in self.table[column]], dtype=bool)
+        if not keep.any():
+            raise DataError(
+                f"no silhouette with {conditions}", where=self.name, remedy=f"cloths are {', '.join(self.cloths)}"
+            )
+        return replace(self, table=self.table.iloc[np.flatnonzero(keep)].reset_index(drop=True))
+
+    def split(
+        self,
+        protocol: str = "paper",
+        cloths: Sequence[str] | None = None,
+        *,
+        generator: np.random.Generator | None = None,
+    ) -> list[Split]:
+        """Splits each cloth's samples.
+
+        `paper`: one silhouette of one sample trains, one silhouette of every other sample tests. In the paper's
+        named sets the training sample is the published one, elsewhere the first, or a random one if a generator is
+        given. `leave-one-sample-out`: one split per sample; all its silhouettes test, all others train.
+
+        Args:
+            protocol: One of `PROTOCOLS`.
+            cloths: Sets to split. By default all; with `paper`, the named sets alone if there are any.
+            generator: Draws the training sample of sets that have no published one.
+
+        Raises:
+            DataError: Unknown protocol or cloth, or a cloth with fewer than two samples.
+        """
+        return split_rows(self.table, protocol, cloths, generator)
+
+    def repeats(self, i: int) -> list[int]:
+        """Rows that show the drape of row i again: other captures of the same sample and face of its fabric.
+
+        For a row of a named set these are captures of the fabric in which the identical image lies (`same_as`);
+        a named image that is in no fabric has none. Observations of one drape over time are no repeats.
+        """
+        row, table = self._row(i), self.table
+        if row["same_as"]:
+            known = [other for other, image in enumerate(table["image"]) if image == row["same_as"]]
+            if not known:
+                return []
+            row = self._row(known[0])
+        elif row["cloth"] in CLOTHS:
+            return []
+        if row["observation"] or not row["side"]:
+            return []
+        same = (table["cloth"] == row["cloth"]) & (table["sample"] == row["sample"]) & (table["side"] == row["side"])
+        return [int(other) for other in table.index[same & (table["capture"] != row["capture"])]]
+
+    def repeat_pairs(self, cloth: str) -> list[tuple[int, int]]:
+        """All pairs of rows that show one drape twice; for a named set, in the fabric that holds its images.
+
+        Their mean difference is the floor of any score. Empty where no drape was captured again.
+        """
+        same_as = set(self.table["same_as"][self.table["cloth"] == cloth])
+        sources = {cloth} | {
+            owner for owner, image in zip(self.table["cloth"], self.table["image"], strict=True) if image in same_as
+        }
+        rows = [row for row, owner in enumerate(self.table["cloth"]) if owner in sources - CLOTHS.keys()]
+        return [(row, other) for row in rows for other in self.repeats(row) if other > row]
+
+    def require_density(self, i: int) -> float:
+        """Areal density of row i [kg/m2].
+
+        Raises:
+            DataError: It is not known.
+        """
+        row = self._row(i)
+        density = float(row["areal_density"])
+        if not density > 0 or not math.isfinite(density):
+            key = f"fabric_{row['fabric']}" if row["fabric"] else row["cloth"]
+            raise DataError(
+                f"areal density of {row['cloth']} must be > 0 kg/m2, got {density}",
+                where=self.root,
+                remedy=f"weigh the cloth and add `{key},<kg/m2>,` to {self.root / 'fabrics.csv'} "
+                "(columns fabric,areal_density_kg_m2,thickness_m), or give --fabrics-csv",
+                kind="density-missing",
+            )
+        return density
+
+    def audit(self) -> "Audit":
+        """Every irregularity of the files in `root`."""
+        from cusick_bench.datasets.audit import audit
+
+        return audit(self.root)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 over the files in use and over how they are used (corrections, densities, protocol)."""
+        digest = hashlib.sha256(repr(self.protocol).encode())
+        for i in range(len(self)):
+            row = self._row(i)
+            files = [content_hash(inside_root(self.root, row[name])) for name in ("image", "mesh") if row[name]]
+            digest.update(repr([*files, *(row[name] for name in row if name not in ("dataset", "notes"))]).encode())
+        return digest.hexdigest()

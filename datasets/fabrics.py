@@ -1,0 +1,97 @@
+"""Areal density and thickness of fabrics: a table that the user supplies, and the five values that are published."""
+
+import csv
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cusick_bench.datasets.errors import BadTable
+
+FILE = "fabrics.csv"
+_MAXIMUM_BYTES = 1 << 20
+_COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
+_HEAVIEST = 5.0  # [kg/m2]; ten times a heavy denim: beyond it the value is in g/m2
+_THICKEST = 0.02  # [m]; beyond it the value is in mm
+
+
+@dataclass(frozen=True)
+class Fabric:
+    """What a table says of one fabric.
+
+    Attributes:
+        areal_density: [kg/m2], NaN if unknown.
+        thickness: [m], NaN if unknown.
+        source: Where the values are from.
+        extra: Other columns, as found.
+    """
+
+    areal_density: float = math.nan
+    thickness: float = math.nan
+    source: str = ""
+    extra: dict[str, str] = field(default_factory=dict)
+
+
+def fabric_key(name: str) -> str:
+    """One spelling for a fabric: `2`, `Fabric 2` and `fabric_2` are all `fabric_2`; other names in lower case."""
+    key = name.strip().lower().replace("-", "_").replace(" ", "_")
+    return f"fabric_{int(key)}" if key.isdecimal() else key
+
+
+def read_fabrics(path: Path) -> dict[str, Fabric]:
+    """Reads `fabric,areal_density_kg_m2,thickness_m,...`; an empty field means unknown.
+
+    Returns:
+        Fabrics by `fabric_key`.
+
+    Raises:
+        BadTable: Missing columns, a fabric given twice, or a density or thickness that is <= 0, not a number or
+            clearly in another unit; file and line are named.
+    """
+    try:
+        if path.stat().st_size > _MAXIMUM_BYTES:
+            raise _bad(path, f"larger than {_MAXIMUM_BYTES} bytes", "keep one line per fabric")
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        rows = list(csv.reader(lines, strict=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise _bad(path, f"cannot be read as CSV ({error})", "write it as UTF-8 with commas") from error
+    header = [name.strip() for name in rows[0]] if rows else []
+    if not {"fabric", "areal_density_kg_m2"} <= set(header):
+        raise _bad(
+            path, f"needs the columns fabric and areal_density_kg_m2, got {header}", "name them in the first line"
+        )
+    table: dict[str, Fabric] = {}
+    for number, row in enumerate(rows[1:], 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) > len(header):
+            raise _bad(f"{path}, line {number}", f"has {len(row)} fields for {len(header)} columns", "correct it")
+        cells = dict(zip(header, (cell.strip() for cell in row), strict=False))
+        key = fabric_key(cells["fabric"])
+        if not key or key in table:
+            raise _bad(f"{path}, line {number}", f"fabric {cells['fabric']!r} is empty or given twice", "correct it")
+        where = f"{path}, line {number}"
+        table[key] = Fabric(
+            _value(cells.get("areal_density_kg_m2", ""), "areal density", "kg/m2", _HEAVIEST, where),
+            _value(cells.get("thickness_m", ""), "thickness", "m", _THICKEST, where),
+            where,
+            {name: cell for name, cell in cells.items() if name not in _COLUMNS},
+        )
+    return table
+
+
+def _value(text: str, name: str, unit: str, largest: float, where: str) -> float:
+    if not text:
+        return math.nan
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not value > 0:
+        raise _bad(where, f"{name} must be a number > 0 {unit}, got {text[:40]}", "correct it or leave the field empty")
+    if value > largest:
+        raise _bad(where, f"{name} must be at most {largest} {unit}, got {text[:40]}", f"give it in {unit}")
+    return value
+
+
+def _bad(where: object, what: str, remedy: str) -> BadTable:
+    return BadTable(what, where=where, remedy=remedy, kind="fabrics-invalid")

@@ -1,0 +1,185 @@
+"""Builds the table of a data set: one row per silhouette, with its mesh, face, density and what was corrected."""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from cusick_bench.datasets import named, pairing
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.fabrics import Fabric
+from cusick_bench.datasets.image import PlateFit
+from cusick_bench.datasets.layout import Entry, Layout
+from cusick_bench.datasets.measure import MeshMeasure, content_hash, measure_image, measure_mesh
+from cusick_bench.datasets.profile import Profile
+from cusick_bench.datasets.protocol import Protocol
+from cusick_bench.datasets.published import CITATION, CLOTHS, FINGERPRINTS
+
+COLUMNS = (
+    "dataset", "fabric", "cloth", "sample", "capture", "side", "observation", "image", "same_as", "mesh",
+    "mesh_rotation_deg", "image_shift_columns_px", "image_shift_rows_px", "areal_density", "thickness", "notes",
+)  # fmt: skip
+CORRECTIONS = ("pairing", "rotation", "side", "centre")
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Everything that measuring the files of a layout tells.
+
+    Attributes:
+        images: Profile by image path; about the plate's axis also where the image is off-centre.
+        plates: How each silhouette holds the plate.
+        meshes: Outline and size by mesh path.
+        hashes: SHA-256 by path, images only.
+        faults: Files that could not be used, with the error.
+    """
+
+    images: dict[str, Profile] = field(default_factory=dict)
+    plates: dict[str, PlateFit] = field(default_factory=dict)
+    meshes: dict[str, MeshMeasure] = field(default_factory=dict)
+    hashes: dict[str, str] = field(default_factory=dict)
+    faults: dict[str, DataError] = field(default_factory=dict)
+
+    @property
+    def outlines(self) -> dict[str, Profile]:
+        """Mesh profiles by path."""
+        return {path: mesh.profile for path, mesh in self.meshes.items()}
+
+
+def survey(layout: Layout, protocol: Protocol, *, measure: bool, progress: Progress | None = None) -> Survey:
+    """Hashes all images and, if asked, measures every file; a file that cannot be used is noted, not raised."""
+    found = Survey()
+    total = len(layout.silhouettes) + len(layout.meshes)
+    for count, entry in enumerate((*layout.silhouettes, *layout.meshes), 1):
+        path, is_image = layout.root / entry.path, count <= len(layout.silhouettes)
+        try:
+            if is_image:
+                found.hashes[entry.path] = content_hash(path)
+            if is_image and measure:
+                found.images[entry.path], found.plates[entry.path] = measure_image(path, protocol)
+            elif measure:
+                found.meshes[entry.path] = measure_mesh(path)
+        except DataError as error:
+            found.faults[entry.path] = error
+        if progress:
+            progress(count, total)
+    return found
+
+
+def build_index(
+    name: str,
+    layout: Layout,
+    protocol: Protocol,
+    fabrics: Mapping[str, Fabric],
+    found: Survey,
+    correct: Collection[str],
+) -> pd.DataFrame:
+    """One row per silhouette.
+
+    Args:
+        name: Of the data set.
+        layout: Files.
+        protocol: Nominal values.
+        fabrics: From `fabrics.csv`, by `fabric_key`.
+        found: From `survey`.
+        correct: Which of `CORRECTIONS` to apply.
+    """
+    alike = named.twins(layout.silhouettes, found.hashes, found.images)
+    assigned = assign_meshes(layout, found, alike, correct)
+    origin = named.sources(layout.silhouettes, found.hashes)
+    doubtful = doubtful_sides(layout, protocol, found) if "side" in correct else set()
+    recognised = recognised_cloths(layout, found)
+    rows = []
+    for entry in layout.silhouettes:
+        source = origin.get(entry.cloth, entry.cloth)
+        fabric = entry.fabric or _number(source)
+        mesh = assigned[entry.path]
+        side, side_note = _side(entry, protocol, source in doubtful)
+        values = fabric_values(entry.cloth, source, fabrics, recognised)
+        shift = found.plates[entry.path].shift if "centre" in correct and entry.path in found.plates else (0.0, 0.0)
+        notes = [*mesh.notes, *side_note, *_image_notes(entry, found, correct)]
+        files = (entry.path, _identical(alike.get(entry.path)), mesh.mesh, mesh.rotation)
+        known = (values.areal_density, values.thickness, "; ".join(notes))
+        capture = (entry.sample, entry.capture or 1, side, entry.observation)
+        rows.append((name, fabric, entry.cloth, *capture, *files, *shift, *known))
+    return pd.DataFrame(rows, columns=pd.Index(COLUMNS))
+
+
+def assign_meshes(
+    layout: Layout, found: Survey, alike: Mapping[str, named.Twin], correct: Collection[str]
+) -> dict[str, pairing.Assignment]:
+    """The mesh of every silhouette, corrected as asked."""
+    captures = [entry for entry in layout.silhouettes if not entry.is_named]
+    assigned = pairing.assign_by_name(captures, layout.meshes)
+    if "pairing" in correct or "rotation" in correct:
+        matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines)
+        assigned = pairing.correct_assignment(
+            assigned, matches, pairing="pairing" in correct, rotation="rotation" in correct
+        )
+    return assigned | named.assign_meshes(
+        layout.silhouettes, layout.meshes, alike, found.images, found.outlines, assigned
+    )
+
+
+def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str]:
+    """Fabrics whose meshes mostly belong to captures of the other face: there capture numbers tell no face."""
+    captures = [entry for entry in layout.silhouettes if not entry.is_named]
+    votes: dict[str, list[bool]] = defaultdict(list)
+    for match in pairing.match_meshes(captures, layout.meshes, found.images, found.outlines):
+        if match.best and (match.fits_own or match.belongs_elsewhere):
+            sides = [protocol.captures.get(entry.capture, "") for entry in (match.mesh, match.best)]
+            votes[match.mesh.cloth].append(sides[0] != sides[1])
+    return {cloth for cloth, contradictions in votes.items() if 2 * sum(contradictions) > len(contradictions)}
+
+
+def recognised_cloths(layout: Layout, found: Survey) -> dict[str, str]:
+    """Sets that are known to be a published cloth: set -> cloth."""
+    known = {entry.cloth: entry.cloth for entry in layout.silhouettes if entry.is_named and entry.cloth in CLOTHS}
+    for entry in layout.silhouettes:
+        if found.hashes.get(entry.path) in FINGERPRINTS and not entry.is_named:
+            known[entry.cloth] = FINGERPRINTS[found.hashes[entry.path]]
+    return known
+
+
+def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recognised: Mapping[str, str]) -> Fabric:
+    """Density and thickness: the user's table first, by cloth, then by fabric; then what is published."""
+    keys = (cloth, source, source.removesuffix("_observations"))
+    given = [fabrics[key] for key in keys if key in fabrics]
+    if cloth in recognised:
+        given.append(Fabric(areal_density=CLOTHS[recognised[cloth]].areal_density, source=CITATION))
+    density = next((fabric for fabric in given if math.isfinite(fabric.areal_density)), Fabric())
+    thickness = next((fabric.thickness for fabric in given if math.isfinite(fabric.thickness)), math.nan)
+    return Fabric(density.areal_density, thickness, density.source)
+
+
+def _side(entry: Entry, protocol: Protocol, doubtful: bool) -> tuple[str, list[str]]:
+    if entry.capture == 0:
+        return "", ["no capture number, taken as 1; side unknown"]
+    if doubtful and not entry.is_named:
+        return "", ["side unknown: meshes contradict the capture numbers"]
+    side = protocol.captures.get(entry.capture, "")
+    return side, [] if side else [f"side of capture {entry.capture} unknown"]
+
+
+def _image_notes(entry: Entry, found: Survey, correct: Collection[str]) -> list[str]:
+    if entry.path in found.faults:
+        return [f"{found.faults[entry.path].kind}: {found.faults[entry.path].what}"]
+    plate = found.plates.get(entry.path)
+    if plate is None or not plate.fault:
+        return []
+    if plate.fault == "off-centre":
+        done = "moved by" if "centre" in correct else "off-centre, to be moved by"
+        return [f"image {done} {plate.shift[0]:g} columns, {plate.shift[1]:g} rows"]
+    return [f"image shrunken: holds a circle of {plate.inscribed:.0f} px only"]
+
+
+def _identical(twin: named.Twin | None) -> str:
+    return twin.capture.path if twin and twin.capture and twin.difference == 0 else ""
+
+
+def _number(cloth: str) -> int:
+    digits = cloth.removeprefix("fabric_").split("_")[0]
+    return int(digits) if digits.isdecimal() else 0

@@ -1,0 +1,172 @@
+"""Which mesh belongs to which silhouette, found by comparing their outlines.
+
+In the public release some meshes lie under another capture's name, and some are turned by 90 or 180 degrees about z.
+Every mesh is compared, in its four quarter turns, with every silhouette of its sample; the root-mean-square
+difference of the radius-angle profiles decides. A mesh keeps its own silhouette unless that is clearly wrong and
+another clearly right: captures of one drape resemble each other.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.datasets.layout import Entry
+from cusick_bench.datasets.profile import Profile
+
+FIT_LIMIT = 0.0042  # [m], 3 px: right pairs differ by 0.3 to 2.6 px, wrong ones by 3.5 px and more
+TIE = 0.25 / 723  # [m], a quarter of a pixel: below it the silhouette of the same name counts as the best
+_ROTATION_GAIN = 0.75  # a turn must bring the difference below this share of what it was
+
+
+@dataclass(frozen=True)
+class MeshMatch:
+    """How a mesh fits the silhouettes of its sample.
+
+    Attributes:
+        mesh: The mesh file.
+        own: The silhouette of the same name, if there is one that can be read.
+        own_rms, own_rotation: Its profile difference [m] at the best quarter turn [degrees about z] of the mesh.
+        best: The silhouette that fits best; `own` in a tie.
+        best_rms, best_rotation: Its difference [m] and turn [degrees].
+    """
+
+    mesh: Entry
+    own: Entry | None
+    own_rms: float
+    own_rotation: int
+    best: Entry | None
+    best_rms: float
+    best_rotation: int
+
+    @property
+    def fits_own(self) -> bool:
+        """Whether the mesh fits the silhouette of its name."""
+        return self.own_rms <= FIT_LIMIT
+
+    @property
+    def belongs_elsewhere(self) -> bool:
+        """Whether the mesh fits another silhouette and not its own."""
+        return not self.fits_own and self.best_rms <= FIT_LIMIT
+
+    @property
+    def matches_none(self) -> bool:
+        """Whether no silhouette of the sample fits."""
+        return self.best is not None and not self.fits_own and self.best_rms > FIT_LIMIT
+
+
+def quarter_turns(image: Profile, mesh: Profile) -> Float[ndarray, "4"]:
+    """Profile differences [m] with the mesh turned by 0, 90, 180, 270 degrees."""
+    return np.array([image.rms(mesh.rotated(90 * turn)) for turn in range(4)])
+
+
+def best_turn(image: Profile, mesh: Profile) -> tuple[float, int]:
+    """Smallest difference [m] and its turn [degrees]; 0 unless a turn clearly helps."""
+    rms = quarter_turns(image, mesh)
+    turn = int(rms.argmin())
+    turn = turn if rms[turn] < _ROTATION_GAIN * rms[0] else 0
+    return float(rms[turn]), 90 * turn
+
+
+def match_meshes(
+    silhouettes: Sequence[Entry],
+    meshes: Sequence[Entry],
+    images: Mapping[str, Profile],
+    outlines: Mapping[str, Profile],
+) -> list[MeshMatch]:
+    """Compares every mesh with the silhouettes of its sample.
+
+    Args:
+        silhouettes, meshes: Files.
+        images, outlines: Profiles by path; files without one are left out.
+    """
+    samples: dict[tuple[str, int], list[Entry]] = defaultdict(list)
+    for entry in silhouettes:
+        if entry.path in images:
+            samples[entry.cloth, entry.sample].append(entry)
+    return [
+        _match(mesh, samples[mesh.cloth, mesh.sample], images, outlines[mesh.path])
+        for mesh in meshes
+        if mesh.path in outlines
+    ]
+
+
+def _match(mesh: Entry, candidates: list[Entry], images: Mapping[str, Profile], outline: Profile) -> MeshMatch:
+    own, own_rms, own_rotation = None, np.inf, 0
+    best, best_rms, best_rotation = None, np.inf, 0
+    for entry in candidates:
+        rms, rotation = best_turn(images[entry.path], outline)
+        if entry.key == mesh.key and own is None:
+            own, own_rms, own_rotation = entry, rms, rotation
+        if rms < best_rms:
+            best, best_rms, best_rotation = entry, rms, rotation
+    if own_rms - best_rms < TIE:
+        best, best_rms, best_rotation = own, own_rms, own_rotation
+    return MeshMatch(mesh, own, own_rms, own_rotation, best, best_rms, best_rotation)
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """The mesh of one silhouette.
+
+    Attributes:
+        mesh: Relative path, "" for none.
+        rotation: Turn about z [degrees] that aligns it.
+        notes: What was corrected or is in doubt.
+    """
+
+    mesh: str = ""
+    rotation: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def assign_by_name(silhouettes: Sequence[Entry], meshes: Sequence[Entry]) -> dict[str, Assignment]:
+    """Takes file names at their word."""
+    named = {mesh.key: mesh for mesh in reversed(meshes)}
+    return {
+        entry.path: Assignment(named[entry.key].path) if entry.key in named else Assignment(notes=("no mesh",))
+        for entry in silhouettes
+    }
+
+
+def correct_assignment(
+    assigned: dict[str, Assignment], matches: Sequence[MeshMatch], *, pairing: bool, rotation: bool
+) -> dict[str, Assignment]:
+    """Applies what the comparison found; every change is noted.
+
+    Args:
+        assigned: From `assign_by_name`.
+        matches: From `match_meshes`.
+        pairing: Give meshes to the silhouettes that they fit.
+        rotation: Turn meshes.
+    """
+    corrected = dict(assigned)
+    strays = [match for match in matches if pairing and match.belongs_elsewhere]
+    for match in matches:
+        if match.own is None or assigned[match.own.path].mesh != match.mesh.path:
+            continue
+        if match in strays:
+            assert match.best is not None
+            corrected[match.own.path] = Assignment(notes=(f"no mesh: {match.mesh.path} fits {match.best.path}",))
+        else:
+            notes = (f"mesh fits no silhouette of the sample ({_mm(match.best_rms)})",) if match.matches_none else ()
+            corrected[match.own.path] = _turned(match.mesh.path, match.own_rotation, notes, rotation)
+    for match in sorted(strays, key=lambda match: match.best_rms):
+        assert match.best is not None
+        if not corrected[match.best.path].mesh:
+            note = f"mesh re-paired: named {match.mesh.path.rsplit('/', 1)[-1]} ({_mm(match.best_rms)})"
+            corrected[match.best.path] = _turned(match.mesh.path, match.best_rotation, (note,), rotation)
+    return corrected
+
+
+def _turned(mesh: str, degrees: int, notes: tuple[str, ...], rotation: bool) -> Assignment:
+    if not (rotation and degrees):
+        return Assignment(mesh, 0, notes)
+    return Assignment(mesh, degrees, (*notes, f"mesh turned by {degrees} deg about z"))
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.1f} mm rms"

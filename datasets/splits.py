@@ -1,0 +1,71 @@
+"""Which silhouettes train and which test."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.published import CLOTHS
+
+PROTOCOLS = ("paper", "leave-one-sample-out")
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which rows of the index train and which test.
+
+    Attributes:
+        cloth: Set that is split.
+        train, test: Rows of the index.
+    """
+
+    cloth: str
+    train: tuple[int, ...]
+    test: tuple[int, ...]
+
+
+def split_rows(
+    table: pd.DataFrame, protocol: str, cloths: Sequence[str] | None, generator: np.random.Generator | None
+) -> list[Split]:
+    """Splits the samples of each cloth; see `DrapeDataset.split`."""
+    if protocol not in PROTOCOLS:
+        raise DataError(f"unknown split {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
+    present = list(dict.fromkeys(table["cloth"]))
+    named = [cloth for cloth in present if cloth in CLOTHS]
+    chosen = list(cloths) if cloths is not None else named if named and protocol == "paper" else present
+    unknown = [cloth for cloth in chosen if cloth not in present]
+    if unknown:
+        raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"use one of {', '.join(present)}")
+    if protocol == "paper":
+        return [_paper_split(cloth, _samples(table, cloth), generator) for cloth in chosen]
+    return [split for cloth in chosen for split in _leave_one_out(cloth, _samples(table, cloth))]
+
+
+def _samples(table: pd.DataFrame, cloth: str) -> dict[int, tuple[int, ...]]:
+    """Rows of each sample."""
+    groups: dict[int, tuple[int, ...]] = {}
+    for row, (owner, sample) in enumerate(zip(table["cloth"], table["sample"], strict=True)):
+        if owner == cloth:
+            groups[int(sample)] = (*groups.get(int(sample), ()), row)
+    if len(groups) < 2:
+        raise DataError(
+            f"{cloth} must have at least 2 samples to be split, has {len(groups)}", remedy="choose another cloth"
+        )
+    return groups
+
+
+def _paper_split(cloth: str, samples: dict[int, tuple[int, ...]], generator: np.random.Generator | None) -> Split:
+    numbers = sorted(samples)
+    train = numbers[0] if generator is None else int(generator.choice(numbers))
+    if cloth in CLOTHS and CLOTHS[cloth].training_sample in samples:
+        train = CLOTHS[cloth].training_sample
+    return Split(cloth, samples[train][:1], tuple(samples[number][0] for number in numbers if number != train))
+
+
+def _leave_one_out(cloth: str, samples: dict[int, tuple[int, ...]]) -> list[Split]:
+    return [
+        Split(cloth, tuple(row for number in samples if number != out for row in samples[number]), samples[out])
+        for out in samples
+    ]
