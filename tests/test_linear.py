@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sparse
 from scipy.spatial import Delaunay
 
+from cusick_bench.sim import dense
 from cusick_bench.sim.dissection import dissect
 from cusick_bench.sim.elimination import analyse
 from cusick_bench.sim.errors import SimulationError
@@ -296,6 +297,18 @@ def test_factor_keeps_its_panels_only(default, pattern):
     factor = default.factorise(random_blocks(pattern))
     panels = np.sum(default.tree.sizes[:, 0] * default.tree.sizes.sum(axis=1))
     assert factor.nbytes == 8 * panels
+
+
+def test_blas_is_single_threaded_inside_and_put_back_after():
+    if dense._THREAD_FUNCTIONS is None:
+        pytest.skip("SciPy uses a BLAS whose threads we do not set")
+    set_threads, get_threads = dense._THREAD_FUNCTIONS
+    before = get_threads()
+    set_threads(2)
+    with dense.single_threaded():
+        assert get_threads() == 1
+    assert get_threads() == 2
+    set_threads(before)
 
 
 def test_workspace_holds_few_updates_at_a_time(pattern):
