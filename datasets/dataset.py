@@ -28,6 +28,7 @@ from cusick_bench.datasets.splits import Split, split_rows
 
 if TYPE_CHECKING:
     import trimesh
+
     from cusick_bench.datasets.audit import Audit
 
 
@@ -44,7 +45,7 @@ class DrapeSample:
 
     image: Float[Tensor, "size size"]
     profile: Profile
-    row: "pd.Series[Any]"
+    row: pd.Series
     mesh_path: Path | None
 
     @cached_property
@@ -59,7 +60,7 @@ class DrapeSample:
         import trimesh  # here, as it takes longer to import than a data set to load
 
         mesh = read_mesh(self.mesh_path)
-        turn = round(float(self.row["mesh_rotation_deg"]) / 90) % 4
+        turn = round(float(self.row.to_dict()["mesh_rotation_deg"]) / 90) % 4
         cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[turn]
         rotation = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]], dtype=np.float64)
         return trimesh.Trimesh(mesh.vertices @ rotation, mesh.faces, process=False)

@@ -33,10 +33,15 @@ def read_silhouette(path: Path, protocol: Protocol | None = None) -> Float[ndarr
         BadImage: Unreadable, of another size, without cloth or without background, inverted, or with a second
             object beside the cloth. Nothing larger than a silhouette is decoded.
     """
-    protocol = protocol or Protocol()
-    image = coverage(_decode(path, protocol.image_size_px), protocol.foreground)
+    return inspect(path, protocol or Protocol())[0]
+
+
+def inspect(path: Path, protocol: Protocol) -> tuple[Float[ndarray, "size size"], bool]:
+    """As `read_silhouette`; and whether the channels differ by more than compression explains."""
+    levels = _decode(path, protocol.image_size_px)
+    image = coverage(levels, protocol.foreground)
     _check(image, path)
-    return image
+    return image, levels.ndim == 3 and int(np.ptp(levels.astype(int), axis=2).max()) > _COLOUR_STEP
 
 
 def coverage(levels: ndarray, foreground: str) -> Float[ndarray, "height width"]:
@@ -44,12 +49,6 @@ def coverage(levels: ndarray, foreground: str) -> Float[ndarray, "height width"]
     grey = levels if levels.ndim == 2 else levels @ np.array([0.299, 0.587, 0.114])
     share = np.clip(grey / 255.0, 0.0, 1.0)
     return 1.0 - share if foreground == "dark" else share
-
-
-def is_coloured(path: Path, protocol: Protocol) -> bool:
-    """Whether the channels of an image differ by more than compression explains."""
-    levels = _decode(path, protocol.image_size_px)
-    return levels.ndim == 3 and int(np.ptp(levels.astype(int), axis=2).max()) > _COLOUR_STEP
 
 
 def _bad(path: Path, kind: str, what: str, remedy: str) -> BadImage:
@@ -160,15 +159,27 @@ def fit_plate(image: Float[ndarray, "size size"], protocol: Protocol) -> PlateFi
     return PlateFit("off-centre", (column - float(deepest[1]), row - float(deepest[0])), float(depth.max()))
 
 
-def blemishes(image: Float[ndarray, "size size"]) -> list[tuple[str, str]]:
-    """Faults that do not forbid the use of a silhouette: (kind, detail)."""
+@dataclass(frozen=True)
+class Blemishes:
+    """Faults that do not forbid the use of a silhouette.
+
+    Attributes:
+        specks, largest_speck: Separate objects beside the cloth, and the largest's size [px].
+        holes, largest_hole: Patches of background in the cloth, and the largest's size [px].
+        touches_border: Whether the cloth reaches the image's border.
+    """
+
+    specks: int
+    largest_speck: int
+    holes: int
+    largest_hole: int
+    touches_border: bool
+
+
+def blemishes(image: Float[ndarray, "size size"]) -> Blemishes:
+    """Looks for small objects, holes and a cut cloth."""
     cloth = image >= 0.5
     objects, gaps = _areas(cloth), _areas(~cloth)
-    found = []
-    if len(objects) > 1:
-        found.append(("specks", f"{len(objects) - 1} objects of up to {objects[1]} pixels beside the cloth"))
-    if len(gaps) > 1:
-        found.append(("hole", f"{len(gaps) - 1} holes of up to {gaps[1]} pixels in the cloth"))
-    if cloth[[0, -1]].any() or cloth[:, [0, -1]].any():
-        found.append(("touches-border", "the cloth reaches the border of the image"))
-    return found
+    border = bool(cloth[[0, -1]].any() or cloth[:, [0, -1]].any())
+    largest = [parts[1] if len(parts) > 1 else 0 for parts in (objects, gaps)]
+    return Blemishes(len(objects) - 1, largest[0], len(gaps) - 1, largest[1], border)

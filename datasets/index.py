@@ -10,9 +10,8 @@ import pandas as pd
 from cusick_bench.datasets import named, pairing
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.fabrics import Fabric
-from cusick_bench.datasets.image import PlateFit
 from cusick_bench.datasets.layout import Entry, Layout
-from cusick_bench.datasets.measure import MeshMeasure, content_hash, measure_image, measure_mesh
+from cusick_bench.datasets.measure import ImageMeasure, MeshMeasure, content_hash, measure_image, measure_mesh
 from cusick_bench.datasets.profile import Profile
 from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.datasets.published import CITATION, CLOTHS, FINGERPRINTS
@@ -30,18 +29,21 @@ class Survey:
     """Everything that measuring the files of a layout tells.
 
     Attributes:
-        images: Profile by image path; about the plate's axis also where the image is off-centre.
-        plates: How each silhouette holds the plate.
+        silhouettes: What was measured, by image path.
         meshes: Outline and size by mesh path.
         hashes: SHA-256 by path, images only.
         faults: Files that could not be used, with the error.
     """
 
-    images: dict[str, Profile] = field(default_factory=dict)
-    plates: dict[str, PlateFit] = field(default_factory=dict)
+    silhouettes: dict[str, ImageMeasure] = field(default_factory=dict)
     meshes: dict[str, MeshMeasure] = field(default_factory=dict)
     hashes: dict[str, str] = field(default_factory=dict)
     faults: dict[str, DataError] = field(default_factory=dict)
+
+    @property
+    def images(self) -> dict[str, Profile]:
+        """Image profiles by path."""
+        return {path: image.profile for path, image in self.silhouettes.items()}
 
     @property
     def outlines(self) -> dict[str, Profile]:
@@ -59,7 +61,7 @@ def survey(layout: Layout, protocol: Protocol, *, measure: bool, progress: Progr
             if is_image:
                 found.hashes[entry.path] = content_hash(path)
             if is_image and measure:
-                found.images[entry.path], found.plates[entry.path] = measure_image(path, protocol)
+                found.silhouettes[entry.path] = measure_image(path, protocol)
             elif measure:
                 found.meshes[entry.path] = measure_mesh(path)
         except DataError as error:
@@ -99,7 +101,8 @@ def build_index(
         mesh = assigned[entry.path]
         side, side_note = _side(entry, protocol, source in doubtful)
         values = fabric_values(entry.cloth, source, fabrics, recognised)
-        shift = found.plates[entry.path].shift if "centre" in correct and entry.path in found.plates else (0.0, 0.0)
+        measured = found.silhouettes.get(entry.path)
+        shift = measured.plate.shift if measured and "centre" in correct else (0.0, 0.0)
         notes = [*mesh.notes, *side_note, *_image_notes(entry, found, correct)]
         files = (entry.path, _identical(alike.get(entry.path)), mesh.mesh, mesh.rotation)
         known = (values.areal_density, values.thickness, "; ".join(notes))
@@ -167,9 +170,10 @@ def _side(entry: Entry, protocol: Protocol, doubtful: bool) -> tuple[str, list[s
 def _image_notes(entry: Entry, found: Survey, correct: Collection[str]) -> list[str]:
     if entry.path in found.faults:
         return [f"{found.faults[entry.path].kind}: {found.faults[entry.path].what}"]
-    plate = found.plates.get(entry.path)
-    if plate is None or not plate.fault:
+    measured = found.silhouettes.get(entry.path)
+    if measured is None or not measured.plate.fault:
         return []
+    plate = measured.plate
     if plate.fault == "off-centre":
         done = "moved by" if "centre" in correct else "off-centre, to be moved by"
         return [f"image {done} {plate.shift[0]:g} columns, {plate.shift[1]:g} rows"]

@@ -4,7 +4,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,12 +14,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.datasets.errors import BadImage, BadMesh, DataError
-from cusick_bench.datasets.image import PlateFit, fit_plate, read_silhouette
+from cusick_bench.datasets.image import Blemishes, PlateFit, blemishes, fit_plate, inspect
 from cusick_bench.datasets.mesh_file import read_mesh
 from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_image, profile_from_mesh
 from cusick_bench.datasets.protocol import Protocol
 
-_VERSION = 1  # raise it when the meaning of a stored number changes
+_VERSION = 2  # raise it when the meaning of a stored number changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,23 @@ class MeshMeasure:
     profile: Profile
     vertices: int
     faces: int
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMeasure:
+    """What is known of a silhouette without keeping it.
+
+    Attributes:
+        profile: About the plate's axis; if the image is off-centre, about the point where the plate fits.
+        plate: How it holds the plate.
+        blemishes: Small faults.
+        coloured: Whether its channels differ.
+    """
+
+    profile: Profile
+    plate: PlateFit
+    blemishes: Blemishes
+    coloured: bool
 
 
 def content_hash(path: Path) -> str:
@@ -91,10 +108,8 @@ def profile_of(image: Float[ndarray, "size size"], protocol: Protocol) -> Profil
     )
 
 
-def measure_image(path: Path, protocol: Protocol) -> tuple[Profile, PlateFit]:
-    """Profile of a silhouette about the plate's axis, and how it holds the plate.
-
-    If the image is off-centre, the profile is taken about the point where the plate fits.
+def measure_image(path: Path, protocol: Protocol) -> ImageMeasure:
+    """Profile and faults of a silhouette.
 
     Raises:
         BadImage: See `read_silhouette`.
@@ -102,28 +117,33 @@ def measure_image(path: Path, protocol: Protocol) -> tuple[Profile, PlateFit]:
     frame = repr((protocol.px_per_m, protocol.centre_px, protocol.image_y, protocol.foreground))
     frame += repr((protocol.image_size_px, protocol.plate_radius_m))
     name = hashlib.sha256(frame.encode()).hexdigest()[:16]
-    faults = ("", "off-centre", "shrunken-image")
-
-    def measure() -> Float[ndarray, " numbers"]:
-        image = read_silhouette(path, protocol)
-        fit = fit_plate(image, protocol)
-        column, row = protocol.centre_px
-        moved = profile_from_image(
-            image,
-            pixels_per_metre=protocol.px_per_m,
-            centre=(column - fit.shift[0], row - fit.shift[1]),
-            image_y=protocol.image_y,
-        )
-        return np.append(moved.radii, [faults.index(fit.fault), *fit.shift, fit.inscribed])
-
     try:
-        stored = _cached(f"image-{content_hash(path)}-{name}", PROFILE_ANGLES + 4, measure)
+        key = f"image-{content_hash(path)}-{name}"
+        stored = _cached(key, PROFILE_ANGLES + 10, lambda: _measure_image(path, protocol))
     except BadImage:
         raise
     except DataError as error:
         raise BadImage(error.what, where=error.where, remedy=error.remedy, kind=error.kind) from error
-    fault, column, row, inscribed = stored[-4:].tolist()
-    return Profile(stored[:-4]), PlateFit(faults[int(fault)], (column, row), inscribed)
+    fault, column, row, inscribed, coloured, *small = stored[PROFILE_ANGLES:].tolist()
+    return ImageMeasure(
+        Profile(stored[:PROFILE_ANGLES]),
+        PlateFit(_PLATE_FAULTS[int(fault)], (column, row), inscribed),
+        Blemishes(*(int(value) for value in small[:4]), touches_border=bool(small[4])),
+        bool(coloured),
+    )
+
+
+_PLATE_FAULTS = ("", "off-centre", "shrunken-image")
+
+
+def _measure_image(path: Path, protocol: Protocol) -> Float[ndarray, " numbers"]:
+    image, coloured = inspect(path, protocol)
+    fit, small = fit_plate(image, protocol), blemishes(image)
+    centre = (protocol.centre_px[0] - fit.shift[0], protocol.centre_px[1] - fit.shift[1])
+    radii = profile_of(image, replace(protocol, centre_px=centre)).radii
+    faults = [_PLATE_FAULTS.index(fit.fault), *fit.shift, fit.inscribed, coloured]
+    specks = [small.specks, small.largest_speck, small.holes, small.largest_hole, small.touches_border]
+    return np.concatenate([radii, faults, specks]).astype(np.float64)
 
 
 def _folder() -> Path:

@@ -9,8 +9,6 @@ from cusick_bench.datasets.pairing import FIT_LIMIT, Assignment, best_turn
 from cusick_bench.datasets.profile import Profile
 from cusick_bench.datasets.published import CLOTHS
 
-NEAR_COPY = 0.0014  # [m], 1 px: profiles of a re-saved image differ by less
-
 
 @dataclass(frozen=True)
 class Twin:

@@ -1,9 +1,8 @@
 """Data sets by name, and any folder in the same layout."""
 
-import hashlib
 import os
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -13,6 +12,7 @@ from cusick_bench.datasets.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.fabrics import read_fabrics
 from cusick_bench.datasets.index import CORRECTIONS, Progress, build_index, survey
 from cusick_bench.datasets.layout import scan
+from cusick_bench.datasets.measure import content_hash
 from cusick_bench.datasets.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.protocol import Protocol, read_json_object, read_protocol
 from cusick_bench.datasets.published import CITATION
@@ -145,6 +145,16 @@ def verify_checksums(root: Path) -> None:
         BadTable: No such list, or a malformed one.
         DataError: A file is missing or differs.
     """
+    for name, what in changed_files(root):
+        raise DataError(what, where=root / name, remedy="reinstall the data set", kind="checksum")
+
+
+def changed_files(root: Path) -> Iterator[tuple[str, str]]:
+    """Files that are not as `sha256.json` says, and what is wrong.
+
+    Raises:
+        BadTable: No such list, or a malformed one.
+    """
     path = root / CHECKSUMS
     for name, digest in read_json_object(path, "checksum").items():
         inside = PurePosixPath(name)
@@ -152,6 +162,7 @@ def verify_checksums(root: Path) -> None:
         if not well_formed or inside.is_absolute() or ".." in inside.parts or "\\" in name:
             raise BadTable(f"bad entry {name[:80]!r}", where=path, remedy="reinstall the data set", kind="checksum")
         file = root / inside
-        if not file.is_file() or hashlib.sha256(file.read_bytes()).hexdigest() != digest:
-            what = "differs from its SHA-256" if file.is_file() else "is missing"
-            raise DataError(what, where=file, remedy="reinstall the data set", kind="checksum")
+        if not file.is_file():
+            yield name, "is missing"
+        elif content_hash(file) != digest:
+            yield name, "differs from its SHA-256"
