@@ -2,7 +2,9 @@
 
 import typer
 
+from cusick_bench.cli import run, solvers
 from cusick_bench.cli.convergence import convergence
+from cusick_bench.cli.leaderboard import leaderboard
 from cusick_bench.cli.simulate import simulate
 
 app = typer.Typer(
@@ -13,6 +15,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(simulate)
+app.add_typer(run.app)
+app.command()(leaderboard)
+app.add_typer(solvers.app)
 app.command()(convergence)
 
 
