@@ -1,6 +1,7 @@
 """Other packages behind the interface of `cusick_bench.sim.linear`: a check, and optional extras."""
 
 import importlib
+import sys
 from typing import Any
 
 import numpy as np
@@ -134,7 +135,7 @@ class PardisoFactor(TriangleFactor):
         return self._call(self.SOLVE, columns).T.reshape(right.shape)
 
     def __del__(self) -> None:
-        if hasattr(self, "pardiso"):
+        if hasattr(self, "pardiso") and not sys.is_finalizing():
             self._call(self.RELEASE)
 
 
