@@ -1,6 +1,6 @@
 """Leaderboards: finished cells of a results folder, ranked with intervals, in every form."""
 
-from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names
+from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
 from cusick_bench.leaderboard.cells import Cells, Skipped, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -29,4 +29,5 @@ __all__ = [
     "short",
     "terminal",
     "text_table",
+    "variants",
 ]

@@ -147,7 +147,7 @@ class _Ranking:
     generator: np.random.Generator
 
     def rows(self, cells: Cells, table: pd.DataFrame, cloths: tuple[str, ...]) -> tuple[Row, ...]:
-        groups = dict(_variants(table))
+        groups = dict(variants(table))
         rows = []
         for (solver, variant), group in groups.items():
             failed = sum(cell.status == "failed" and cell.solver == solver for cell in cells.skipped)
@@ -233,7 +233,7 @@ def _values(group: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
     return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
 
 
-def _variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """Groups of comparable cells; cells of one solver under other settings or other code make another row."""
     for solver, group in table.groupby("solver", sort=True):
         settings = [_flat(json.loads(text)) for text in group["settings"].unique()]

@@ -43,8 +43,8 @@ class Cells:
     Attributes:
         folder: The folder.
         run: Contents of `run.json`, empty where there is none.
-        table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `spent_*`, all metrics,
-            and `folder`.
+        table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `test` (index rows of
+            the unseen samples), `spent_*`, all metrics, and `folder`.
         skipped: The other cells.
     """
 
@@ -113,15 +113,9 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     spent = {f"spent_{name}": _number(value) for name, value in result.get("spent", {}).items()}
     known = {name: result.get(name, "") for name in _IDENTITY}
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
-    return {
-        **identity,
-        "kind": str(result["kind"]),
-        **known,
-        "settings": settings,
-        **spent,
-        **metrics,
-        "folder": folder,
-    }
+    test = tuple(int(row) for row in result.get("test", ()))
+    problem = {"kind": str(result["kind"]), **known, "test": test, "settings": settings}
+    return {**identity, **problem, **spent, **metrics, "folder": folder}
 
 
 def _number(value: Any) -> float:

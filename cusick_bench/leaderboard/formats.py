@@ -65,7 +65,7 @@ def html_table(board: Leaderboard) -> str:
             f"<caption>{html.escape(text.title)}</caption>",
             f"<thead><tr>{_heads(text)}</tr></thead>",
             "<tbody>",
-            *(_html_row(kind, entries) for kind, entries in zip(text.kinds, text.entries, strict=True)),
+            *(_html_row(text, place) for place in range(len(text.entries))),
             "</tbody></table>",
         ]
     )
@@ -116,9 +116,10 @@ def _heads(text: TextTable) -> str:
     )
 
 
-def _html_row(kind: str, entries: tuple[str, ...]) -> str:
-    cells = "".join(f"<td>{html.escape(entry)}</td>" for entry in entries)
-    return f'<tr class="{html.escape(kind)}">{cells}</tr>'
+def _html_row(text: TextTable, place: int) -> str:
+    pairs = zip(text.columns, text.entries[place], strict=True)
+    cells = "".join(f"<td{_side(column.left)}>{html.escape(entry)}</td>" for column, entry in pairs)
+    return f'<tr class="{html.escape(text.kinds[place])}">{cells}</tr>'
 
 
 def _side(left: bool) -> str:

@@ -7,7 +7,6 @@ from math import isfinite
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.bootstrap import Estimate
 
-
 _FOLDED = 25  # characters after which a long solver name is folded
 
 

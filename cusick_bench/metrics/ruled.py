@@ -22,7 +22,7 @@ SLANT = 0.06  # [m], cloth radius minus plate radius; the release's meshes have 
 
 
 def ruled_surface(
-    radii: Float[ndarray, " angles"], *, slant: float = SLANT, plate_radius: float = PLATE_RADIUS
+    radii: Float[ndarray, " angles"], *, slant: float = SLANT, plate_radius: float = PLATE_RADIUS, strips: int = 1
 ) -> trimesh.Trimesh:
     """Builds the ruled surface over a radius profile.
 
@@ -30,9 +30,10 @@ def ruled_surface(
         radii: Rim radii at equidistant angles over the full turn, counter-clockwise from +x [m].
         slant: Length of the generators from plate edge to rim [m].
         plate_radius: Plate radius [m].
+        strips: Strips of triangles from plate edge to rim; more make no other surface, but smoother pictures.
 
     Returns:
-        A mesh of one flat fan (the plate part) and one strip. A rim further out than the slant length allows
+        A mesh of one flat fan (the plate part) and strips. A rim further out than the slant length allows
         stays at the plate's height; one that lies under the plate hangs from its edge.
 
     Raises:
@@ -45,17 +46,15 @@ def ruled_surface(
     angle = 2 * np.pi * np.arange(count) / count
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
     drop = np.sqrt(np.maximum(slant**2 - (radii - plate_radius) ** 2, 0.0))
-    vertices = np.zeros((2 * count + 1, 3))
-    vertices[1 : count + 1, :2] = plate_radius * unit
-    vertices[count + 1 :, :2] = radii[:, None] * unit
-    vertices[count + 1 :, 2] = -drop
-    edge = 1 + np.arange(count)
-    following = 1 + (np.arange(count) + 1) % count
-    fan = np.column_stack([np.zeros(count, dtype=np.int64), edge, following])
-    strip = np.concatenate(
-        [
-            np.column_stack([edge, edge + count, following + count]),
-            np.column_stack([edge, following + count, following]),
-        ]
-    )
-    return trimesh.Trimesh(vertices, np.concatenate([fan, strip]), process=False)
+    edge = np.column_stack([plate_radius * unit, np.zeros(count)])
+    rim = np.column_stack([radii[:, None] * unit, -drop])
+    rings = [edge + share * (rim - edge) for share in np.linspace(0, 1, strips + 1)]
+    here, following = np.arange(count), (np.arange(count) + 1) % count
+    faces = [np.column_stack([np.zeros(count, dtype=np.int64), 1 + here, 1 + following])]
+    for start in range(1, 1 + strips * count, count):
+        inner, inner_next, outer, outer_next = (
+            start + offset for offset in (here, following, count + here, count + following)
+        )
+        faces.append(np.column_stack([inner, outer, outer_next]))
+        faces.append(np.column_stack([inner, outer_next, inner_next]))
+    return trimesh.Trimesh(np.vstack([np.zeros((1, 3)), *rings]), np.concatenate(faces), process=False)

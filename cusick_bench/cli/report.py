@@ -1,0 +1,78 @@
+"""`cusick-bench report`: one self-contained HTML page of a results folder, with pictures."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.datasets import DataError, DrapeDataset, load
+from cusick_bench.leaderboard import Cells, leaderboards, load_cells
+from cusick_bench.report import ReportError, write_report
+from cusick_bench.sim.errors import CusickError
+
+
+@user_errors
+def report(
+    folder: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="DIR")],
+    out: Annotated[Path | None, typer.Option(help="Page to write; DIR/report.html by default.")] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Folder for one side-by-side PNG a cell.")] = None,
+    data: Annotated[
+        str | None,
+        typer.Option(help="Data set of the run, for the band of unseen samples; found by itself if left out."),
+    ] = None,
+    by: Annotated[str, typer.Option(help="Metric to rank by; smaller is better.")] = "test_mse",
+    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Writes an HTML page with the leaderboard and every fit in pictures."""
+    out = out or folder / "report.html"
+    if out.suffix not in (".html", ".htm"):
+        raise ReportError(f"cannot write {out}: its name must end in .html")
+    cells = load_cells(folder)
+    boards = leaderboards(cells, by=by, seed=seed)
+    with console.status("reading data") as status:
+        unseen = _unseen(cells, data)
+        files = write_report(
+            cells,
+            boards,
+            out,
+            unseen=unseen,
+            pictures=pictures,
+            progress=lambda message: status.update(f"drawing {message}"),
+        )
+    for path in files:
+        console.print(f"wrote {path}", markup=False, highlight=False)
+    if as_json:
+        print_json({"report": out, "bytes": out.stat().st_size, "files": files, "cells": len(cells.table)})
+
+
+def _unseen(cells: Cells, data: str | None) -> dict[str, np.ndarray]:
+    """Radii of each cloth's unseen samples [m]; empty, with a warning, where the data are not the run's."""
+    try:
+        dataset = load(data or _data_of(cells))
+        if dataset.content_hash not in set(cells.table["dataset_hash"]):
+            raise DataError(f"{dataset.name} is not what the run used: its content hash differs")
+        tests = dict(zip(cells.table["cloth"], cells.table["test"], strict=True))
+        return {cloth: _radii(dataset, rows) for cloth, rows in tests.items() if len(rows)}
+    except (CusickError, OSError) as error:
+        if data is not None:
+            raise
+        console.print(f"no band of unseen samples: {error}; give the data with --data", markup=False, highlight=False)
+        return {}
+
+
+def _radii(dataset: DrapeDataset, rows: tuple[int, ...]) -> np.ndarray:
+    return np.stack([dataset.sample(row).profile.radii for row in rows])
+
+
+def _data_of(cells: Cells) -> str:
+    """The `--data` of the run's command line."""
+    words = [str(word) for word in cells.run.get("command", []) or []]
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        if word == "--data" and following:
+            return following
+        if word.startswith("--data="):
+            return word.removeprefix("--data=")
+    return str(cells.table["dataset"].iloc[0])

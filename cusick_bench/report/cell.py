@@ -1,0 +1,106 @@
+"""What the report shows of one cell: the prediction, read without trusting the file, and the trace of the search."""
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from cusick_bench.datasets.profile import Profile, profile_from_image
+from cusick_bench.metrics import ruled_surface
+from cusick_bench.report.errors import ReportError
+
+_MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
+_MAXIMUM_DRAWS = 6  # shown
+
+
+@dataclass(frozen=True, eq=False)
+class CellView:
+    """One cell as it is shown.
+
+    Attributes:
+        fit: Simulated silhouette of the training sample.
+        target: The real one.
+        draws: The first few silhouettes offered for unseen samples, none where the only one is the fit.
+        vertices: Drape behind `fit` [m], or the ruled surface over its silhouette.
+        faces: Triangles of `vertices`.
+        simulated: Whether `vertices` is a simulated drape.
+        trace: Best loss after each evaluation, as (forward-equivalents, loss).
+    """
+
+    fit: Float[ndarray, "256 256"]
+    target: Float[ndarray, "256 256"]
+    draws: Float[ndarray, "draws 256 256"]
+    vertices: Float[ndarray, "vertices 3"]
+    faces: Int[ndarray, "faces 3"]
+    simulated: bool
+    trace: Float[ndarray, "evaluations 2"]
+
+    @property
+    def fit_profile(self) -> Profile:
+        """Radius-angle profile of the fit."""
+        return profile_from_image(self.fit)
+
+    @property
+    def target_profile(self) -> Profile:
+        """Radius-angle profile of the real silhouette."""
+        return profile_from_image(self.target)
+
+
+def load_cell_view(folder: Path) -> CellView:
+    """Reads `prediction.npz` and `trace.jsonl` of a finished cell.
+
+    Raises:
+        ReportError: The prediction is missing, damaged or oversized; the message says which file.
+    """
+    path = folder / "prediction.npz"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if max(entry.file_size for entry in archive.infolist()) > _MAXIMUM_BYTES:
+                raise ReportError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
+        with np.load(path, allow_pickle=False) as arrays:
+            return _view(dict(_needed(arrays)), read_trace(folder / "trace.jsonl"))
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        if isinstance(error, ReportError):
+            raise
+        raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
+
+
+def _needed(arrays: Any) -> Any:
+    for name in ("train_image", "train_target", "draws", "vertices", "faces"):
+        if name in arrays:
+            yield name, arrays[name]
+
+
+def _view(arrays: dict[str, ndarray], trace: ndarray) -> CellView:
+    fit, target = (np.asarray(arrays[name], dtype=np.float64) for name in ("train_image", "train_target"))
+    if fit.shape != target.shape or fit.ndim != 2:
+        raise ValueError(f"images have shapes {fit.shape} and {target.shape}")
+    draws = np.asarray(arrays["draws"])
+    shown = draws[:_MAXIMUM_DRAWS] / 255 if len(draws) > 1 else np.zeros((0, *fit.shape))
+    simulated = "vertices" in arrays and "faces" in arrays
+    if simulated:
+        vertices, faces = np.asarray(arrays["vertices"], dtype=np.float64), np.asarray(arrays["faces"], dtype=np.int64)
+        if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError("its mesh is damaged")
+    else:
+        surface = ruled_surface(profile_from_image(fit).radii, strips=12)
+        vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    return CellView(fit, target, shown, vertices, faces, simulated, trace)
+
+
+def read_trace(path: Path) -> Float[ndarray, "evaluations 2"]:
+    """Forward-equivalents and best loss after each evaluation; lines that cannot be read are passed over."""
+    points: list[tuple[float, float]] = []
+    if path.is_file():
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+            try:
+                record = json.loads(line)
+                points.append((float(record["forward_equivalents"]), float(record["best_loss"])))
+            except (ValueError, TypeError, KeyError):
+                continue
+    return np.array([point for point in points if np.isfinite(point).all()]).reshape(-1, 2)

@@ -1,0 +1,7 @@
+"""Errors of the report."""
+
+from cusick_bench.sim.errors import CusickError
+
+
+class ReportError(CusickError, ValueError):
+    """A report cannot be written as asked."""
