@@ -17,14 +17,8 @@ import llvmlite.binding
 import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils, config
+from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
-
-_configuration: Any = config
-if _configuration.THREADING_LAYER == "default":
-    # Its idle threads sleep, whereas GNU OpenMP's spin and lose most of the gain on a busy machine; and OpenMP
-    # aborts a process pool that forks. Set NUMBA_THREADING_LAYER to choose otherwise.
-    _configuration.THREADING_LAYER = "workqueue"
 
 
 def _routine(library: str, name: str, arguments: int) -> Any:
