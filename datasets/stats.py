@@ -1,0 +1,283 @@
+"""What a data set's drapes are like, cloth by cloth: drape coefficient, folds, spectrum, and how far drapes differ.
+
+Captures of one drape are not independent: means and spreads are over units, a unit being one face of one sample. Image
+differences are mean squared errors per pixel over all pairs of a kind, and form a ladder: the same drape captured
+again, the same sample turned over, another sample, another fabric.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import nan, sqrt
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from cusick_bench.datasets.dataset import DrapeDataset
+from cusick_bench.datasets.errors import BadImage
+from cusick_bench.datasets.image import fit_plate
+from cusick_bench.datasets.measure import profile_of
+from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
+from cusick_bench.datasets.published import CLOTHS
+
+SPECTRUM_MODES = 16
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A paired difference with its uncertainty.
+
+    Attributes:
+        mean: Of the differences.
+        error: Standard error of the mean.
+        count: Number of pairs.
+    """
+
+    mean: float = nan
+    error: float = nan
+    count: int = 0
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "Difference":
+        """Mean and standard error of differences."""
+        count = len(values)
+        if count < 2:
+            return cls(float(np.mean(values)) if count else nan, nan, count)
+        return cls(float(np.mean(values)), float(np.std(values, ddof=1) / sqrt(count)), count)
+
+    @property
+    def t(self) -> float:
+        """Student's t against no difference."""
+        return self.mean / self.error if self.error > 0 else nan
+
+    def document(self) -> dict[str, float]:
+        """Plain numbers."""
+        return {"mean": self.mean, "error": self.error, "t": self.t, "count": self.count}
+
+
+@dataclass(frozen=True)
+class ClothStatistics:
+    """One cloth.
+
+    Attributes:
+        cloth: Its name.
+        silhouettes, samples, units: Their numbers; a unit is one face of one sample.
+        unusable: Images left out: unreadable, or with a wrong scale.
+        drape_coefficient, drape_coefficient_sd: Mean and spread over units.
+        folds, folds_sd: Likewise.
+        spectrum: Mean amplitudes [m] of harmonics 0 to `SPECTRUM_MODES`.
+        mse_repeat, mse_flip, mse_other_sample, mse_other_fabric: Mean image differences; NaN without such pairs.
+        down_minus_up: Of the drape coefficient, paired by sample.
+        drift: Observation of a series -> change of the drape coefficient since the first, paired by sample.
+    """
+
+    cloth: str
+    silhouettes: int
+    samples: int
+    units: int
+    unusable: int
+    drape_coefficient: float
+    drape_coefficient_sd: float
+    folds: float
+    folds_sd: float
+    spectrum: tuple[float, ...]
+    mse_repeat: float
+    mse_flip: float
+    mse_other_sample: float
+    mse_other_fabric: float
+    down_minus_up: Difference
+    drift: dict[int, Difference]
+
+    def document(self) -> dict[str, Any]:
+        """Plain numbers, as printed by `data stats --json`."""
+        plain = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        drift = {str(observation): change.document() for observation, change in self.drift.items()}
+        return plain | {"down_minus_up": self.down_minus_up.document(), "drift": drift}
+
+
+@dataclass(frozen=True, eq=False)
+class _Cloth:
+    """Usable images of a cloth with their numbers."""
+
+    images: Float[ndarray, "images pixels"]
+    sample: ndarray
+    side: ndarray
+    observation: ndarray
+    coefficient: Float[ndarray, " images"]
+    folds: Float[ndarray, " images"]
+    spectrum: Float[ndarray, " modes"]
+    unusable: int
+
+    def unit_means(self, values: Float[ndarray, " images"]) -> dict[tuple[int, str], float]:
+        """Means over the images of each unit, a face of a sample."""
+        groups: dict[tuple[int, str], list[float]] = defaultdict(list)
+        for sample, side, value in zip(self.sample, self.side, values, strict=True):
+            groups[int(sample), str(side)].append(float(value))
+        return {unit: float(np.mean(group)) for unit, group in groups.items()}
+
+
+def statistics(
+    dataset: DrapeDataset,
+    cloths: Sequence[str] | None = None,
+    *,
+    progress: Callable[[str], None] = lambda cloth: None,
+) -> list[ClothStatistics]:
+    """Measures every cloth, or the given ones (against all others).
+
+    Args:
+        dataset: Data.
+        cloths: Names; all by default.
+        progress: Called with each cloth's name when it is read.
+
+    Raises:
+        DataError: A name that is not there.
+    """
+    wanted = list(cloths) if cloths is not None else dataset.cloths
+    for cloth in wanted:
+        dataset.select(cloth=cloth)  # raises for a name that is not there
+    fabric = dict(zip(dataset.table["cloth"], dataset.table["fabric"], strict=True))
+    compared = [cloth for cloth in dataset.cloths if _is_plain(dataset, cloth)] or dataset.cloths
+    means: dict[str, tuple[ndarray, float]] = {}
+    found: dict[str, _Cloth] = {}
+    for cloth in dict.fromkeys([*wanted, *compared]):
+        read = _read(dataset, cloth)
+        if len(read.images):
+            means[cloth] = read.images.mean(0), float((read.images**2).mean())
+        if cloth in wanted:
+            found[cloth] = read
+        progress(cloth)
+    others = {cloth: [other for other in compared if fabric[other] != fabric[cloth]] for cloth in wanted}
+    return [_describe(dataset, cloth, found[cloth], _mse_between(means, cloth, others[cloth])) for cloth in wanted]
+
+
+def _is_plain(dataset: DrapeDataset, cloth: str) -> bool:
+    """Whether a set is a fabric's captures: no copies of others, no series over time."""
+    rows = zip(dataset.table["cloth"], dataset.table["observation"], strict=True)
+    return cloth not in CLOTHS and not any(observation for owner, observation in rows if owner == cloth)
+
+
+def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
+    protocol = dataset.protocol
+    own = [row for row, owner in enumerate(dataset.table["cloth"]) if owner == cloth]
+    images = {row: image for row in own if (image := _usable(dataset, row)) is not None}
+    profiles = [profile_of(image, protocol) for image in images.values()]
+    spectra = [amplitude_spectrum(profile, modes=SPECTRUM_MODES) for profile in profiles]
+    coefficients = [
+        drape_coefficient(
+            image,
+            pixels_per_metre=protocol.px_per_m,
+            cloth_radius=protocol.cloth_radius_m,
+            plate_radius=protocol.plate_radius_m,
+        )
+        for image in images.values()
+    ]
+    table = dataset.table.iloc[list(images)]
+    pixels = [image.ravel().astype(np.float32) for image in images.values()]
+    return _Cloth(
+        np.stack(pixels) if pixels else np.zeros((0, protocol.image_size_px**2), dtype=np.float32),
+        np.asarray(table["sample"]),
+        np.asarray(table["side"], dtype=str),
+        np.asarray(table["observation"]),
+        np.array(coefficients),
+        np.array([float(fold_count(profile)) for profile in profiles]),
+        np.mean(spectra, axis=0) if spectra else np.full(SPECTRUM_MODES + 1, nan),
+        len(own) - len(images),
+    )
+
+
+def _usable(dataset: DrapeDataset, row: int) -> ndarray | None:
+    """An image that can be read and has the right scale."""
+    try:
+        image = dataset.image(row).numpy()
+    except BadImage:
+        return None
+    return None if fit_plate(image, dataset.protocol).fault == "shrunken-image" else image
+
+
+def _describe(dataset: DrapeDataset, cloth: str, read: _Cloth, other_fabric: float) -> ClothStatistics:
+    coefficients, folds = read.unit_means(read.coefficient), read.unit_means(read.folds)
+    same_sample = read.sample[:, None] == read.sample[None, :]
+    same_side = read.side[:, None] == read.side[None, :]
+    known = (read.side[:, None] != "") & (read.side[None, :] != "")
+    mse = _mse_within(read.images)
+    return ClothStatistics(
+        cloth=cloth,
+        silhouettes=len(read.images) + read.unusable,
+        samples=len(set(read.sample.tolist())),
+        units=len(coefficients),
+        unusable=read.unusable,
+        drape_coefficient=_centre(coefficients.values()),
+        drape_coefficient_sd=_spread(coefficients.values()),
+        folds=_centre(folds.values()),
+        folds_sd=_spread(folds.values()),
+        spectrum=tuple(read.spectrum.tolist()),
+        mse_repeat=_mse_of_pairs(dataset, dataset.repeat_pairs(cloth)),
+        mse_flip=_mean(mse, same_sample & ~same_side & known),
+        mse_other_sample=_mean(mse, ~same_sample & same_side),
+        mse_other_fabric=other_fabric,
+        down_minus_up=_down_minus_up(coefficients),
+        drift=_drift(read),
+    )
+
+
+def _centre(values: Iterable[float]) -> float:
+    numbers = list(values)
+    return float(np.mean(numbers)) if numbers else nan
+
+
+def _spread(values: Iterable[float]) -> float:
+    numbers = list(values)
+    return float(np.std(numbers, ddof=1)) if len(numbers) > 1 else nan
+
+
+def _mse_within(images: Float[ndarray, "images pixels"]) -> Float[ndarray, "images images"]:
+    """Mean squared difference of every pair, from the Gram matrix."""
+    gram = (images @ images.T).astype(np.float64) / max(images.shape[1], 1)
+    square = np.diag(gram)
+    return np.maximum(square[:, None] + square[None, :] - 2 * gram, 0.0)
+
+
+def _mse_between(means: dict[str, tuple[ndarray, float]], cloth: str, others: Sequence[str]) -> float:
+    """Mean over other fabrics of the mean squared difference of all pairs, from mean images and mean squares."""
+    if cloth not in means:
+        return nan
+    image, square = means[cloth]
+    known = [means[other] for other in others if other in means]
+    values = [square + other_square - 2 * float((image * other).mean()) for other, other_square in known]
+    return float(np.mean(values)) if values else nan
+
+
+def _mse_of_pairs(dataset: DrapeDataset, pairs: Sequence[tuple[int, int]]) -> float:
+    values = []
+    for first, second in pairs:
+        try:
+            values.append(float(((dataset.image(first) - dataset.image(second)) ** 2).mean()))
+        except BadImage:
+            continue
+    return float(np.mean(values)) if values else nan
+
+
+def _mean(values: ndarray, where: Bool[ndarray, "images images"]) -> float:
+    return float(values[where].mean()) if where.any() else nan
+
+
+def _down_minus_up(coefficients: dict[tuple[int, str], float]) -> Difference:
+    samples = dict.fromkeys(sample for sample, _ in coefficients)
+    both = [sample for sample in samples if {(sample, "up"), (sample, "down")} <= coefficients.keys()]
+    return Difference.of([coefficients[sample, "down"] - coefficients[sample, "up"] for sample in both])
+
+
+def _drift(read: _Cloth) -> dict[int, Difference]:
+    """Change since the first observation."""
+    keys = zip(read.sample.tolist(), read.observation.tolist(), strict=True)
+    series = dict(zip(keys, read.coefficient.tolist(), strict=True))
+    later = sorted({observation for _, observation in series if observation > 1})
+    samples = sorted({sample for sample, _ in series})
+    return {
+        number: Difference.of(
+            [series[s, number] - series[s, 1] for s in samples if (s, number) in series and (s, 1) in series]
+        )
+        for number in later
+    }
