@@ -108,12 +108,12 @@ def test_smooth_fields_have_the_asked_deviation_and_correlation():
 
 
 def test_the_same_seed_lays_any_mesh_down_alike():
-    coarse, fine = (DrapeSimulator(disc_mesh(n)) for n in (297, 2699))
+    coarse, fine = (DrapeSimulator(disc_mesh(n)) for n in (297, 1205))
     between = LinearNDInterpolator(fine.mesh.material, fine.laid_down(seed=3)[:, 2])
     inner = np.hypot(*coarse.mesh.material.T) < 0.99 * CLOTH_RADIUS
     interpolated = between(coarse.mesh.material[inner])
     same, other = (coarse.laid_down(seed=seed)[inner, 2] for seed in (3, 4))
-    assert np.corrcoef(interpolated, same)[0, 1] > 0.99
+    assert np.corrcoef(interpolated, same)[0, 1] > 0.98
     assert abs(np.corrcoef(interpolated, other)[0, 1]) < 0.7
 
 
