@@ -2,10 +2,12 @@
 
 import typer
 
-from cusick_bench.cli import run, solvers
+from cusick_bench.cli import data, run, solvers
 from cusick_bench.cli.convergence import convergence
 from cusick_bench.cli.leaderboard import leaderboard
+from cusick_bench.cli.report import report
 from cusick_bench.cli.simulate import simulate
+from cusick_bench.cli.synthetic import synthetic
 
 app = typer.Typer(
     name="cusick-bench",
@@ -14,9 +16,12 @@ app = typer.Typer(
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+data.app.command()(synthetic)
+app.add_typer(data.app, name="data")
 app.command()(simulate)
 app.add_typer(run.app)
 app.command()(leaderboard)
+app.command()(report)
 app.add_typer(solvers.app)
 app.command()(convergence)
 
