@@ -167,15 +167,15 @@ def stats_command(
 def _stats_table(found: list[ClothStatistics]) -> Table:
     heads = ("units", "DC", "folds", "repeat", "flip", "sample", "fabric", "down - up", "drift")
     caption = (
-        "DC: drape coefficient, mean ± sd over units (sample x face); repeat ... fabric: MSE between images of the same "
-        "drape, the other face, another sample, another fabric; down - up, drift over time: change of DC ± standard error"
+        "DC: drape coefficient, mean ± sd over units (sample x face); repeat ... fabric: MSE between images of the "
+        "same drape, the other face, another sample, another fabric; down - up, drift over time: of DC ± standard error"
     )
     table = Table(_CLOTH, *heads, caption=caption)
     for item in found:
         drift = [change for change in item.drift.values() if isfinite(change.error)]
         table.add_row(
             item.cloth,
-            str(item.units),
+            str(item.units) + (f" (-{item.unusable} images)" if item.unusable else ""),
             _spread(item.drape_coefficient, item.drape_coefficient_sd, ".3f"),
             _spread(item.folds, item.folds_sd, ".1f"),
             *(
