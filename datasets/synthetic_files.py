@@ -79,11 +79,15 @@ def _protocol() -> dict[str, Any]:
 
 def _croissant(files: dict[str, str]) -> dict[str, Any]:
     return {
-        "@context": {"@vocab": "https://schema.org/", "cr": "http://mlcommons.org/croissant/", "sc": "https://schema.org/"},
+        "@context": {
+            "@vocab": "https://schema.org/",
+            "cr": "http://mlcommons.org/croissant/",
+            "sc": "https://schema.org/",
+        },
         "@type": "sc:Dataset",
         "name": "cusick-bench-synthetic",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
-        "description": "Simulated Cusick drapes of five cloths with known stiffness: 12 samples, 2 faces, 2 captures each.",
+        "description": "Simulated Cusick drapes of five cloths of known stiffness: 12 samples x 2 faces x 2 captures.",
         "license": "https://spdx.org/licenses/Apache-2.0",
         "version": "1.0.0",
         "distribution": [

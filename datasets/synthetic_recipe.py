@@ -21,7 +21,7 @@ from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
 from cusick_bench.sim.heterogeneity import modulated
 from cusick_bench.sim.material import Material
 from cusick_bench.sim.mesh import disc_mesh
-from cusick_bench.sim.shape import SmoothField, dihedral_angles, laid_down, smooth_field
+from cusick_bench.sim.shape import dihedral_angles, laid_down, smooth_field
 
 SEED = 2024
 SAMPLES = 12
@@ -92,7 +92,9 @@ def cloths(seed: int = SEED) -> list[Cloth]:
             [np.full(6, stretch[0]), np.full(6, 0.05 * stretch.min()), np.full(6, stretch[1]), np.full(6, shear)]
         )
         material = Material(
-            torch.from_numpy(table), torch.from_numpy(rows[:, None] * growth), torch.tensor(density, dtype=torch.float64)
+            torch.from_numpy(table),
+            torch.from_numpy(rows[:, None] * growth),
+            torch.tensor(density, dtype=torch.float64),
         )
         made.append(Cloth(number, material, round(2e-4 + 1.2e-3 * density, 6)))
     return made

@@ -1,8 +1,8 @@
 """A drape as static equilibrium: Newton on the energy with its exact Hessian, gradients by implicit differentiation.
 
 Where the Hessian is not positive definite or a full step does not lower the energy enough, mass times mu is added to
-it: that is an implicit Euler step of length 1/sqrt(mu) without memory of velocity (pseudo-transient continuation): far from
-rest the cloth falls, and near rest mu -> 0 and the steps are Newton's.
+it: an implicit Euler step of length 1/sqrt(mu) without memory of velocity (pseudo-transient continuation). Far from
+rest the cloth falls; near rest mu -> 0 and the steps are Newton's.
 
 At rest F(x, p) = 0, hence dL/dp = lambda . dF/dp with H lambda = dL/dx, H = -dF/dx: one more solve.
 

@@ -28,7 +28,7 @@ def convergence(
     vertices: Annotated[list[int] | None, typer.Option(help="Mesh size; repeat for several.")] = None,
     density: Annotated[float, typer.Option(help="Areal density [kg/m2].")] = 0.192,
     bending: Annotated[float, typer.Option(help="Bending stiffness [N m].")] = 1.4e-5,
-    draws: Annotated[int, typer.Option(min=2, help="Drapes per mesh size; each has its own mesh and laid-down shape.")] = 8,
+    draws: Annotated[int, typer.Option(min=2, help="Drapes per size, each with its own mesh and laying.")] = 8,
     as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Drapes one cloth on meshes of several sizes, from the same random laid-down shapes."""

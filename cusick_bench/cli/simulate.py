@@ -108,7 +108,9 @@ def simulate(
     """
     rows = _bending_rows(bending)
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
-    cloth = uniform_material(density=density, bending=(factor * rows[0], factor * rows[1], factor * rows[2]), stretch=stretch, shear=shear)
+    cloth = uniform_material(
+        density=density, bending=(factor * rows[0], factor * rows[1], factor * rows[2]), stretch=stretch, shear=shear
+    )
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / ".writable").touch()

@@ -31,6 +31,7 @@ def synthetic(
     if as_json:
         print_json({"out": out, "files": len(made), "compared": len(shared), "different": different})
     else:
-        output.print(f"{len(made)} files in {out}; {len(shared) - len(different)} of {len(shared)} equal the shipped ones")
+        equal = len(shared) - len(different)
+        output.print(f"{len(made)} files in {out}; {equal} of {len(shared)} equal the shipped ones")
     if different:
         raise typer.Exit(1)
