@@ -20,7 +20,7 @@ from torch import Tensor
 
 SHARPNESS = 7000.0  # 1/delta in normalised coordinates; Kaolin's default sigmainv
 MARGIN = 0.02  # in normalised coordinates; Kaolin's default boxlen
-_SMALLEST = 1e-300  # keeps 0/0 and log 0 of centres on an edge and of collapsed edges finite
+_SMALLEST = 1e-300  # keeps 0/0 of collapsed sides, and log 0 of centres that round onto a side, finite
 
 
 def _boxes(
@@ -53,8 +53,7 @@ def _covered(corners: Float[Tensor, "faces 3 2"], size: int) -> Tensor:
     start = corners[face]
     side = start.roll(-1, dims=1) - start
     turn = _cross(side, pixel[:, None, :] - start)
-    solid = _cross(side[:, 0], side[:, 1]) != 0  # a collapsed triangle covers nothing
-    inside = solid & ((turn >= 0).all(1) | (turn <= 0).all(1))
+    inside = (turn >= 0).all(1) | (turn <= 0).all(1)
     covered = torch.zeros(size * size, dtype=torch.bool, device=corners.device)
     covered[pixel[inside, 1] * size + pixel[inside, 0]] = True
     return covered

@@ -92,6 +92,18 @@ def test_hidden_vertices_and_those_outside_the_image_have_no_gradient():
     assert not gradient[3:].any()
 
 
+def test_a_seam_that_just_closes_has_no_outline():
+    """Vertex 4 lies on the diagonal that two triangles share, but only one of them is joined to it."""
+    points = torch.tensor([[2, 2, 0], [10, 2, 0], [10, 10, 0], [2, 10, 0], [6, 6, 0]], dtype=torch.float64)
+    for faces in ([[0, 1, 2], [0, 4, 3], [4, 2, 3]], [[0, 4, 3], [4, 2, 3], [0, 1, 2]]):
+        for flip in (False, True):
+            leaf = points[:, [1, 0, 2]] if flip else points.clone()
+            image = render(leaf.requires_grad_(), np.array(faces), PIXELS, size=12)
+            (gradient,) = torch.autograd.grad((image * torch.arange(144.0).reshape(12, 12)).sum(), leaf)
+            assert not gradient[4].any()
+            assert (gradient[:4, :2] != 0).all()
+
+
 @pytest.mark.parametrize("method", ["coverage", "soft"])
 def test_moving_the_cloth_inside_the_image_keeps_its_area(method):
     surface, faces = _draped(297, 1, 0.5)

@@ -65,6 +65,31 @@ def test_mask_is_a_little_larger_than_the_exact_silhouette():
     assert 0.3 * perimeter < float(soft.sum() - exact.sum()) < 2.56 * perimeter
 
 
+def test_collapsed_faces_count_as_the_segment_or_point_they_are():
+    """A face collapsed to a point, and one collapsed to a segment, seen by uncovered pixel centres."""
+    points = torch.tensor([[5.1, 5.0], [5.1, 5.0], [12.0, 4.2], [12.0, 9.2]], dtype=torch.float64, requires_grad=True)
+    mask = soft_mask(points, np.array([[0, 1, 0], [2, 3, 2]]), 20, sharpness=300.0, margin=0.1)
+    image = mask.detach().numpy()
+    pixel_square = np.exp(-300 / 100)  # weight of a distance of one pixel
+    assert image[5, 6] == pytest.approx(pixel_square**0.81)
+    assert image[7, 11] == pytest.approx(pixel_square)
+    assert image[10, 12] == pytest.approx(pixel_square**0.64)
+    assert image[7, 12] == 1
+    (gradient,) = torch.autograd.grad((mask**2).sum(), points)
+    assert torch.isfinite(gradient).all()
+    assert gradient.any(1).all()
+
+
+def test_a_centre_that_rounds_onto_a_side_is_covered_and_keeps_gradients_finite():
+    """Pixel (4, 3) lies on the first side up to rounding: outside of it, yet at distance 0."""
+    side = [[3.075901553983005, 4.171553446328126], [2.8481968920339904, 3.6568931073437474]]
+    points = torch.tensor([*side, [17 / 3, 19 / 3]], dtype=torch.float64, requires_grad=True)
+    mask = soft_mask(points, np.array([[0, 1, 2]]), 8, margin=0.05)
+    (gradient,) = torch.autograd.grad(mask.square().sum(), points)
+    assert mask[4, 3] == 1
+    assert torch.isfinite(gradient).all()
+
+
 def test_gradcheck():
     generator = torch.Generator().manual_seed(1)
     points = 16 * torch.rand(7, 2, generator=generator, dtype=torch.float64) - 2
