@@ -20,6 +20,8 @@ from cusick_bench.sim.soft_mask import soft_mask
 
 Method = Literal["coverage", "soft"]
 
+_FARTHEST = 1e9  # [px]; farther away, areas lose their accuracy
+
 
 class _Coverage(torch.autograd.Function):
     """Exact pixel coverage. The sweep is sequential, so it runs on the CPU whatever the device of the points is;
@@ -94,8 +96,10 @@ def render(
         raise SimulationError(f"vertices must have shape (..., vertices, 3), got {tuple(vertices.shape)}")
     triangles = _checked_faces(faces, vertices.shape[-2])
     points = camera.project(vertices.double())
-    if not bool(torch.isfinite(points).all()):
-        raise SimulationError("vertices must be finite to be drawn, got NaN or infinity; did the drape diverge?")
+    if not bool((points.abs() < _FARTHEST).all()):  # also false for NaN
+        raise SimulationError(
+            f"vertices must be finite and within {_FARTHEST:g} pixels of the image to be drawn; did the drape diverge?"
+        )
     draw = _METHODS[method]
     images = [draw(item, triangles, size) for item in points.reshape(-1, *points.shape[-2:])]
     flat = torch.stack(images) if images else points.new_zeros(0, size, size)

@@ -195,6 +195,12 @@ def test_batches_are_drawn_one_by_one(method):
     assert render(batch[:0], faces, PinholeCamera(), method=method).shape == (0, 2, 256, 256)
 
 
+@pytest.mark.parametrize("method", ["coverage", "soft"])
+def test_nothing_to_draw_gives_an_empty_image(method):
+    nothing = np.empty((0, 3), dtype=np.int64)
+    assert not _draw(np.zeros((3, 3)), nothing, method=method).any()
+
+
 def test_bad_input_is_refused_with_its_value():
     render = inspect.unwrap(silhouette.render)  # a type checker installed for the tests would complain first
     points, faces, camera = torch.zeros(4, 3, dtype=torch.float64), np.array([[0, 1, 2]]), ParallelCamera()
@@ -205,7 +211,8 @@ def test_bad_input_is_refused_with_its_value():
         r"\(1, 2\)": lambda: render(points, faces[:, :2], camera),
         "float64": lambda: render(points, faces.astype(float), camera),
         r"\[0, 3\], got 0 to 7": lambda: render(points, np.array([[0, 1, 7]]), camera),
-        "NaN or infinity": lambda: render(points.log(), faces, camera),
+        "finite and within": lambda: render(points.log(), faces, camera),
+        "finite.*1e[+]09 pixels": lambda: render(points + 1e200, faces, camera),
     }.items():
         with pytest.raises(SimulationError, match=match):
             call()
