@@ -73,7 +73,6 @@ def _hash(path: Path, modified: int, size: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-@lru_cache(maxsize=4096)
 def _measure_mesh(path: Path, digest: str) -> MeshMeasure:
     def measure() -> Float[ndarray, " numbers"]:
         mesh = read_mesh(path)

@@ -8,7 +8,7 @@ another clearly right: captures of one drape resemble each other.
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -32,6 +32,7 @@ class MeshMatch:
         own_rms, own_rotation: Its profile difference [m] at the best quarter turn [degrees about z] of the mesh.
         best: The silhouette that fits best; `own` in a tie.
         best_rms, best_rotation: Its difference [m] and turn [degrees].
+        fits: Difference and turn for every silhouette of the sample, by path.
     """
 
     mesh: Entry
@@ -41,6 +42,7 @@ class MeshMatch:
     best: Entry | None
     best_rms: float
     best_rotation: int
+    fits: dict[str, tuple[float, int]] = field(repr=False, compare=False)
 
     @property
     def fits_own(self) -> bool:
@@ -95,17 +97,14 @@ def match_meshes(
 
 
 def _match(mesh: Entry, candidates: list[Entry], images: Mapping[str, Profile], outline: Profile) -> MeshMatch:
-    own, own_rms, own_rotation = None, np.inf, 0
-    best, best_rms, best_rotation = None, np.inf, 0
-    for entry in candidates:
-        rms, rotation = best_turn(images[entry.path], outline)
-        if entry.key == mesh.key and own is None:
-            own, own_rms, own_rotation = entry, rms, rotation
-        if rms < best_rms:
-            best, best_rms, best_rotation = entry, rms, rotation
-    if own_rms - best_rms < TIE:
-        best, best_rms, best_rotation = own, own_rms, own_rotation
-    return MeshMatch(mesh, own, own_rms, own_rotation, best, best_rms, best_rotation)
+    fits = {entry.path: best_turn(images[entry.path], outline) for entry in candidates}
+    own = next((entry for entry in candidates if entry.key == mesh.key), None)
+    best = min(candidates, key=lambda entry: fits[entry.path][0], default=None)
+    none = (float("inf"), 0)
+    own_fit, best_fit = (fits[entry.path] if entry else none for entry in (own, best))
+    if own_fit[0] - best_fit[0] < TIE:
+        best, best_fit = own, own_fit
+    return MeshMatch(mesh, own, *own_fit, best, *best_fit, fits)
 
 
 @dataclass(frozen=True)
@@ -154,11 +153,13 @@ def correct_assignment(
         else:
             notes = (f"mesh fits no silhouette of the sample ({_mm(match.best_rms)})",) if match.matches_none else ()
             corrected[match.own.path] = _turned(match.mesh.path, match.own_rotation, notes, rotation)
-    for match in sorted(strays, key=lambda match: match.best_rms):
-        assert match.best is not None
-        if not corrected[match.best.path].mesh:
-            note = f"mesh re-paired: named {match.mesh.path.rsplit('/', 1)[-1]} ({_mm(match.best_rms)})"
-            corrected[match.best.path] = _turned(match.mesh.path, match.best_rotation, (note,), rotation)
+    offers = [(*fit, path, match.mesh) for match in strays for path, fit in match.fits.items() if fit[0] <= FIT_LIMIT]
+    placed: set[str] = set()
+    for rms, degrees, path, mesh in sorted(offers, key=lambda offer: offer[0]):
+        if not corrected[path].mesh and mesh.path not in placed:
+            note = f"mesh re-paired: named {mesh.path.rsplit('/', 1)[-1]} ({_mm(rms)})"
+            corrected[path] = _turned(mesh.path, degrees, (note,), rotation)
+            placed.add(mesh.path)
     return corrected
 
 
