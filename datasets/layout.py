@@ -87,9 +87,10 @@ class Layout:
 
     def beside(self, name: str) -> Path | None:
         """A table that belongs to the data: in the root, in its `data` folder, or above a fabric or data folder."""
-        places = [self.root, self.root / "data"]
-        if self.root.name == "data" or _FABRIC_FOLDER.fullmatch(self.root.name):
-            places.append(self.root.parent)
+        places, top = [self.root, self.root / "data"], self.root
+        while top.name == "data" or _FABRIC_FOLDER.fullmatch(top.name):
+            top = top.parent
+            places.append(top)
         return next((place / name for place in places if (place / name).is_file()), None)
 
 

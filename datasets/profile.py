@@ -40,7 +40,7 @@ class Profile:
         """Angles [rad], counter-clockwise from +x (warp)."""
         return _angles(len(self.radii))
 
-    def rotated(self, degrees: float) -> "Profile":
+    def rotated(self, degrees: int) -> "Profile":
         """The profile of the drape turned counter-clockwise about z, to the nearest angle step."""
         return Profile(np.roll(self.radii, round(degrees * len(self.radii) / 360)))
 

@@ -21,7 +21,7 @@ _MESH_ANGLES = 180
 _REPEAT = 2e-4  # [m], by which captures of one drape differ
 
 
-def wavy_profile(folds: float, *, mean: float = 0.12, amplitude: float = 0.01, phase: float = 0.0) -> Profile:
+def wavy_profile(folds: int, *, mean: float = 0.12, amplitude: float = 0.01, phase: float = 0.0) -> Profile:
     """mean + amplitude cos(folds angle - phase), and a bump at 30 degrees so that no turn or mirror image is alike."""
     angles = np.arange(PROFILE_ANGLES) * (2 * np.pi / PROFILE_ANGLES)
     bump = 0.4 * amplitude * np.exp(4 * (np.cos(angles - np.pi / 6) - 1))

@@ -96,8 +96,10 @@ def test_works_with_torch_and_pickle(toy):
 
 @pytest.mark.parametrize("root", [".", "data", "data/Fabric 7"])
 def test_any_level_of_the_layout_is_a_root(toy, root):
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
     dataset = load(toy / root)
     assert len(dataset) == 12
+    assert dataset.require_density(0) == 0.2
     assert (dataset.index["mesh"] != "").all()
     assert dataset.sample(0).mesh is not None
 
