@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from cusick_bench.datasets import named
-from cusick_bench.datasets.fabrics import Fabric
+from cusick_bench.datasets.fabrics import FILE, Fabric
 from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_values, recognised_cloths
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.datasets.layout import Entry, Layout
@@ -54,6 +54,9 @@ def check_tables(
             yield Irregularity(folder, "thickness-missing", "add its thickness to fabrics.csv")
         if cloth in doubtful:
             yield Irregularity(folder, "side-unknown", "its meshes belong to captures of the other face")
+    table = layout.beside(FILE)
+    if table is None or not table.is_relative_to(layout.root):
+        return  # a table further up serves other fabrics too
     for key in fabrics:
         if key not in used:
             yield Irregularity("fabrics.csv", "fabrics-unused", f"{key} is not among the data")

@@ -1,7 +1,6 @@
 """Damaged, odd and hostile files: a clear error that says what, where and what to do; nothing else is lost."""
 
 import gzip
-import json
 import os
 import pickle
 import struct
@@ -14,13 +13,11 @@ from PIL import Image
 
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit import audit
-from cusick_bench.datasets.errors import BadImage, BadMesh, BadTable, DataNotFound
-from cusick_bench.datasets.fabrics import read_fabrics
+from cusick_bench.datasets.errors import BadImage, BadMesh, DataNotFound
 from cusick_bench.datasets.image import read_silhouette
 from cusick_bench.datasets.layout import inside_root, scan
 from cusick_bench.datasets.mesh_file import read_mesh
 from cusick_bench.datasets.profile import Profile
-from cusick_bench.datasets.protocol import Protocol, read_protocol
 from cusick_bench.datasets.toy import draw, toy_profile, wavy_profile, write_image, write_toy
 
 DRAPE = draw(wavy_profile(7))
@@ -238,87 +235,6 @@ def test_links_and_paths_out_of_the_folder_are_refused(tmp_path):
     for path in ("../outside/secret.png", "/etc/passwd", "data/../../outside/x.obj"):
         with pytest.raises(DataError, match="must stay within"):
             inside_root(layout.root, path)
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("fabric,areal_density_kg_m2\n7,-0.1\n", r"line 2: areal density must be a number > 0 kg/m2, got -0.1"),
-        ("fabric,areal_density_kg_m2\n6,0.2\n7,0\n", r"line 3: .*got 0"),
-        ("fabric,areal_density_kg_m2\n7,nan\n", r"line 2: .*got nan"),
-        ("fabric,areal_density_kg_m2\n7,inf\n", r"line 2: .*at most"),
-        ("fabric,areal_density_kg_m2\n7,light\n", r"line 2: .*got light"),
-        ("fabric,areal_density_kg_m2\n7,192\n", r"at most 5.0 kg/m2, got 192; give it in kg/m2"),
-        ("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.4\n", r"thickness must be at most 0.02 m"),
-        ("fabric,areal_density_kg_m2\n7,0.2\nFabric 7,0.3\n", r"line 3: .*given twice"),
-        ("fabric,areal_density_kg_m2\n7,0.2,0.3,0.4\n", r"4 fields for 2 columns"),
-        ("cloth,weight\n7,0.2\n", r"needs the columns fabric and areal_density_kg_m2"),
-        ("", r"needs the columns"),
-        ("\0\0\0", r"fabrics"),
-    ],
-)
-def test_bad_fabric_tables(tmp_path, text, complaint):
-    root = write_toy(tmp_path, samples=1)
-    (root / "fabrics.csv").write_text(text)
-    with pytest.raises(BadTable, match=complaint) as caught:
-        load(root)
-    assert "fabrics.csv" in str(caught.value)
-    assert audit(root).kinds["fabrics-invalid"] == 1  # reported, and the rest is looked at
-    assert audit(root).silhouettes == 4
-
-
-def test_fabric_table_forgives_blanks(tmp_path):
-    path = tmp_path / "fabrics.csv"
-    path.write_text("﻿fabric, areal_density_kg_m2 ,thickness_m\n\n7, 0.2 ,\n8,,0.0003\n", encoding="utf-8")
-    table = read_fabrics(path)
-    assert table["fabric_7"].areal_density == 0.2
-    assert np.isnan(table["fabric_7"].thickness)
-    assert np.isnan(table["fabric_8"].areal_density)
-
-
-@pytest.mark.parametrize(
-    ("document", "complaint"),
-    [
-        ({"px_per_m": -1}, "px_per_m must be > 0, got -1"),
-        ({"px_per_m": "723"}, "px_per_m must be a finite number"),
-        ({"px_per_m": True}, "finite number"),
-        ({"image_size_px": 10**9}, "image_size_px must be one whole number of pixels from 16 to 8192"),
-        ({"image_size_px": [256, 128]}, "images are square"),
-        ({"centre_px": [1]}, r"centre_px must be \[column, row\]"),
-        ({"projection": "fisheye"}, "projection must be one of parallel, pinhole"),
-        ({"captures": {"1": "left"}}, "captures must map"),
-        ({"captures": ["up"]}, "captures must map"),
-        ({"plate_radius_m": 0.2}, "plate_radius_m must be below cloth_radius_m"),
-        ([1, 2], "must hold one JSON object"),
-    ],
-)
-def test_bad_protocols(tmp_path, document, complaint):
-    root = write_toy(tmp_path, samples=1)
-    (root / "protocol.json").write_text(json.dumps(document))
-    with pytest.raises(BadTable, match=complaint):
-        load(root)
-    assert audit(root).kinds["protocol-invalid"] == 1
-
-
-@pytest.mark.parametrize(
-    "text", ["{", "[" * 100_000, '{"px_per_m": NaN}', '{"px_per_m": 1e999}', "{}" + " " * (2 << 20)]
-)
-def test_hostile_protocols(tmp_path, text):
-    path = tmp_path / "protocol.json"
-    path.write_text(text)
-    with pytest.raises(BadTable):
-        read_protocol(path)
-
-
-def test_protocol_defaults_and_spellings(tmp_path):
-    path = tmp_path / "protocol.json"
-    path.write_text('{"foreground": "1 - grey/255", "projection": "Perspective", "order": ["up", "down"], "room": 3}')
-    protocol = read_protocol(path)
-    assert (protocol.foreground, protocol.projection) == ("dark", "pinhole")
-    assert protocol.extra == {"room": 3}
-    assert protocol.order == '["up", "down"]'
-    assert Protocol().px_per_m == 723
-    assert Protocol().captures == {1: "up", 2: "up", 3: "down", 4: "down"}
 
 
 def test_errors_travel_between_processes():
