@@ -24,16 +24,16 @@ from cusick_bench.solvers.level_search import match_bending_level
 
 
 def adam(incumbent: Incumbent, *, steps: int, rate: float) -> None:
-    """Adam from the incumbent; after a failed drape it goes on from the incumbent with half the rate.
+    """Adam within the problem's box, from the incumbent; after a failed drape it returns there at half the rate.
 
     Args:
         incumbent: Search to go on with.
         steps: Gradients to spend.
         rate: Step length [prior standard deviations], falling to a tenth along a cosine.
     """
-    tau = incumbent.tau.copy()
+    tau, (lower, upper) = incumbent.tau.copy(), incumbent.problem.bounds
     mean, square, age = np.zeros_like(tau), np.zeros_like(tau), 0
-    for step in range(steps):
+    for index in range(steps):
         loss, gradient = incumbent.value_and_gradient(tau)
         if loss >= PENALTY:
             tau, rate, age = incumbent.tau.copy(), rate / 2, 0
@@ -42,8 +42,9 @@ def adam(incumbent: Incumbent, *, steps: int, rate: float) -> None:
         age += 1
         mean += 0.1 * (gradient - mean)
         square += 0.01 * (gradient**2 - square)
-        decay = 0.1 + 0.45 * (1 + math.cos(math.pi * step / steps))
-        tau = tau - rate * decay * (mean / (1 - 0.9**age)) / (np.sqrt(square / (1 - 0.99**age)) + 1e-12)
+        decay = 0.1 + 0.45 * (1 + math.cos(math.pi * index / steps))
+        step = (mean / (1 - 0.9**age)) / (np.sqrt(square / (1 - 0.99**age)) + 1e-12)
+        tau = np.clip(tau - rate * decay * step, lower, upper)
 
 
 def lbfgs(incumbent: Incumbent, *, iterations: int) -> bool:
@@ -76,8 +77,8 @@ class Homo(Solver):
     """
 
     search: int = 8
-    adam_steps: int = 60
-    adam_rate: float = 0.1
+    adam_steps: int = 50
+    adam_rate: float = 0.6
     lbfgs_iterations: int = 60
     name: ClassVar[str] = "homo"
     summary: ClassVar[str] = "gradient fit of one stretch and one bending table (Adam, then L-BFGS)"

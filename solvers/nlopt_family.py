@@ -8,8 +8,8 @@ References:
     Johnson, The NLopt nonlinear-optimization package, https://github.com/stevengj/nlopt.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import nlopt
@@ -17,7 +17,7 @@ import numpy as np
 
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
-from cusick_bench.solvers.incumbent import Incumbent
+from cusick_bench.solvers.incumbent import PENALTY, Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 
 # The nine of the benchmark; any other algorithm of NLopt that needs no second optimiser works as well.
@@ -73,31 +73,50 @@ class NloptSolver(Solver):
         optimiser.set_lower_bounds(lower)
         optimiser.set_upper_bounds(upper)
         optimiser.set_initial_step(self.step)
-        optimiser.set_min_objective(_objective(incumbent))
+        objective = _Objective(incumbent, optimiser)
+        optimiser.set_min_objective(objective)
         if self.algorithm.startswith("L"):
             optimiser.set_ftol_rel(self.tolerance)
             optimiser.set_xtol_rel(self.tolerance)
+        failure: Exception | None = None
         try:
             optimiser.optimize(np.clip(incumbent.tau, lower, upper))
-        except (nlopt.RoundoffLimited, RuntimeError):
-            return False  # a line search ended in noise; the incumbent stands
-        except (ValueError, MemoryError) as error:
-            raise SolverError(f"NLopt refuses {self.algorithm} on {problem.dimension} parameters: {error}") from error
-        return True
+        except Exception as error:  # NLopt's own kinds differ between its versions
+            failure = error
+        if objective.stopped_by is not None:
+            raise objective.stopped_by
+        if failure is not None and not np.isfinite(incumbent.loss):
+            raise SolverError(f"NLopt's {self.algorithm} failed from the start: {failure!r}") from failure
+        return failure is None  # a search that ends in rounding errors leaves its incumbent
 
 
-def _objective(incumbent: Incumbent) -> Callable[[np.ndarray, np.ndarray], float]:
-    """NLopt's callback: fills `gradient` in place where it has any length."""
+class _Objective:
+    """NLopt's callback. Some algorithms go on after an exception, so it is kept until they have stopped.
 
-    def objective(tau: np.ndarray, gradient: np.ndarray) -> float:
-        if gradient.size == 0:
-            return incumbent.value(np.array(tau))
-        loss, gradient[:] = incumbent.value_and_gradient(np.array(tau))
-        return loss
+    Attributes:
+        stopped_by: What ended the search from within.
+    """
 
-    return objective
+    def __init__(self, incumbent: Incumbent, optimiser: nlopt.opt) -> None:
+        self.incumbent, self.optimiser = incumbent, optimiser
+        self.stopped_by: BaseException | None = None
+
+    def __call__(self, tau: np.ndarray, gradient: np.ndarray) -> float:
+        """Loss; fills `gradient` in place where it has any length."""
+        if self.stopped_by is None:
+            try:
+                if gradient.size == 0:
+                    return self.incumbent.value(np.array(tau))
+                loss, gradient[:] = self.incumbent.value_and_gradient(np.array(tau))
+                return loss
+            except BaseException as error:
+                self.stopped_by = error
+                self.optimiser.force_stop()
+        gradient[:] = 0
+        return PENALTY
 
 
+@lru_cache
 def nlopt_solver(algorithm: str) -> type[Solver]:
     """The solver class of an NLopt algorithm.
 

@@ -10,17 +10,19 @@ from cusick_bench.datasets.profile import CENTRE_PIXEL, PIXELS_PER_METRE
 SIZE = 256
 
 
-@lru_cache(maxsize=1)
-def _polar() -> tuple[np.ndarray, np.ndarray]:
-    """Radius [m] and angle [rad, 0..2 pi) of every pixel's centre."""
+@lru_cache(maxsize=4)
+def _pixels(angles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of every pixel's centre: radius [m], the two angles of the profile it lies between, weight of the second."""
     row, column = np.mgrid[:SIZE, :SIZE]
     x = (column - CENTRE_PIXEL[0]) / PIXELS_PER_METRE
     y = (CENTRE_PIXEL[1] - row) / PIXELS_PER_METRE
-    return np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)
+    position = np.arctan2(y, x) * (angles / (2 * np.pi)) % angles
+    before = position.astype(np.int64) % angles
+    return np.hypot(x, y), before, (before + 1) % angles, position - np.floor(position)
 
 
 def silhouette(radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, "256 256"]:
     """Image of a star-shaped region with given radii [m] at equidistant angles; its edge is a pixel wide."""
-    radius, angle = _polar()
-    edge = np.interp(angle, np.arange(len(radii) + 1) * (2 * np.pi / len(radii)), np.append(radii, radii[0]))
+    radius, before, after, share = _pixels(len(radii))
+    edge = radii[before] * (1 - share) + radii[after] * share
     return np.clip((edge - radius) * PIXELS_PER_METRE + 0.5, 0.0, 1.0)

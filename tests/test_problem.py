@@ -260,7 +260,7 @@ class TestBudget:
         problem.image(tau)
         meter = problem.meter
         assert (meter.forward, meter.gradient, meter.forward_equivalents) == (3, 1, 4)
-        assert meter.simulated_seconds == pytest.approx(3 * 30 * 0.05)
+        assert meter.simulated_seconds == pytest.approx(3 * 20 * 0.05)
         assert [entry.kind for entry in meter.trace] == ["loss", "gradient", "drape"]
         assert 0 < meter.trace[0].wall_seconds <= meter.trace[-1].wall_seconds <= meter.wall_seconds
 

@@ -38,6 +38,7 @@ def run_command(
     vertices: Annotated[int, typer.Option(min=1, help="Vertices of the disc mesh.")] = 2699,
     law: Annotated[str, typer.Option(help="Material law: paper or published.")] = "paper",
     mode: Annotated[str, typer.Option(help="drop (implicit Euler) or equilibrium (Newton).")] = "drop",
+    steps: Annotated[int, typer.Option(min=1, help="Steps of a drop, of 0.05 s.")] = 100,
     laying: Annotated[
         str, typer.Option(help="How the cloth is laid down: with the training image's folds, or random.")
     ] = "image",
@@ -58,7 +59,7 @@ def run_command(
     settings = ProblemSettings(
         space=space,
         vertices=vertices,
-        drape=DrapeSettings(law=law, mode=mode),  # pyright: ignore[reportArgumentType]
+        drape=DrapeSettings(law=law, mode=mode, steps=steps),  # pyright: ignore[reportArgumentType]
         camera=camera,
         renderer=renderer,
         loss=loss,

@@ -28,10 +28,13 @@ class Budget:
     def __post_init__(self) -> None:
         for name in ("forward_equivalents", "seconds"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
+            if value is None:
+                continue
+            if not value > 0:
                 raise ProblemError(
                     f"budget in {name.replace('_', ' ')} must be > 0, got {value}; leave it out for no limit"
                 )
+            object.__setattr__(self, name, float(value))  # 8 and 8.0 name the same cell
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ AREAL_DENSITY = 0.2  # [kg/m2]
 
 @lru_cache(maxsize=8)
 def _simulator(vertices: int, mode: str, seed: int) -> DrapeSimulator:
-    settings = DrapeSettings(mode=mode, steps=30, seed=seed)  # pyright: ignore[reportArgumentType]
+    settings = DrapeSettings(mode=mode, steps=20, seed=seed)  # pyright: ignore[reportArgumentType]
     return DrapeSimulator(disc_mesh(vertices), settings)
 
 
@@ -41,9 +41,10 @@ def toy_problem(
     budget: Budget | None = None,
     bending: float = 3.0,
     space: str = "homo",
-    vertices: int = 150,
+    vertices: int = 100,
     mode: str = "drop",
     sample: int = 0,
+    laid_as_true: bool = False,
     folder: Path | None = None,
 ) -> DrapeProblem:
     """Poses the problem of finding a cloth again that was draped by the simulator itself.
@@ -55,21 +56,22 @@ def toy_problem(
         vertices: Of the disc mesh.
         mode: "drop" or "equilibrium".
         sample: Sample of the cloth: each is laid down differently.
+        laid_as_true: Lay the cloth down as it was, instead of guessing that from its silhouette.
         folder: Where to keep what a resumed solver needs; nowhere by default.
     """
     image = _image(vertices, mode, bending, sample)
-    simulator = _simulator(vertices, mode, 0)
+    simulator = _simulator(vertices, mode, sample if laid_as_true else 0)
     return DrapeProblem(
         train_image=image,
         simulator=simulator,
         space=SPACES[space](simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY)),
-        initial=laid_like(image, simulator.mesh),
+        initial=None if laid_as_true else laid_like(image, simulator.mesh),
         meter=Meter(budget or Budget(20)),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
     )
 
 
-def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 150) -> np.ndarray:
+def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 100) -> np.ndarray:
     """Silhouette of another sample of the toy problem's cloth."""
     return _image(vertices, "drop", bending, sample)

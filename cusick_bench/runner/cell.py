@@ -38,15 +38,15 @@ def _simulator(settings: ProblemSettings, seed: int) -> DrapeSimulator:
 
 def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None) -> DrapeProblem:
     """Poses a cell's problem, with its memory in `folder`."""
-    settings, sample = cell.settings, dataset.sample(cell.train[0])
+    settings, row = cell.settings, dataset.table.iloc[cell.train[0]]
     simulator = _simulator(settings, cell.seed)
-    image = np.asarray(sample.image, dtype=np.float64)
-    prior = StiffnessPrior(settings.drape.law, float(sample.row["areal_density"]))
+    image = _image(dataset, cell.train[0])
+    prior = StiffnessPrior(settings.drape.law, float(row["areal_density"]))
     return DrapeProblem(
         train_image=image,
         simulator=simulator,
         space=SPACES[settings.space](simulator.mesh, prior),
-        thickness=float(sample.row["thickness"]),
+        thickness=float(row["thickness"]),
         camera=CAMERAS[settings.camera](),
         renderer=settings.renderer,
         loss=settings.loss,
@@ -106,8 +106,7 @@ def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) ->
 def _solve(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Report) -> Prediction:
     solver = make_solver(cell.solver)
     if isinstance(solver, Oracle):
-        images = np.stack([np.asarray(dataset.sample(row).image, dtype=np.float64) for row in cell.test])
-        solver = solver.revealing(HeldOut(images, tuple(_repeats(dataset, row) for row in cell.test)))
+        solver = solver.revealing(_heldout(dataset, cell))
     meter = problem.meter
     meter.observers.append(lambda evaluation: report(meter.share, evaluation.best_loss, ""))
     return solver.solve(
@@ -121,20 +120,22 @@ def _samples(dataset: DrapeDataset, cell: Cell) -> tuple[DrapeSample, list[Drape
     return dataset.sample(cell.train[0]), [dataset.sample(row) for row in cell.test]
 
 
-def _repeats(dataset: DrapeDataset, row: int) -> np.ndarray:
-    """Other captures of the drape in an index row, (k, 256, 256)."""
-    rows = dataset.repeats(row)
-    images = [np.asarray(dataset.sample(other).image, dtype=np.float64) for other in rows]
-    return np.stack(images) if images else np.zeros((0, 256, 256))
+def _image(dataset: DrapeDataset, row: int) -> np.ndarray:
+    return np.asarray(dataset.image(row), dtype=np.float64)
+
+
+def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
+    repeats = [[_image(dataset, other) for other in dataset.repeats(row)] for row in cell.test]
+    return HeldOut(
+        images=np.stack([_image(dataset, row) for row in cell.test]) if cell.test else np.zeros((0, 256, 256)),
+        repeats=tuple(np.stack(images) if images else np.zeros((0, 256, 256)) for images in repeats),
+    )
 
 
 def _repeat_pairs(dataset: DrapeDataset, cell: Cell) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of captures of one drape, for every drape of the cell that has been captured again."""
-    pairs = []
-    for row in (*cell.train, *cell.test):
-        image = np.asarray(dataset.sample(row).image, dtype=np.float64)
-        pairs += [(image, other) for other in _repeats(dataset, row)]
-    return pairs
+    """Pairs of captures of one drape: the floor below which no score of this cloth means anything."""
+    pairs = dataset.repeat_pairs(cell.cloth)
+    return [(_image(dataset, row), _image(dataset, other)) for row, other in pairs]
 
 
 def _failed(error: Exception) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from cusick_bench.solvers.registry import make_solver
 CAMERAS = ("parallel", "pinhole")
 RENDERERS = ("coverage", "soft")
 LAYINGS = ("image", "random")
+LAWS = ("paper", "published")
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,16 @@ class ProblemSettings:
     budget: Budget = field(default_factory=Budget)
 
     def __post_init__(self) -> None:
-        for name, options in (
-            ("space", SPACES),
-            ("camera", CAMERAS),
-            ("renderer", RENDERERS),
-            ("loss", LOSSES),
-            ("laying", LAYINGS),
+        for name, value, options in (
+            ("space", self.space, SPACES),
+            ("camera", self.camera, CAMERAS),
+            ("renderer", self.renderer, RENDERERS),
+            ("loss", self.loss, LOSSES),
+            ("laying", self.laying, LAYINGS),
+            ("law", self.drape.law, LAWS),
         ):
-            if getattr(self, name) not in options:
-                raise ProblemError(f"unknown {name} {getattr(self, name)!r}; use one of {', '.join(options)}")
+            if value not in options:
+                raise ProblemError(f"unknown {name} {value!r}; use one of {', '.join(options)}")
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class Cell:
         dataset: Name of the data set.
         dataset_hash: Content hash of the files in use.
         protocol: How the samples were split.
+        code_version: Code that the numbers come from.
     """
 
     solver: str
@@ -78,6 +81,7 @@ class Cell:
     dataset: str
     dataset_hash: str
     protocol: str
+    code_version: str
 
     def problem_hash(self) -> str:
         """Fingerprint of the problem, whoever solves it."""
@@ -103,7 +107,7 @@ class Cell:
             "test": list(self.test),
             "settings": asdict(self.settings),
             "budget": asdict(self.settings.budget),
-            "code_version": code_version(),
+            "code_version": self.code_version,
         }
 
     @property
@@ -152,18 +156,15 @@ def plan(
             dataset=dataset.name,
             dataset_hash=dataset.content_hash,
             protocol=protocol,
+            code_version=code_version(),
         )
         for split in dataset.split(protocol, cloths)
         for text in made
         for seed in seeds or [0]
     ]
     for cell in cells:
-        density = float(dataset.index.loc[cell.train[0], "areal_density"])  # pyright: ignore[reportArgumentType]
-        if made[cell.solver].kind == "solver" and not density > 0:
-            raise RunnerError(
-                f"{cell.solver} simulates {cell.cloth}, whose areal density is {density} kg/m2; "
-                "give it in fabrics.csv (fabric,areal_density_kg_m2,thickness_m)"
-            )
+        if made[cell.solver].kind == "solver":
+            dataset.require_density(cell.train[0])
     return cells
 
 
