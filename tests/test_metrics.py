@@ -146,7 +146,7 @@ def test_damaged_surfaces_are_refused():
     with pytest.raises(MetricError, match="exist"):
         Surface(np.zeros((3, 3)), np.array([[0, 1, 3]]))
     with pytest.raises(ValueError, match="tolerance"):
-        hausdorff(good, good, tolerance=0)
+        hausdorff(good, good, tolerance=0.0)
 
 
 def test_ruled_surface_has_straight_generators_of_the_slant_length():

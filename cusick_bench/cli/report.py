@@ -1,5 +1,6 @@
 """`cusick-bench report`: one self-contained HTML page of a results folder, with pictures."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -70,7 +71,7 @@ def _radii(dataset: DrapeDataset, rows: tuple[int, ...]) -> np.ndarray:
 def _data_of(cells: Cells) -> str:
     """The `--data` of the run's command line."""
     words = [str(word) for word in cells.run.get("command", []) or []]
-    for word, following in zip(words, [*words[1:], ""], strict=True):
+    for word, following in pairwise([*words, ""]):
         if word == "--data" and following:
             return following
         if word.startswith("--data="):

@@ -24,15 +24,15 @@ LEVEL = 0.95
 MINIMUM_UNITS = 3  # fewer resampled units give no interval that means anything
 
 Values = Mapping[tuple[str, int], float]  # (cloth, seed) -> value
-Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"]]
+Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"] | float]
 
 
-def mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"]:
+def mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"] | float:
     """Mean over cells."""
     return values.mean(-1)
 
 
-def interquartile_mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"]:
+def interquartile_mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"] | float:
     """Mean of the middle half of the cells; the plain mean of fewer than four."""
     return trim_mean(values, 0.25, axis=-1)
 
@@ -88,7 +88,7 @@ def _filled(own: Values, other: Values) -> Values:
 
 
 def _interval(
-    columns: Sequence[Values], statistic: Callable[[ndarray], ndarray], generator: np.random.Generator
+    columns: Sequence[Values], statistic: Callable[[ndarray], ndarray | float], generator: np.random.Generator
 ) -> Estimate:
     """Statistic of columns with the same cells, and its percentile interval."""
     if not columns[0]:

@@ -18,7 +18,6 @@ References:
 import numba
 import numpy as np
 import trimesh
-from numpy import ndarray
 
 from cusick_bench.metrics.surface import Surface, nearest, squared_distance_to_triangle
 
@@ -27,7 +26,7 @@ _STACK = 4096  # pending parts of one triangle; bisection to 0.05 mm needs about
 
 
 @numba.njit(cache=True)
-def _upper_bound(corners: ndarray, distances: ndarray, owners: ndarray, triangles: ndarray) -> float:
+def _upper_bound(corners, distances, owners, triangles):
     """Upper bound of the distance to the other surface over the triangle with these corners."""
     bound = np.inf
     for i in range(3):
@@ -43,7 +42,7 @@ def _upper_bound(corners: ndarray, distances: ndarray, owners: ndarray, triangle
 
 
 @numba.njit(cache=True)
-def _longest_side(corners: ndarray) -> int:
+def _longest_side(corners):
     """The side (i, i + 1) that bisection splits."""
     longest, side = -1.0, 0
     for i in range(3):
@@ -54,15 +53,7 @@ def _longest_side(corners: ndarray) -> int:
 
 
 @numba.njit(cache=True)
-def _refine(
-    corners: ndarray,
-    distances: ndarray,
-    owners: ndarray,
-    target: tuple[ndarray, ndarray, ndarray],
-    lower: float,
-    tolerance: float,
-    stop_above: float,
-) -> float:
+def _refine(corners, distances, owners, target, lower, tolerance, stop_above):
     """Raises the lower bound until no part of one triangle can exceed it by more than the tolerance."""
     triangles, boxes, ranges = target
     parts = np.empty((_STACK, 3, 3))
@@ -93,14 +84,7 @@ def _refine(
 
 
 @numba.njit(cache=True)
-def _directed(
-    vertices: ndarray,
-    faces: ndarray,
-    target: tuple[ndarray, ndarray, ndarray],
-    lower: float,
-    tolerance: float,
-    stop_above: float,
-) -> float:
+def _directed(vertices, faces, target, lower, tolerance, stop_above):
     """max(lower, max over the surface of the distance to the other one), or any value above `stop_above`."""
     triangles, boxes, ranges = target
     count = len(vertices)

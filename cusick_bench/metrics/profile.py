@@ -15,7 +15,7 @@ _OVERSAMPLING = 8  # rotations tried per profile sample (0.0625 deg at 720 sampl
 _MODES = 30  # highest harmonic of the amplitude spectrum, as in the fold count
 
 
-def profile_rms(first: Float[ndarray, " angles"], second: Float[ndarray, " angles"]) -> float:
+def profile_rms(first: Float[ndarray, "..."], second: Float[ndarray, "..."]) -> float:
     """Root mean square difference of two radius profiles over the angle [m].
 
     Args:
@@ -29,7 +29,7 @@ def profile_rms(first: Float[ndarray, " angles"], second: Float[ndarray, " angle
     return float(np.sqrt(np.mean((first - second) ** 2)))
 
 
-def profile_rms_rotated(first: Float[ndarray, " angles"], second: Float[ndarray, " angles"]) -> float:
+def profile_rms_rotated(first: Float[ndarray, "..."], second: Float[ndarray, "..."]) -> float:
     """Root mean square difference of two radius profiles at the rotation that makes it smallest [m].
 
     The differences at all rotations come from one circular correlation:
@@ -51,7 +51,7 @@ def profile_rms_rotated(first: Float[ndarray, " angles"], second: Float[ndarray,
     return float(np.sqrt(max(squared, 0.0)))
 
 
-def quantile_distance(first: Float[ndarray, " angles"], second: Float[ndarray, " angles"]) -> float:
+def quantile_distance(first: Float[ndarray, "..."], second: Float[ndarray, "..."]) -> float:
     """Root mean square difference of the sorted radii [m]: the 2-Wasserstein distance of their distributions.
 
     Blind to the phase, the order and the number of folds; sees their depth and the drape coefficient.
@@ -63,7 +63,7 @@ def quantile_distance(first: Float[ndarray, " angles"], second: Float[ndarray, "
     return profile_rms(np.sort(first), np.sort(second))
 
 
-def spectrum_distance(first: Float[ndarray, " angles"], second: Float[ndarray, " angles"]) -> float:
+def spectrum_distance(first: Float[ndarray, "..."], second: Float[ndarray, "..."]) -> float:
     """Smallest root mean square difference that two profiles with these amplitude spectra can have [m].
 
     With amplitudes A_m of the harmonics m = 1..30 it is sqrt(sum (A_m - B_m)^2 / 2): blind to the

@@ -30,7 +30,7 @@ from cusick_bench.metrics.surface import Surface
 from cusick_bench.solvers.base import Prediction
 
 SUBSETS = (10, 100, 1000)  # numbers of draws for which best-of-n is recorded
-_MEAN_DRAWS = 100  # draws that enter the mean of a costly distance; the best draw is searched among all of them
+_MEAN_DRAWS = 20  # draws, evenly spaced, that enter means of costly distances; the best is searched among all
 
 Matrix = Float[ndarray, "draws samples"]
 Distance = Callable[[Shape, Shape], float]
@@ -98,7 +98,7 @@ def expected_best(values: Matrix, count: int) -> float:
     return float((np.exp(log_weight) @ np.sort(values, axis=0)[: len(rank)]).mean())
 
 
-def _log_binomial(n: ndarray, k: int) -> ndarray:
+def _log_binomial(n: ndarray, k: int) -> ndarray | float:
     return gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
 
 
@@ -175,7 +175,7 @@ def _radial(distance: Callable[[ndarray, ndarray], float]) -> Distance:
     return lambda draw, sample: distance(draw.profile.radii, sample.profile.radii)
 
 
-def _paired(table: Matrix, paired: bool) -> Matrix:
+def _paired(table: ndarray, paired: bool) -> ndarray:
     """All draws against all samples, or one row with draw i against sample i."""
     return np.diag(table)[None] if paired else table
 

@@ -69,7 +69,7 @@ class Surface:
 
 
 @numba.njit(cache=True)
-def _build(corners: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+def _build(corners):
     """Splits at the median along the longest side of the centroids' box until the leaves are small."""
     levels = max(0, int(np.ceil(np.log2(max(1.0, len(corners) / _LEAF)))))
     leaves = 2**levels
@@ -106,12 +106,12 @@ def _build(corners: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 
 
 @numba.njit(cache=True, inline="always")
-def _dot(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
+def _dot(ax, ay, az, bx, by, bz):
     return ax * bx + ay * by + az * bz
 
 
 @numba.njit(cache=True)
-def squared_distance_to_triangle(point: ndarray, triangle: ndarray) -> float:
+def squared_distance_to_triangle(point, triangle):
     """Squared distance of a point to a triangle [m2]; exact for slivers and degenerate triangles too."""
     px, py, pz = point
     ax, ay, az = triangle[0, 0] - px, triangle[0, 1] - py, triangle[0, 2] - pz
@@ -135,7 +135,7 @@ def squared_distance_to_triangle(point: ndarray, triangle: ndarray) -> float:
 
 
 @numba.njit(cache=True, inline="always")
-def _squared_distance_to_segment(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
+def _squared_distance_to_segment(ax, ay, az, bx, by, bz):
     """Squared distance of the origin to the segment a-b."""
     ux, uy, uz = bx - ax, by - ay, bz - az
     length = _dot(ux, uy, uz, ux, uy, uz)
@@ -147,7 +147,7 @@ def _squared_distance_to_segment(ax: float, ay: float, az: float, bx: float, by:
 
 
 @numba.njit(cache=True)
-def _squared_distance_to_box(point: ndarray, box: ndarray) -> float:
+def _squared_distance_to_box(point, box):
     result = 0.0
     for axis in range(3):
         gap = max(box[0, axis] - point[axis], point[axis] - box[1, axis])
@@ -157,7 +157,7 @@ def _squared_distance_to_box(point: ndarray, box: ndarray) -> float:
 
 
 @numba.njit(cache=True)
-def nearest(point: ndarray, triangles: ndarray, boxes: ndarray, ranges: ndarray, guess: int) -> tuple[float, int]:
+def nearest(point, triangles, boxes, ranges, guess):
     """Squared distance [m2] of a point to a surface with this tree, and the triangle that is nearest.
 
     `guess` is a triangle that is probably near: a good guess prunes most of the tree.
@@ -188,7 +188,7 @@ def nearest(point: ndarray, triangles: ndarray, boxes: ndarray, ranges: ndarray,
 
 
 @numba.njit(cache=True)
-def _distances(points: ndarray, triangles: ndarray, boxes: ndarray, ranges: ndarray) -> ndarray:
+def _distances(points, triangles, boxes, ranges):
     result = np.empty(len(points))
     guess = 0
     for index in range(len(points)):

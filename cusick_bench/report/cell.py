@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from jaxtyping import Float, Int
 from numpy import ndarray
 
@@ -16,6 +17,7 @@ from cusick_bench.report.errors import ReportError
 
 _MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
 _MAXIMUM_DRAWS = 6  # shown
+_SHOWN_MODES = 40  # harmonics of a profile that its picture shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,13 @@ def load_cell_view(folder: Path) -> CellView:
         raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
 
 
+def shown_surface(profile: Profile) -> trimesh.Trimesh:
+    """The ruled surface over a profile, without the pleats that single pixels would make."""
+    harmonics = np.fft.rfft(profile.radii)
+    harmonics[_SHOWN_MODES + 1 :] = 0
+    return ruled_surface(np.fft.irfft(harmonics, len(profile.radii)), strips=12)
+
+
 def _needed(arrays: Any) -> Any:
     for name in ("train_image", "train_target", "draws", "vertices", "faces"):
         if name in arrays:
@@ -88,7 +97,7 @@ def _view(arrays: dict[str, ndarray], trace: ndarray) -> CellView:
         if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
             raise ValueError("its mesh is damaged")
     else:
-        surface = ruled_surface(profile_from_image(fit).radii, strips=12)
+        surface = shown_surface(profile_from_image(fit))
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
     return CellView(fit, target, shown, vertices, faces, simulated, trace)
 

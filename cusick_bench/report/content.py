@@ -10,10 +10,9 @@ from jaxtyping import Float, UInt8
 from markupsafe import Markup
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import drape_coefficient, fold_count
+from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
 from cusick_bench.leaderboard import short
-from cusick_bench.metrics import ruled_surface
-from cusick_bench.report.cell import CellView
+from cusick_bench.report.cell import CellView, shown_surface
 from cusick_bench.report.graphs import profile_graph, trace_graph
 from cusick_bench.report.pictures import (
     ONLY_REAL,
@@ -131,7 +130,7 @@ def numbers(cell: pd.Series) -> list[Number]:
         Number("MSE, unseen samples", short(value("test_mse")), best),
         Number("Hausdorff, training", _millimetres(value("train_hausdorff_m"))),
         Number("Hausdorff, unseen", _millimetres(value("test_hausdorff_m"))),
-        Number("drape coefficient", short(100 * value("train_dc"), 1) + " %", against("train_dc", 1, 100)),
+        Number("drape coefficient", short(100 * value("train_dc"), 1) + " %", against("train_dc", 1, 100.0)),
         Number("folds", short(value("train_folds"), 0), against("train_folds", 0)),
     ]
     if value("spent_forward_equivalents") > 0:
@@ -141,16 +140,14 @@ def numbers(cell: pd.Series) -> list[Number]:
     return [number for number in listed if number.value.strip(" %")]
 
 
-def real_drape(
-    cloth: str, target: Float[ndarray, "256 256"], profile: Float[ndarray, " angles"]
-) -> tuple[str, Picture]:
+def real_drape(cloth: str, target: Float[ndarray, "256 256"], profile: Profile) -> tuple[str, Picture]:
     """A sentence on the real training sample, and its ruled surface in 3D."""
-    surface = ruled_surface(profile, strips=12)
+    surface = shown_surface(profile)
     picture = drape_picture(np.asarray(surface.vertices), np.asarray(surface.faces), cloth)
     text = (
         f"Real training sample: drape coefficient {100 * drape_coefficient(target):.1f} %, mean radius "
-        f"{1e3 * profile.mean():.0f} mm. The surface is built from the silhouette with straight generators, as the "
-        "release builds its meshes: an assumption, not a scan."
+        f"{1e3 * profile.radii.mean():.0f} mm. The surface is built from the silhouette with straight generators, "
+        "as the release builds its meshes: an assumption, not a scan."
     )
     alt, caption = f"Surface over the real silhouette of {cloth}", "Real silhouette as a ruled surface"
     return text, _picture(picture, alt, caption, wide=True)

@@ -52,9 +52,13 @@ def profile_graph(
     every = [real, simulated] if unseen is None else [real, simulated, *unseen]
     low = min(85.0, 5 * floor(200 * min(radii.min() for radii in every)))
     high = max(153.0, 1e3 * max(radii.max() for radii in every) + 3)
-    axes = _Axes((0, 360), (low, high), 560)
+    axes = _Axes((0.0, 360.0), (low, high), 560)
     angle = np.arange(0, len(real) + 1, 3) * 360 / len(real)
-    parts = [_grid(axes, [0, 90, 180, 270, 360], [90, 110, 130, 150], "angle from warp [deg]", "radius [mm]")]
+    parts = [
+        _grid(
+            axes, [0.0, 90.0, 180.0, 270.0, 360.0], [90.0, 110.0, 130.0, 150.0], "angle from warp [deg]", "radius [mm]"
+        )
+    ]
     parts += [_level(axes, _PLATE_MM, "plate"), _level(axes, _CLOTH_MM, "flat cloth")]
     if unseen is not None and len(unseen) > 1:
         edges = [1e3 * np.append(edge, edge[0])[::3] for edge in (unseen.min(0), unseen.max(0))]
@@ -77,11 +81,11 @@ def trace_graph(trace: Float[ndarray, "evaluations 2"], description: str) -> Mar
         return Markup("")
     cost, loss = trace[:, 0], np.log10(trace[:, 1])
     low, high = floor(4 * loss.min()) / 4, ceil(4 * loss.max() + 1e-9) / 4
-    axes = _Axes((0, float(cost.max())), (low, max(high, low + 0.25)), 415)
+    axes = _Axes((0.0, float(cost.max())), (low, max(high, low + 0.25)), 415)
     ticks = [m * 10.0**e for e in range(floor(low), ceil(high) + 1) for m in (1, 2, 5)]
     shown = [tick for tick in ticks if low <= log10(tick) <= axes.y[1]]
     step = 10 ** floor(log10(cost.max())) / (1 if cost.max() >= 4 * 10 ** floor(log10(cost.max())) else 2)
-    parts = [_grid(axes, list(np.arange(0, cost.max() + 1e-9, step)), [], "cost [drapes]", "best loss")]
+    parts = [_grid(axes, np.arange(0, cost.max() + 1e-9, step).tolist(), [], "cost [drapes]", "best loss")]
     for tick in shown:
         row = axes.row(log10(tick))
         parts.append(f'<line class="grid" x1="{_LEFT}" x2="{axes.right}" y1="{row:.1f}" y2="{row:.1f}"/>')

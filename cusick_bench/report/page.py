@@ -100,7 +100,7 @@ def _section(
             cards.append(Card(label, card.kind, card.seeds, card.numbers, problem=str(error)))
             continue
         if real is None:
-            text, real = real_drape(cloth, view.target, view.target_profile.radii)
+            text, real = real_drape(cloth, view.target, view.target_profile)
         drape = drape_picture(view.vertices, view.faces, cloth)
         cards.append(fill_card(card, cloth, view, drape, unseen))
         if folder is not None:

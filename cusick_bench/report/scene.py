@@ -139,7 +139,7 @@ def _frame(forward: ndarray) -> ndarray:
 
 
 @numba.njit(cache=True)
-def _rasterise(points: ndarray, faces: ndarray, width: int, height: int) -> tuple[ndarray, ndarray, ndarray]:
+def _rasterise(points, faces, width, height):
     """Nearest face in each pixel, its barycentric coordinates, and 1/depth; `points` are (column, row, 1/depth).
 
     1/depth is linear on the screen in perspective. A parallel view gives any value that falls linearly with depth.
@@ -267,5 +267,5 @@ def _ground(shadow: _ShadowMap, eye: ndarray, frame: ndarray, focal: float, widt
     dark[near] = 1 - shadow.light(position[near], 0)
     fading = np.clip(1.5 - np.hypot(position[..., 0], position[..., 1]) / 0.19, 0, 1)
     canvas = np.zeros((height, width, 4))
-    canvas[..., 3] = np.kron(0.34 * fading * gaussian_filter(dark, 5.0), np.ones((2, 2)))
+    canvas[..., 3] = np.kron(0.34 * fading * gaussian_filter(dark, 5.0), np.ones((2, 2)))[:height, :width]
     return canvas

@@ -129,8 +129,8 @@ figure.wide img { width: auto; max-width: 100%; max-height: 100%; }
  <span class="key simulated"></span>{{ card.fitted }}{% if card.band %}
  <span class="key band"></span>range of {{ card.band }} unseen samples{% endif %}</figcaption></figure>
 {% if card.trace %}<figure>{{ card.trace }}<figcaption>Best training loss against cost</figcaption></figure>{% endif %}
-{% if card.draws %}<figure class="draws"><div class="frame"><img src="{{ card.draws.source }}" alt="{{ card.draws.alt }}"
- loading="lazy"></div><figcaption>{{ card.draws.caption }}</figcaption></figure>{% endif %}
+{% if card.draws %}<figure class="draws"><div class="frame"><img src="{{ card.draws.source }}"
+ alt="{{ card.draws.alt }}" loading="lazy"></div><figcaption>{{ card.draws.caption }}</figcaption></figure>{% endif %}
 </div>
 {% endif %}
 </article>
