@@ -67,7 +67,7 @@ def drop(
         All states.
 
     Raises:
-        DrapeDiverged: The step matrix is not positive definite, or positions are no longer finite.
+        DrapeDiverged: The step matrix is not positive definite, or forces are no longer finite.
     """
     h, mass, free = step_seconds, parameters.mass, system.free
     positions = np.empty((steps + 1, *initial.shape))
@@ -78,17 +78,17 @@ def drop(
     for step in range(steps):
         x, v = positions[step], velocities[step]
         force, blocks, _ = system.forces(x, initial, parameters, exact=False)
-        try:
-            factor = _step_factor(system, blocks, mass, h)
-            velocities[step + 1, free] = factor.solve(mass[free, None] * v[free] + h * force[free])
-        except (NotPositiveDefinite, FloatingPointError) as error:
-            raise DrapeDiverged(f"step {step + 1} of {steps}: {error}; check the stiffness tables") from error
-        positions[step + 1] = x + h * velocities[step + 1]
-        if not np.isfinite(velocities[step + 1]).all():
+        if not np.isfinite(force[free]).all():
             raise DrapeDiverged(
-                f"step {step + 1} of {steps}: positions are no longer finite; use a shorter step than {h} s or check "
+                f"step {step + 1} of {steps}: forces are no longer finite; use a shorter step than {h} s or check "
                 "stiffness and density"
             )
+        try:
+            factor = _step_factor(system, blocks, mass, h)
+        except NotPositiveDefinite as error:
+            raise DrapeDiverged(f"step {step + 1} of {steps}: {error}; check the stiffness tables") from error
+        velocities[step + 1, free] = factor.solve(mass[free, None] * v[free] + h * force[free])
+        positions[step + 1] = x + h * velocities[step + 1]
         keep = keep_factors and kept + factor.nbytes <= FACTOR_MEMORY
         kept += factor.nbytes if keep else 0
         factors.append(factor if keep else None)

@@ -105,7 +105,8 @@ def uniform_material(
             raise SimulationError(f"{name} stiffness must be > 0 and finite, got {value:g}")
     # The law doubles the table; shear energy k3 G01^2 = (k3 / 4) angle^2, so k3 is twice the shear stiffness.
     table = torch.tensor([stretch / 2, 0.0, stretch / 2, shear], dtype=torch.float64).repeat(STRETCH_SAMPLES, 1)
-    return Material(table, torch.from_numpy(np.repeat(rows[:, None], 5, axis=1)), torch.tensor(float(density)))
+    tables = torch.from_numpy(np.repeat(rows[:, None], 5, axis=1))
+    return Material(table, tables, torch.tensor(density, dtype=torch.float64))
 
 
 def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
