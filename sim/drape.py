@@ -240,6 +240,8 @@ def _dropped(
     rollout = drop(system, parameters, laid, steps=s.steps, step_seconds=s.step_seconds, keep_factors=differentiate)
     force, _, _ = system.forces(rollout.positions[-1], laid, parameters, exact=False)
     residual = float(np.linalg.norm(force[system.free]) / (s.gravity * parameters.mass.sum()))
+    if not np.isfinite(residual):
+        raise DrapeDiverged(f"forces are no longer finite after {s.steps} steps; use a shorter step than {s.step_seconds} s")
     report.update(converged=residual <= _DROP_AT_REST, residual=residual, iterations=s.steps)
     return rollout, rollout.positions[-1].copy()
 
