@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.problem import (
     LOSSES,
     SPACES,
@@ -162,7 +163,7 @@ class TestLosses:
 class TestLaying:
     def test_follows_the_silhouette_without_stretching_generators(self):
         mesh = disc_mesh(600)
-        laid = laid_like(_flowery(0.0), mesh).numpy()
+        laid = laid_like(profile_from_image(_flowery(0.0)).radii, mesh).numpy()
         rest, radius = np.hypot(*mesh.material.T), np.hypot(*laid[:, :2].T)
         on_plate = rest <= 0.09
         assert laid[on_plate, 2] == pytest.approx(0, abs=1e-12)

@@ -26,6 +26,7 @@ from cusick_bench.runner import (
     ProblemSettings,
     ProgressBars,
     RunnerError,
+    Source,
     Store,
     load_prediction,
     plan,
@@ -75,7 +76,7 @@ def _run(data: Path, out: Path, solvers: list[str], **options) -> tuple[list[Cel
         key: options.pop(key) for key in ("cloths", "seeds", "settings") if key in options
     }
     cells = plan(load(data), solvers=solvers, **planned)
-    return cells, run({"name_or_path": str(data)}, cells, out, **options)
+    return cells, run(Source(str(data)), cells, out, **options)
 
 
 def _numbers(folder: Path) -> dict:
@@ -257,7 +258,7 @@ class TestPool:
 
     def test_dead_worker_costs_its_own_cell_only(self, data, tmp_path, monkeypatch):
         """A broken pool loses every cell under way; the innocent ones are run again."""
-        monkeypatch.setattr("cusick_bench.runner.execute._process_pool", lambda workers: _Mortal())
+        monkeypatch.setattr("cusick_bench.runner.pool._process_pool", lambda workers, messages: _Mortal())
         _, results = _run(data, tmp_path, ["null:copy", "null:disc"], workers=2)
         assert [result["status"] for result in results] == ["failed", "done"]
         assert "process died" in results[0]["failure"]

@@ -8,9 +8,8 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import console, print_json, user_errors
-from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
-from cusick_bench.runner import ProblemSettings, ProgressBars, RunnerError, Store, plan, run, shard
+from cusick_bench.runner import ProblemSettings, ProgressBars, RunnerError, Source, Store, load_once, plan, run, shard
 from cusick_bench.sim.drape import DrapeSettings
 
 app = typer.Typer()
@@ -25,6 +24,9 @@ DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
 def run_command(
     out: Annotated[Path, typer.Option(help="Results folder; finished cells in it are kept.")],
     data: Annotated[str, typer.Option(help="Name or folder of a data set.")] = "synthetic",
+    fabrics_csv: Annotated[
+        Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data by default.")
+    ] = None,
     cloth: Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; all by default.")] = None,
     solver: Annotated[list[str] | None, typer.Option(help="Solver; repeatable; see `solvers`.")] = None,
     protocol: Annotated[str, typer.Option(help="How samples are split into training and held out.")] = "paper",
@@ -67,9 +69,9 @@ def run_command(
         budget=Budget(budget, seconds),
     )
     Store(out).prepare()
-    source = {"name_or_path": data}
+    source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     cells = plan(
-        load(**source),
+        load_once(source),
         solvers=solver or [],
         cloths=cloth,
         seeds=list(range(seed, seed + seeds)),

@@ -4,6 +4,7 @@ from cusick_bench.problem.budget import Budget, Evaluation, Meter
 from cusick_bench.problem.drape_problem import DrapeProblem, Observation
 from cusick_bench.problem.errors import BudgetExceeded, ProblemError
 from cusick_bench.problem.journal import Checkpoint, Journal
+from cusick_bench.problem.laying import laid_like
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.priors import StiffnessPrior
 from cusick_bench.problem.space import SPACES, HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
@@ -25,4 +26,5 @@ __all__ = [
     "ProblemError",
     "Specimen",
     "StiffnessPrior",
+    "laid_like",
 ]

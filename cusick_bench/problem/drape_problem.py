@@ -26,7 +26,7 @@ from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.sim.camera import Camera, ParallelCamera
 from cusick_bench.sim.drape import Drape, DrapeSimulator
 from cusick_bench.sim.errors import DrapeDiverged
-from cusick_bench.sim.silhouette import render
+from cusick_bench.sim.silhouette import Method, render
 
 Vector = Float[np.ndarray, " dimension"]
 
@@ -77,7 +77,7 @@ class DrapeProblem:
     space: ParameterSpace
     thickness: float = math.nan
     camera: Camera = field(default_factory=ParallelCamera)
-    renderer: str = "coverage"
+    renderer: Method = "coverage"
     loss: str = "mse"
     initial: Float[Tensor, "vertices 3"] | None = None
     follow: bool = True

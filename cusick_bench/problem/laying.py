@@ -15,33 +15,36 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.datasets.profile import profile_from_image
-from cusick_bench.sim.mesh import CLOTH_RADIUS, PLATE_RADIUS, Mesh
+from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh
 
 # Of 0.1 to 1, 0.5 left the five named cloths' folds in place most often.
 SHARE = 0.5
 MODES = 20  # harmonics of the profile that are kept: folds, not pixels
 
 
-def laid_like(image: Float[np.ndarray, "256 256"], mesh: Mesh, *, share: float = SHARE) -> Float[Tensor, "vertices 3"]:
+def laid_like(
+    radii: Float[np.ndarray, " angles"], mesh: Mesh, *, plate_radius: float = PLATE_RADIUS, share: float = SHARE
+) -> Float[Tensor, "vertices 3"]:
     """Lays the cloth down with the folds of a silhouette.
 
     Args:
-        image: Silhouette, cloth = 1.
+        radii: Profile of the silhouette at equidistant angles, counter-clockwise from +x [m].
         mesh: The cloth.
+        plate_radius: Of the plate [m].
         share: How much of the silhouette's depth it is given, 0 (flat) to 1.
 
     Returns:
         Initial positions [m]: flat on the plate, ruled outside, generators as long as in the flat cloth.
     """
-    overhang = CLOTH_RADIUS - PLATE_RADIUS
-    harmonics = np.fft.rfft(profile_from_image(image).radii)
-    harmonics[MODES + 1 :] = 0
-    radii = np.fft.irfft(harmonics, 720)
-    depth = share * np.sqrt(np.maximum(overhang**2 - np.clip(radii - PLATE_RADIUS, 0, overhang) ** 2, 0))
     x, y = mesh.material.T
     radius, angle = np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)
-    fall = np.interp(angle, np.arange(721) * (2 * np.pi / 720), np.append(depth, depth[0])) / overhang
-    along = np.maximum(radius - PLATE_RADIUS, 0)  # of the generator [m]
-    shrunk = np.minimum(radius, PLATE_RADIUS) + along * np.sqrt(1 - fall**2)
+    overhang = radius.max() - plate_radius
+    harmonics = np.fft.rfft(radii)
+    harmonics[MODES + 1 :] = 0
+    reach = np.clip(np.fft.irfft(harmonics, len(radii)) - plate_radius, 0, overhang)
+    depth = share * np.sqrt(overhang**2 - reach**2)
+    angles = np.arange(len(radii) + 1) * (2 * np.pi / len(radii))
+    fall = np.interp(angle, angles, np.append(depth, depth[0])) / overhang
+    along = np.maximum(radius - plate_radius, 0)  # of the generator [m]
+    shrunk = np.minimum(radius, plate_radius) + along * np.sqrt(1 - fall**2)
     return torch.as_tensor(np.column_stack([shrunk * np.cos(angle), shrunk * np.sin(angle), -along * fall]))

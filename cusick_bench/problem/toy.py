@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.problem.budget import Budget, Meter
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.journal import Checkpoint, Journal
@@ -65,7 +66,7 @@ def toy_problem(
         train_image=image,
         simulator=simulator,
         space=SPACES[space](simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY)),
-        initial=None if laid_as_true else laid_like(image, simulator.mesh),
+        initial=None if laid_as_true else laid_like(profile_from_image(image).radii, simulator.mesh),
         meter=Meter(budget or Budget(20)),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),

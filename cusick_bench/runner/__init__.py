@@ -4,6 +4,7 @@ from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.execute import run
 from cusick_bench.runner.grid import Cell, ProblemSettings, plan, shard
+from cusick_bench.runner.pool import Source, load_once
 from cusick_bench.runner.progress import ProgressBars, Unwatched, Watcher
 from cusick_bench.runner.store import Store
 
@@ -12,10 +13,12 @@ __all__ = [
     "ProblemSettings",
     "ProgressBars",
     "RunnerError",
+    "Source",
     "Store",
     "Unwatched",
     "Watcher",
     "build_problem",
+    "load_once",
     "load_prediction",
     "plan",
     "run",

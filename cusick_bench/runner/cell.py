@@ -12,13 +12,13 @@ import numpy as np
 import torch
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample
+from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.metrics import score
-from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior
-from cusick_bench.problem.laying import laid_like
-from cusick_bench.runner.grid import Cell, ProblemSettings
+from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior, laid_like
+from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
-from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.mesh import disc_mesh
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
@@ -27,30 +27,39 @@ from cusick_bench.solvers.registry import make_solver
 # Told the share of the budget spent, in [0, 1] or NaN, the smallest loss so far, and what goes on.
 Report = Callable[[float, float, str], None]
 
-CAMERAS: dict[str, Callable[[], Camera]] = {"parallel": ParallelCamera, "pinhole": PinholeCamera}
-
 
 @lru_cache(maxsize=4)
-def _simulator(settings: ProblemSettings, seed: int) -> DrapeSimulator:
-    """Shared by the cells of a process: meshing and the solver's analysis take a second each."""
-    return DrapeSimulator(disc_mesh(settings.vertices), replace(settings.drape, seed=seed))
+def _simulator(vertices: int, settings: DrapeSettings, cloth_radius: float) -> DrapeSimulator:
+    """Shared by the cells of a process: meshing and the linear solver's analysis take a second each."""
+    mesh = disc_mesh(vertices, radius=cloth_radius, plate_radius=settings.plate_radius)
+    return DrapeSimulator(mesh, settings)
+
+
+def _camera(name: str, protocol: Protocol) -> Camera:
+    """Where the data have the plate's axis and which way is up; "parallel" has their scale, too."""
+    image_y: Any = protocol.image_y
+    if name == "parallel":
+        return ParallelCamera(protocol.px_per_m, protocol.centre_px, image_y)
+    return PinholeCamera(centre_px=protocol.centre_px, image_y=image_y)
 
 
 def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None) -> DrapeProblem:
     """Poses a cell's problem, with its memory in `folder`."""
-    settings, row = cell.settings, dataset.table.iloc[cell.train[0]]
-    simulator = _simulator(settings, cell.seed)
-    image = _image(dataset, cell.train[0])
-    prior = StiffnessPrior(settings.drape.law, float(row["areal_density"]))
+    settings, protocol, sample = cell.settings, dataset.protocol, dataset.sample(cell.train[0])
+    known: dict[str, Any] = sample.row.to_dict()
+    drape = replace(settings.drape, seed=cell.seed, plate_radius=protocol.plate_radius_m, gravity=protocol.gravity_m_s2)
+    simulator = _simulator(settings.vertices, drape, protocol.cloth_radius_m)
+    prior = StiffnessPrior(drape.law, float(known["areal_density"]))
+    laid = laid_like(sample.profile.radii, simulator.mesh, plate_radius=drape.plate_radius)
     return DrapeProblem(
-        train_image=image,
+        train_image=_image(dataset, cell.train[0]),
         simulator=simulator,
         space=SPACES[settings.space](simulator.mesh, prior),
-        thickness=float(row["thickness"]),
-        camera=CAMERAS[settings.camera](),
-        renderer=settings.renderer,
+        thickness=float(known["thickness"]),
+        camera=_camera(settings.camera, protocol),
+        renderer=settings.renderer,  # pyright: ignore[reportArgumentType]
         loss=settings.loss,
-        initial=laid_like(image, simulator.mesh) if settings.laying == "image" else None,
+        initial=laid if settings.laying == "image" else None,
         meter=Meter(settings.budget),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
