@@ -241,7 +241,7 @@ def _dropped(
     force, _, _ = system.forces(rollout.positions[-1], laid, parameters, exact=False)
     residual = float(np.linalg.norm(force[system.free]) / (s.gravity * parameters.mass.sum()))
     if not np.isfinite(residual):
-        raise DrapeDiverged(f"forces are no longer finite after {s.steps} steps; use a shorter step than {s.step_seconds} s")
+        raise DrapeDiverged(f"forces are not finite after {s.steps} steps; use a shorter step than {s.step_seconds} s")
     report.update(converged=residual <= _DROP_AT_REST, residual=residual, iterations=s.steps)
     return rollout, rollout.positions[-1].copy()
 
