@@ -97,6 +97,6 @@ def _faces(lines: list[bytes], vertices: int, path: Path) -> ndarray:
         polygons = np.split(numbers, np.cumsum(counts)[:-1])
         faces = np.array([[p[0], p[i], p[i + 1]] for p in polygons for i in range(1, len(p) - 1)])
     faces = np.where(faces > 0, faces - 1, faces + vertices)  # OBJ counts from 1; negative numbers from the end
-    if (faces < 0).any() or (faces >= vertices).any() or (numbers == 0).any():
+    if (faces < 0).any() or (faces >= vertices).any():
         raise _bad(path, f"a face refers to a vertex that is not among the {vertices} of the file")
     return faces

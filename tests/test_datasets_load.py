@@ -179,6 +179,15 @@ def test_a_mesh_of_another_drape_leaves_its_capture_without(toy):
     assert index.loc[0, "mesh"].endswith("Sample_1_Capture_1.obj")
 
 
+def test_a_stray_mesh_is_given_once(toy):
+    mesh_path(toy, 1, 3).write_bytes(mesh_path(toy, 1, 1).read_bytes())
+    for capture in (1, 2):  # it fits both, which are alike
+        mesh_path(toy, 1, capture).unlink()
+    meshes = list(load(toy).index["mesh"][:3])
+    assert sorted(bool(mesh) for mesh in meshes) == [False, False, True]
+    assert meshes[2] == ""
+
+
 def test_faces_are_unknown_where_meshes_contradict_the_numbers(toy):
     for sample in (1, 2, 3):
         for low, high in ((1, 3), (2, 4)):
@@ -307,6 +316,10 @@ def test_measuring_survives_any_cache(toy, monkeypatch, tmp_path):
     assert load(toy).index.equals(expected)
     stored = list(cache.rglob("*.npy"))
     assert len(stored) == 24
+    with monkeypatch.context() as patch:
+        patch.setattr("cusick_bench.datasets.measure.read_mesh", None)  # nothing is measured twice
+        patch.setattr("cusick_bench.datasets.measure.inspect", None)
+        assert load(toy).index.equals(expected)
     for path in stored:
         path.write_bytes(b"garbage")
     assert load(toy).index.equals(expected)

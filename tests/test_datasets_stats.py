@@ -64,6 +64,13 @@ def test_means_are_over_sample_and_face(toy):
     assert int(np.argmax(found.spectrum[5:])) + 5 == 13  # the toy fabric's fold number
 
 
+def test_images_of_unknown_face_are_no_flips(toy):
+    before = statistics(load(toy), ["fabric_7"])[0].mse_flip
+    path = toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_5.png"
+    write_image(path, draw(toy_profile(9, 9, 1)))
+    assert statistics(load(toy), ["fabric_7"])[0].mse_flip == before
+
+
 def test_planted_face_difference(tmp_path):
     root = write_toy(tmp_path, samples=4, meshes=False)
     for sample in range(1, 5):
