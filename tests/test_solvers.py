@@ -218,9 +218,9 @@ class TestFits:
     def test_homo_recovers_bending_stiffness(self):
         problem = toy_problem(bending=2.0, budget=Budget(100), laid_as_true=True)
         start = problem.evaluate(np.zeros(39))
-        answer = _answer("homo", problem)
+        answer = _answer("homo,adam_steps=10", problem)
         assert answer.tau is not None
-        assert np.square(answer.train_image - problem.train_image).mean() < 1e-3 * start
+        assert np.square(answer.train_image - problem.train_image).mean() < 1e-2 * start
         level = (problem.space.prior.bending_root @ answer.tau[24:]).mean()
         assert math.exp(level) == pytest.approx(2.0, rel=0.1)
 
