@@ -17,10 +17,11 @@ import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.heterogeneity import modulated
 from cusick_bench.sim.material import Material
 from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.shape import dihedral_angles, laid_down, smooth_field
 
 SEED = 2024

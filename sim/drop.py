@@ -3,7 +3,9 @@
 Per step: (M + h^2 K) v' = M v + h F, x' = x + h v', with F and the positive-semidefinite stiffness K at x (the paper's
 Eq. 3 written for the new velocity). The discrete adjoint walks back through the same steps: with
 g = g_v' + h g_x' and (M + h^2 K) lambda = g, the older gradients are g_v = M lambda and g_x = g_x' + dS/dx with
-S = h lambda . F - h^2 lambda . K v'. Memory grows with the states only (or with the kept factors, where they fit).
+S = h lambda . F - h^2 lambda . K v'. Memory grows with the states only, and with the factors kept within a limit.
+
+A batch of cloths on one mesh drops together: every array then has a leading axis of members.
 
 References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
@@ -16,124 +18,174 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
 from cusick_bench.sim.linear import Factor, NotPositiveDefinite
-from cusick_bench.sim.system import DrapeSystem, ParameterGradient, Parameters
+from cusick_bench.sim.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """States of a dropped cloth, and what its adjoint needs.
+    """States of a dropped cloth, or of a batch, and what its adjoint needs.
 
     Attributes:
-        positions: x_0 .. x_n [m].
-        velocities: v_0 .. v_n [m/s].
+        positions: x_0 .. x_n [m]; x_n alone where no states were recorded.
+        velocities: v_0 .. v_n [m/s], or v_n.
         factors: Factor of every step, or None where it has to be computed again.
     """
 
-    positions: Float[ndarray, "states vertices 3"]
-    velocities: Float[ndarray, "states vertices 3"]
+    positions: Float[ndarray, "states *members vertices 3"]
+    velocities: Float[ndarray, "states *members vertices 3"]
     factors: list[Factor | None]
 
 
-def _step_factor(system: DrapeSystem, blocks: ndarray, mass: ndarray, h: float) -> Factor:
-    blocks *= h * h
-    system.add_diagonal(blocks, mass)
-    return system.linear.factorise(blocks)
+@dataclass(frozen=True)
+class _Stepper:
+    """The step matrix M + h^2 K and its factor."""
+
+    system: DrapeSystem
+    mass: Float[ndarray, "members vertices"]
+    h: float
+
+    def factor(self, state: Evaluation, blocks: ndarray, old: Factor | None) -> Factor:
+        """Factor of the step matrix at an evaluated state; `blocks` and `old` are storage to use again."""
+        linear, h = self.system.linear, self.h
+        state.matrix(scale=h * h, diagonal=self.mass + h * h * self.system.spring, out=blocks)
+        if len(blocks) == 1:
+            return linear.factorise(blocks[0], out=old)
+        return linear.factorise_batch(blocks, out=old)
+
+    def solve(self, factor: Factor, right: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members rows 3"]:
+        """Velocities, or multipliers, of the free vertices."""
+        rows = right[:, self.system.free]
+        return factor.solve(rows[0])[None] if factor.members is None else factor.solve(rows)
+
+    def blocks(self) -> Float[ndarray, "members slots 3 3"]:
+        """Storage of the step matrix."""
+        return np.zeros((len(self.mass), len(self.system.layout.indices), 3, 3))
+
+
+def _diverged(step: str, members: ndarray, reason: str, batch: bool) -> DrapeDiverged:
+    message = f"{step}: {reason}"
+    return MembersDiverged(message, np.flatnonzero(members)) if batch else DrapeDiverged(message)
 
 
 def drop(
     system: DrapeSystem,
     parameters: Parameters,
-    initial: Float[ndarray, "vertices 3"],
+    initial: Float[ndarray, "*members vertices 3"],
     *,
     steps: int,
     step_seconds: float,
     keep_factors: bool = False,
+    record: bool = True,
+    factor_memory: int = FACTOR_MEMORY,
 ) -> Rollout:
-    """Drops the cloth from rest.
+    """Drops a cloth, or a batch of cloths, from rest.
 
     Args:
         system: Cloth and support.
-        parameters: Material.
+        parameters: Material, of one cloth or of a batch.
         initial: Shape in which the cloth is laid down [m]; springs and fixed vertices hold on to it.
         steps: Number of steps.
         step_seconds: Step h [s].
-        keep_factors: Keep each step's factor for the adjoint, up to `FACTOR_MEMORY`.
+        keep_factors: Keep each step's factor for the adjoint, within `factor_memory`.
+        record: Keep all states, as the adjoint needs them; otherwise the last one only.
+        factor_memory: Most memory for kept factors [bytes].
 
     Returns:
-        All states.
+        The states.
 
     Raises:
-        DrapeDiverged: The step matrix is not positive definite, or forces are no longer finite.
+        DrapeDiverged: The step matrix is not positive definite, or forces are no longer finite. For a batch it is
+            MembersDiverged, which says whose.
     """
-    h, mass, free = step_seconds, parameters.mass, system.free
-    positions = np.empty((steps + 1, *initial.shape))
+    batch = initial.ndim == 3
+    p, laid = (parameters, initial) if batch else (parameters.batch(), initial[None])
+    h, mass, free = step_seconds, p.mass, system.free
+    positions = np.empty((steps + 1 if record else 2, *laid.shape))
     velocities = np.zeros_like(positions)
-    positions[0] = initial
+    positions[0] = laid
+    stepper = _Stepper(system, mass, h)
+    blocks = stepper.blocks()
     factors: list[Factor | None] = []
-    kept = 0
+    kept, factor = 0, None
     for step in range(steps):
-        x, v = positions[step], velocities[step]
-        force, blocks, _ = system.forces(x, initial, parameters, exact=False)
-        if not np.isfinite(force[free]).all():
-            raise DrapeDiverged(
-                f"step {step + 1} of {steps}: forces are no longer finite; use a shorter step than {h} s or check "
-                "stiffness and density"
-            )
+        here, there = (step, step + 1) if record else (step % 2, (step + 1) % 2)
+        x, v = positions[here], velocities[here]
+        name = f"step {step + 1} of {steps}"
+        state = system.evaluate(x, laid, p, exact=False)
+        force = state.force()
+        if not np.isfinite(force).all():
+            bad = np.asarray(~np.isfinite(force).all((1, 2)))
+            reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
+            raise _diverged(name, bad, reason, batch)
         try:
-            factor = _step_factor(system, blocks, mass, h)
+            factor = stepper.factor(state, blocks, factor)
         except NotPositiveDefinite as error:
-            raise DrapeDiverged(f"step {step + 1} of {steps}: {error}; check the stiffness tables") from error
-        velocities[step + 1, free] = factor.solve(mass[free, None] * v[free] + h * force[free])
-        positions[step + 1] = x + h * velocities[step + 1]
-        keep = keep_factors and kept + factor.nbytes <= FACTOR_MEMORY
-        kept += factor.nbytes if keep else 0
+            raise _diverged(name, error.members, f"{error}; check the stiffness tables", batch) from error
+        except SimulationError as error:  # a matrix that is not finite
+            bad = np.asarray(~np.isfinite(blocks).all((1, 2, 3)))
+            raise _diverged(name, bad, str(error), batch) from error
+        velocities[there][:, free] = stepper.solve(factor, mass[..., None] * v + h * force)
+        np.multiply(velocities[there], h, out=positions[there])
+        positions[there] += x
+        keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
-    return Rollout(positions, velocities, factors)
+        if keep:
+            kept, factor = kept + factor.nbytes, None
+    if not record:
+        positions, velocities = (states[[steps % 2]] for states in (positions, velocities))
+    return Rollout(*(states if batch else states[:, 0] for states in (positions, velocities)), factors)
 
 
 def drop_adjoint(
     system: DrapeSystem,
     parameters: Parameters,
     rollout: Rollout,
-    g_x: Float[ndarray, "vertices 3"],
+    g_x: Float[ndarray, "*members vertices 3"],
     *,
     step_seconds: float,
-) -> tuple[ParameterGradient, Float[ndarray, "vertices 3"]]:
+) -> tuple[ParameterGradient, Float[ndarray, "*members vertices 3"]]:
     """Gradient of a function of the last positions to all parameters and to the initial shape.
 
     Args:
         system: As in `drop`.
         parameters: As in `drop`.
-        rollout: What `drop` returned.
+        rollout: What `drop` returned, with its states recorded.
         g_x: Derivative to the last positions.
         step_seconds: As in `drop`.
 
     Returns:
         Parameter gradient, and derivative to the initial shape (which also anchors springs and fixed vertices).
     """
-    h, mass, free = step_seconds, parameters.mass, system.free
-    gradient = ParameterGradient.zeros(system)
-    g_x = g_x.copy()
-    g_v = np.zeros_like(g_x)
-    g_anchor = np.zeros_like(g_x)
-    multiplier = np.zeros_like(g_x)
+    if len(rollout.positions) != len(rollout.factors) + 1:
+        raise SimulationError("the adjoint of a drop needs all its states; drop with record=True")
+    batch = g_x.ndim == 3
+    p = parameters if batch else parameters.batch()
+    positions, velocities = (states if batch else states[:, None] for states in (rollout.positions, rollout.velocities))
+    g_x = g_x.copy() if batch else g_x[None].copy()
+    gradient = ParameterGradient.zeros(system, len(g_x))
+    g_v, g_anchor, multiplier = np.zeros_like(g_x), np.zeros_like(g_x), np.zeros_like(g_x)
+    h, mass, free = step_seconds, p.mass, system.free
+    stepper = _Stepper(system, mass, h)
+    blocks = stepper.blocks() if None in rollout.factors else np.empty((0, 0))
+    again: Factor | None = None
     for step in reversed(range(len(rollout.factors))):
-        x, v, v_new = rollout.positions[step], rollout.velocities[step], rollout.velocities[step + 1]
+        x, v, v_new = positions[step], velocities[step], velocities[step + 1]
         factor = rollout.factors[step]
         if factor is None:
-            _, blocks, _ = system.forces(x, rollout.positions[0], parameters, exact=False)
-            factor = _step_factor(system, blocks, mass, h)
-        multiplier[free] = factor.solve(g_v[free] + h * g_x[free])
-        by_x, by_anchor = system.adjoint(
-            x, multiplier, v_new, parameters, gradient, force_factor=h, stiffness_factor=h * h
-        )
-        gradient.mass[:] += (multiplier * (v - v_new)).sum(1)
-        g_v = mass[:, None] * multiplier
+            factor = again = stepper.factor(system.evaluate(x, positions[0], p, exact=False), blocks, again)
+        multiplier[:, free] = stepper.solve(factor, g_v + h * g_x)
+        if rollout.factors[step] is not None:  # a second adjoint of this rollout computes it again
+            rollout.factors[step] = None
+            system.linear.recycle(factor)
+        by_x, by_anchor = system.adjoint(x, multiplier, v_new, p, gradient, force_factor=h, stiffness_factor=h * h)
+        gradient.mass[:] += (multiplier * (v - v_new)).sum(-1)
+        g_v = mass[..., None] * multiplier
         # velocity of fixed vertices is zero whatever the parameters; the springs' stiffness is constant
         g_x += by_x
         g_anchor += by_anchor
-    return gradient, g_x + g_anchor
+    g_initial = g_x + g_anchor
+    return (gradient, g_initial) if batch else (gradient.member(0), g_initial[0])

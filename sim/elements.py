@@ -1,4 +1,4 @@
-"""Constants of every face and hinge of a mesh, and where their blocks go in the global matrix.
+"""Constants of every face and hinge of a mesh.
 
 Faces: with D = Dm^-1 the inverse of the material edge matrix, the deformation gradient columns are
 x_u = sum_a s_u[a] x_a and x_v = sum_a s_v[a] x_a. Hinges: material edge length l, sum A1 + A2 of the adjacent face
@@ -75,53 +75,3 @@ def elements_of(mesh: Mesh) -> Elements:
 
 def _cross(first: ndarray, second: ndarray) -> ndarray:
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-
-
-@dataclass(frozen=True, eq=False)
-class BlockLayout:
-    """The 3x3 block sparsity of the free vertices, and which element blocks add up in each slot.
-
-    Attributes:
-        indptr: Row pointers of the full symmetric block pattern (CSR).
-        indices: Column of every slot, sorted within a row.
-        diagonal: Slot of every diagonal block.
-        contribution_ptr: Start of every slot's contributions.
-        contributions: 9 f + 3 a + b for block (a, b) of face f; behind all faces 16 h + 4 a + b for hinge h.
-    """
-
-    indptr: Int[ndarray, "rows_plus_one"]
-    indices: Int[ndarray, "slots"]
-    diagonal: Int[ndarray, "rows"]
-    contribution_ptr: Int[ndarray, "slots_plus_one"]
-    contributions: Int[ndarray, "contributions"]
-
-
-def block_layout(elements: Elements, free: Int[ndarray, "rows"], vertices: int) -> BlockLayout:
-    """Lays out the block matrix of the free vertices; blocks that touch a fixed vertex are dropped.
-
-    Args:
-        elements: The mesh's elements.
-        free: Indices of the free vertices, ascending; row r of the matrix is vertex free[r].
-        vertices: Number of all vertices.
-    """
-    row_of = np.full(vertices, -1)
-    row_of[free] = np.arange(len(free))
-    rows, columns = [], []
-    for corners in (elements.faces, elements.hinges):
-        count = corners.shape[1]
-        rows.append(row_of[np.repeat(corners, count, axis=1)].ravel())
-        columns.append(row_of[np.tile(corners, (1, count))].ravel())
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    kept = np.flatnonzero((row >= 0) & (column >= 0))
-    key = row[kept] * len(free) + column[kept]
-    # A free vertex always has a face, hence a diagonal block.
-    unique, slot = np.unique(key, return_inverse=True)
-    order = np.argsort(slot, kind="stable")
-    slot_row, slot_column = unique // len(free), unique % len(free)
-    return BlockLayout(
-        indptr=np.searchsorted(slot_row, np.arange(len(free) + 1)),
-        indices=slot_column,
-        diagonal=np.flatnonzero(slot_row == slot_column),
-        contribution_ptr=np.searchsorted(slot[order], np.arange(len(unique) + 1)),
-        contributions=kept[order],
-    )

@@ -36,6 +36,7 @@ class Equilibrium:
         residual: Norm of the free vertices' net force as a fraction of the cloth's weight.
         converged: Residual within tolerance and Hessian positive definite, i.e. a stable rest.
         iterations: Newton steps taken.
+        bifurcations: How often the Hessian was found indefinite: from a warm start, a sign of a lost branch.
         energies: Potential energy after every step [J]; it never rises.
         factor: Factor of the Hessian at `positions`; None if not converged.
     """
@@ -44,22 +45,49 @@ class Equilibrium:
     residual: float
     converged: bool
     iterations: int
+    bifurcations: int
     energies: list[float]
     factor: Factor | None
 
 
-def _regularised(system: DrapeSystem, blocks: ndarray, mass: ndarray, mu: float) -> tuple[Factor, float]:
-    """Factor of H + mu M, with mu raised until it is positive definite."""
-    added = 0.0
-    while True:
-        system.add_diagonal(blocks, (mu - added) * mass)
-        added = mu
-        try:
-            return system.linear.factorise(blocks), mu
-        except NotPositiveDefinite:
-            mu = max(4 * mu, 1.0)
-            if mu > _LARGEST:
-                raise DrapeDiverged("the Hessian stays indefinite however large the regularisation") from None
+@dataclass(eq=False)
+class _Point:
+    """A configuration with its forces, energy and Hessian; batches of one for the kernels."""
+
+    system: DrapeSystem
+    p: Parameters
+    anchor: Float[ndarray, "members vertices 3"]
+    x: Float[ndarray, "vertices 3"]
+    force: Float[ndarray, "rows 3"]
+    energy: float
+    blocks: Float[ndarray, "members slots 3 3"]
+    added: float = 0.0  # mu in the blocks' diagonal
+
+    @classmethod
+    def at(cls, system: DrapeSystem, p: Parameters, anchor: ndarray, x: ndarray, storage: ndarray | None) -> "_Point":
+        state = system.evaluate(x[None], anchor, p, exact=True)
+        blocks = state.matrix(diagonal=system.spring[None], out=storage)
+        return cls(system, p, anchor, x, state.force()[0, system.free], float(state.energy()[0]), blocks)
+
+    def moved(self, x: ndarray, storage: ndarray | None = None) -> "_Point":
+        """The same cloth elsewhere."""
+        return _Point.at(self.system, self.p, self.anchor, x, storage)
+
+    def factor(self, mu: float, old: Factor | None) -> Factor:
+        """Factor of H + mu M."""
+        self.system.add_diagonal(self.blocks, (mu - self.added) * self.p.mass)
+        self.added = mu
+        return self.system.linear.factorise(self.blocks[0], out=old)
+
+    def regularised(self, mu: float, old: Factor | None) -> tuple[Factor, float]:
+        """Factor of H + mu M, with mu raised until it is positive definite."""
+        while True:
+            try:
+                return self.factor(mu, old), mu
+            except NotPositiveDefinite:
+                mu = max(4 * mu, 1.0)
+                if mu > _LARGEST:
+                    raise DrapeDiverged("the Hessian stays indefinite however large the regularisation") from None
 
 
 def equilibrium(
@@ -94,51 +122,55 @@ def equilibrium(
         raise SimulationError(
             f"equilibrium needs a law that derives from an energy, got {system.law!r}; use law 'paper', or mode 'drop'"
         )
-    mass, free = parameters.mass, system.free
-    weight = system.gravity * mass.sum()
-    x = start.copy()
-    force, blocks, energy = system.forces(x, anchor, parameters, exact=True)
-    energies = [energy]
-    taken, residual = 0, np.inf
+    mass, free = parameters.mass[system.free, None], system.free
+    weight = system.gravity * parameters.mass.sum()
+    point = _Point.at(system, parameters.batch(), anchor[None], start.copy(), None)
+    spare = np.zeros_like(point.blocks)  # two sets of blocks take turns
+    energies = [point.energy]
+    factor: Factor | None = None
+    bifurcations, taken, residual = 0, 0, np.inf
     for taken in range(iterations + 1):
-        residual = float(np.linalg.norm(force[free]) / weight)
-        if not np.isfinite(residual) or not np.isfinite(energy):
+        residual = float(np.linalg.norm(point.force) / weight)
+        if not np.isfinite(residual) or not np.isfinite(point.energy):
             raise DrapeDiverged(f"Newton step {taken}: forces are no longer finite; check stiffness and density")
         if residual <= tolerance:
             try:
-                return Equilibrium(x, residual, True, taken, energies, system.linear.factorise(blocks.copy()))
+                rest = point.factor(0.0, factor)
+                return Equilibrium(point.x, residual, True, taken, bifurcations, energies, rest)
             except NotPositiveDefinite:
                 mu = max(mu, 1.0)  # a saddle: fall off it along the next regularised step
-                x = x.copy()
+                bifurcations += 1
+                x = point.x.copy()
                 x[free, 2] += 1e-5 * np.sin(np.arange(len(free)))
-                force, blocks, energy = system.forces(x, anchor, parameters, exact=True)
+                point = point.moved(x)
         if taken == iterations:
             break
         while True:
-            factor, mu = _regularised(system, blocks.copy(), mass, mu)
-            step = factor.solve(force[free])
+            wanted = mu
+            factor, mu = point.regularised(mu, factor)
+            bifurcations += int(mu > wanted)
+            step = factor.solve(point.force)
             # decrease that the quadratic model (without mu) promises
-            slope = float((step * force[free]).sum())
-            promised = 0.5 * slope + 0.5 * mu * float((mass[free, None] * step**2).sum())
-            trial = x.copy()
-            trial[free] += step
-            new_force, new_blocks, new_energy = system.forces(trial, anchor, parameters, exact=True)
-            noise = _ROUNDING * max(abs(energy), abs(new_energy))
-            agreement = (energy - new_energy) / promised
-            if promised <= 10 * noise and np.linalg.norm(new_force[free]) <= np.linalg.norm(force[free]):
+            promised = 0.5 * float((step * point.force).sum()) + 0.5 * mu * float((mass * step**2).sum())
+            x = point.x.copy()
+            x[free] += step
+            trial = point.moved(x, spare)
+            noise = _ROUNDING * max(abs(point.energy), abs(trial.energy))
+            agreement = (point.energy - trial.energy) / promised
+            if promised <= 10 * noise and np.linalg.norm(trial.force) <= np.linalg.norm(point.force):
                 agreement = 1.0
             if agreement > 1e-3:
                 break
             mu = max(4 * mu, 4.0)
             if mu > _LARGEST:
-                return Equilibrium(x, residual, False, taken, energies, None)
-        x, force, blocks, energy = trial, new_force, new_blocks, new_energy
-        energies.append(energy)
+                return Equilibrium(point.x, residual, False, taken, bifurcations, energies, None)
+        point, spare = trial, point.blocks
+        energies.append(point.energy)
         if agreement > 0.75:
             mu = mu / 4 if mu > _SMALLEST else 0.0
         elif agreement < 0.25:
             mu = max(2 * mu, 1.0)
-    return Equilibrium(x, residual, False, taken, energies, None)
+    return Equilibrium(point.x, residual, False, taken, bifurcations, energies, None)
 
 
 def equilibrium_adjoint(

@@ -1,5 +1,7 @@
 """Errors a user can act on: each states the rule, the value found, where, and the remedy."""
 
+from collections.abc import Iterable
+
 
 class CusickError(Exception):
     """Base of every error that bad input can cause; the command line prints it and exits with status 2."""
@@ -11,3 +13,15 @@ class SimulationError(CusickError, ValueError):
 
 class DrapeDiverged(SimulationError):
     """A drape did not converge: positions became non-finite or the solver ran out of iterations."""
+
+
+class MembersDiverged(DrapeDiverged):
+    """Some cloths of a batch did not converge.
+
+    Attributes:
+        members: Their places in the batch.
+    """
+
+    def __init__(self, message: str, members: Iterable[int]) -> None:
+        super().__init__(message)
+        self.members = tuple(int(member) for member in members)

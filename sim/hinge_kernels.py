@@ -3,7 +3,14 @@
 Per hinge: dihedral angle theta, positive where the cloth is convex seen from its face; with t = theta - rest angle the
 moment is M = weight B(t scale) t, the force f = -M grad theta. Under `published` the weight is a quarter of the one
 that gives a plate the tabulated bending stiffness. Gauss-Newton stiffness: (M / t) grad theta grad theta^T; exact:
-M' grad theta grad theta^T + M Hess theta. The adjoint is that of `face_kernels`.
+M' grad theta grad theta^T + M Hess theta. The adjoint is that of `face_kernels`, and so are the batches.
+
+With edge e, legs p and r to the outer corners, normals n0 = e x p, n1 = r x e and N = |n|^2, t0 = p.e / |e|^2 and
+t1 = r.e / |e|^2, m0 = n0 x e and m1 = n1 x e, S = n m^T + m n^T, the Hessian of theta to (e, p, r) is
+
+    pp: |e| S0 / N0^2      pe: -t0 pp + e n0^T / (|e| N0)      rr: -|e| S1 / N1^2     re: -t1 rr + e n1^T / (|e| N1)
+    ee: S0 / (2 |e|^3 N0) - S1 / (2 |e|^3 N1) + t0^2 pp + t1^2 rr - w e^T - e w^T,
+        w = t0 n0 / (|e| N0) + t1 n1 / (|e| N1)                pr: 0
 
 References:
     Tamstorf, Grinspun. Discrete bending forces and their Jacobians. Graphical Models 75(6), 2013.
@@ -15,80 +22,48 @@ import math
 import numba
 import numpy as np
 
-from cusick_bench.sim.tables import CURVATURE_STEP, PUBLISHED, paper_bending, published_bending
-from cusick_bench.sim.vectors import CHUNKS, cross, difference, dot
+from cusick_bench.sim.law_paper import paper_bending
+from cusick_bench.sim.law_published import published_bending
+from cusick_bench.sim.tables import CURVATURE_STEP, PUBLISHED
+from cusick_bench.sim.vectors import CHUNKS, between, combine, cross, dot, kernel
 
 
-@numba.njit(cache=True)
-def _hinge_angle(corners, x, e, p, r, n0, n1, g):
-    """Dihedral angle and its gradient g (4, 3); also edge e, opposite legs p, r and (unnormalised) face normals."""
-    difference(x, corners[1], corners[0], e)
-    difference(x, corners[2], corners[0], p)
-    difference(x, corners[3], corners[0], r)
-    cross(e, p, n0)
-    cross(r, e, n1)
+@kernel()
+def _legs(corners, values):
+    """Differences of a vertex field along the edge and the two legs."""
+    start = corners[0]
+    return between(values, corners[1], start), between(values, corners[2], start), between(values, corners[3], start)
+
+
+@kernel()
+def _hinge(e, p, r):
+    """Dihedral angle, its gradient to p and r, t0, t1, and the unnormalised face normals."""
+    n0, n1 = cross(e, p), cross(r, e)
     length2 = dot(e, e)
     length = math.sqrt(length2)
-    normal0, normal1 = dot(n0, n0), dot(n1, n1)
-    # e . (n0 x n1) / |e| = -|e| (p . n1) in this orientation: positive where both opposite corners lie below
+    # e . (n0 x n1) / |e| = -|e| (p . n1) in this orientation: positive where both outer corners lie below
     angle = math.atan2(-length * dot(p, n1), dot(n0, n1))
-    t0, t1 = dot(p, e) / length2, dot(r, e) / length2
-    for axis in range(3):
-        a, b = -length * n0[axis] / normal0, -length * n1[axis] / normal1
-        g[2, axis] = a
-        g[3, axis] = b
-        g[1, axis] = -(t0 * a + t1 * b)
-        g[0, axis] = -((1.0 - t0) * a + (1.0 - t1) * b)
-    return angle
+    scale0, scale1 = -length / dot(n0, n0), -length / dot(n1, n1)
+    a = (scale0 * n0[0], scale0 * n0[1], scale0 * n0[2])
+    b = (scale1 * n1[0], scale1 * n1[1], scale1 * n1[2])
+    return angle, a, b, dot(p, e) / length2, dot(r, e) / length2, n0, n1
 
 
-@numba.njit(cache=True)
-def _hinge_hessian_product(e, p, r, n0, n1, g, de, dp, dr, out):
-    """Derivative of the angle gradient when edge and legs change by de, dp, dr: out (4, 3) = Hess(theta) d."""
-    length2 = dot(e, e)
-    length = math.sqrt(length2)
-    d_length = dot(e, de) / length
-    normal0, normal1 = dot(n0, n0), dot(n1, n1)
-    t0, t1 = dot(p, e) / length2, dot(r, e) / length2
-    dt0 = (dot(dp, e) + dot(p, de) - 2.0 * t0 * dot(e, de)) / length2
-    dt1 = (dot(dr, e) + dot(r, de) - 2.0 * t1 * dot(e, de)) / length2
-    # d n0 = de x p + e x dp, d n1 = dr x e + r x de
-    m0 = (
-        de[1] * p[2] - de[2] * p[1] + e[1] * dp[2] - e[2] * dp[1],
-        de[2] * p[0] - de[0] * p[2] + e[2] * dp[0] - e[0] * dp[2],
-        de[0] * p[1] - de[1] * p[0] + e[0] * dp[1] - e[1] * dp[0],
-    )
-    m1 = (
-        dr[1] * e[2] - dr[2] * e[1] + r[1] * de[2] - r[2] * de[1],
-        dr[2] * e[0] - dr[0] * e[2] + r[2] * de[0] - r[0] * de[2],
-        dr[0] * e[1] - dr[1] * e[0] + r[0] * de[1] - r[1] * de[0],
-    )
-    turn0, turn1 = 2.0 * dot(n0, m0) / normal0, 2.0 * dot(n1, m1) / normal1
-    for axis in range(3):
-        a = -(d_length * n0[axis] + length * (m0[axis] - n0[axis] * turn0)) / normal0
-        b = -(d_length * n1[axis] + length * (m1[axis] - n1[axis] * turn1)) / normal1
-        out[2, axis] = a
-        out[3, axis] = b
-        change = dt0 * g[2, axis] + dt1 * g[3, axis]
-        out[1, axis] = -(t0 * a + t1 * b + change)
-        out[0, axis] = -((1.0 - t0) * a + (1.0 - t1) * b - change)
-
-
-@numba.njit(cache=True)
-def _bending_law(law, angle, scale, low, fraction, table, active):
+@kernel()
+def _bending_law(law, angle, scale, fraction, low_row, high_row):
     if law == PUBLISHED:
-        return published_bending(angle, scale, low, fraction, table, active)
-    return paper_bending(angle, scale, low, fraction, table, active)
+        return published_bending(angle, scale, fraction, low_row, high_row)
+    return paper_bending(angle, scale, fraction, low_row, high_row)
 
 
-@numba.njit(cache=True, inline="always")
+@kernel()
 def _bending_factor(law):
     # The published hinge stiffness is a quarter of the one that gives a plate the tabulated bending stiffness.
     return 0.25 if law == PUBLISHED else 1.0
 
 
-@numba.njit(cache=True)
-def _bending_energy(law, angle, scale, low, fraction, table, active):
+@kernel()
+def _bending_energy(law, angle, scale, fraction, low_row, high_row):
     """Integral of B(t) t from 0 to the angle: Gauss-Legendre on each polynomial piece of the spline (exact)."""
     knot = 0.5 * CURVATURE_STEP / scale
     total, start = 0.0, 0.0
@@ -99,63 +74,65 @@ def _bending_energy(law, angle, scale, low, fraction, table, active):
         middle, half = 0.5 * (start + stop), 0.5 * (stop - start)
         offset = half / math.sqrt(3.0)
         for t in (middle - offset, middle + offset):
-            total += half * t * _bending_law(law, math.copysign(t, angle), scale, low, fraction, table, active)[0]
+            total += half * t * _bending_law(law, math.copysign(t, angle), scale, fraction, low_row, high_row)[0]
         start = stop
         piece += 1
     return total
 
 
-@numba.njit(cache=True, parallel=True)
-def hinge_stiffness(law, exact, hinges, scale, weight, low, fraction, x, rest_angle, bending, energy, force, blocks):
-    """Energy (PAPER), forces and stiffness blocks of all hinges.
-
-    Args:
-        rest_angle: Stress-free dihedral angles (hinges) [rad].
-        bending: (1, 3, 5) shared or (hinges, 3, 5) [N m].
-        energy: Receives (hinges) [J] where `exact`.
-        force: Receives (hinges, 4, 3) [N].
-        blocks: Receives (hinges, 16, 3, 3) [N/m], block 4 a + b of corners a, b.
-    """
-    count = hinges.shape[0]
-    for chunk in numba.prange(CHUNKS):
-        e, p, r, n0, n1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-        de, dp, dr = np.empty(3), np.empty(3), np.empty(3)
-        g, product, active = np.empty((4, 3)), np.empty((4, 3)), np.empty((3, 5))
-        for i in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
-            table = bending[i] if bending.shape[0] > 1 else bending[0]
-            angle = _hinge_angle(hinges[i], x, e, p, r, n0, n1, g) - rest_angle[i]
-            value, slope = _bending_law(law, angle, scale[i], low[i], fraction[i], table, active)
-            factor = _bending_factor(law) * weight[i]
-            moment = factor * value * angle
-            for a in range(4):
-                for axis in range(3):
-                    force[i, a, axis] = -moment * g[a, axis]
-            stiffness = factor * (value + slope * angle) if exact else factor * value
-            for a in range(4):
-                for b in range(4):
-                    for m in range(3):
-                        for n in range(3):
-                            blocks[i, 4 * a + b, m, n] = stiffness * g[a, m] * g[b, n]
-            if exact:
-                energy[i] = factor * _bending_energy(law, angle, scale[i], low[i], fraction[i], table, active)
-                for b in range(4):
-                    for n in range(3):
-                        for axis in range(3):
-                            unit = 1.0 if axis == n else 0.0
-                            de[axis] = unit * ((1.0 if b == 1 else 0.0) - (1.0 if b == 0 else 0.0))
-                            dp[axis] = unit * ((1.0 if b == 2 else 0.0) - (1.0 if b == 0 else 0.0))
-                            dr[axis] = unit * ((1.0 if b == 3 else 0.0) - (1.0 if b == 0 else 0.0))
-                        _hinge_hessian_product(e, p, r, n0, n1, g, de, dp, dr, product)
-                        for a in range(4):
-                            for m in range(3):
-                                blocks[i, 4 * a + b, m, n] += moment * product[a, m]
+@kernel()
+def _put_gradient(g, a, b, t0, t1):
+    """Gradient of the angle to the four corners, from those to the legs."""
+    for axis in range(3):
+        end = -(t0 * a[axis] + t1 * b[axis])
+        g[axis] = -(end + a[axis] + b[axis])
+        g[3 + axis] = end
+        g[6 + axis] = a[axis]
+        g[9 + axis] = b[axis]
 
 
-@numba.njit(cache=True, parallel=True)
-def hinge_adjoint(
+@kernel()
+def _put_hessian(blocks, moment, e, n0, n1, t0, t1):
+    """Adds moment Hess(theta) to blocks 11, 12, 13, 22, 33 (corner 0 follows by `_complete`); 23 stays."""
+    length2 = dot(e, e)
+    length = math.sqrt(length2)
+    normal0, normal1 = dot(n0, n0), dot(n1, n1)
+    m0, m1 = cross(n0, e), cross(n1, e)
+    pp, rr = moment * length / (normal0 * normal0), -moment * length / (normal1 * normal1)
+    turn0, turn1 = moment / (length * normal0), moment / (length * normal1)
+    ee0 = 0.5 * moment / (length * length2 * normal0) + t0 * t0 * pp
+    ee1 = -0.5 * moment / (length * length2 * normal1) + t1 * t1 * rr
+    w = combine(t0 * turn0, n0, t1 * turn1, n1)
+    for i in range(3):
+        for j in range(3):
+            s0, s1 = n0[i] * m0[j] + m0[i] * n0[j], n1[i] * m1[j] + m1[i] * n1[j]
+            at = 3 * i + j
+            blocks[4, at] += ee0 * s0 + ee1 * s1 - w[i] * e[j] - e[i] * w[j]
+            blocks[5, at] += n0[i] * e[j] * turn0 - t0 * pp * s0  # ep, the transpose of pe
+            blocks[6, at] += n1[i] * e[j] * turn1 - t1 * rr * s1
+            blocks[7, at] += pp * s0
+            blocks[9, at] += rr * s1
+
+
+@kernel()
+def _complete(blocks):
+    """Blocks of corner 0 from the others: moving the whole hinge bends nothing."""
+    for i in range(3):
+        for j in range(3):
+            at, turned = 3 * i + j, 3 * j + i
+            blocks[1, at] = -(blocks[4, at] + blocks[5, turned] + blocks[6, turned])
+            blocks[2, at] = -(blocks[5, at] + blocks[7, at] + blocks[8, turned])
+            blocks[3, at] = -(blocks[6, at] + blocks[8, at] + blocks[9, at])
+    for i in range(3):
+        for j in range(3):
+            at, turned = 3 * i + j, 3 * j + i
+            blocks[0, at] = -(blocks[1, turned] + blocks[2, turned] + blocks[3, turned])
+
+
+@kernel(parallel=True)
+def hinge_stiffness(
     law,
-    force_factor,
-    stiffness_factor,
+    exact,
     hinges,
     scale,
     weight,
@@ -163,55 +140,134 @@ def hinge_adjoint(
     fraction,
     x,
     rest_angle,
-    adjoint,
-    v,
     bending,
-    g_x,
-    g_bending,
-    g_rest,
+    energy,
+    gradient,
+    moment,
+    stiffness,
+    blocks,
 ):
+    """Moments and stiffness of all hinges.
+
+    Args:
+        rest_angle: Stress-free dihedral angles (members, hinges) [rad].
+        bending: (members or 1, hinges or 1, 3, 5) [N m].
+        energy: Receives (members, hinges) [J] where `exact`.
+        gradient: Receives grad theta (members, hinges, 12) [1/m].
+        moment: Receives -M (members, hinges) [J]; times the gradient it is the force.
+        stiffness: Receives (members, hinges): the factor of grad theta grad theta^T [J].
+        blocks: Receives where `exact` (members, hinges, 10, 9) [N/m]: corners 00, 01, 02, 03, 11, 12, 13, 22, 23, 33,
+            each row by row.
+    """
+    members, count = x.shape[0], hinges.shape[0]
+    factor = _bending_factor(law)
+    for job in numba.prange(members * CHUNKS):
+        member, chunk = job // CHUNKS, job % CHUNKS
+        tables = bending[member if bending.shape[0] > 1 else 0]
+        for i in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+            table = tables[i if tables.shape[0] > 1 else 0]
+            low_row, high_row = table[low[i]], table[low[i] + 1]
+            e, p, r = _legs(hinges[i], x[member])
+            bent, a, b, t0, t1, n0, n1 = _hinge(e, p, r)
+            angle = bent - rest_angle[member, i]
+            value, slope, _, _, _, _, _, _ = _bending_law(law, angle, scale[i], fraction[i], low_row, high_row)
+            g = gradient[member, i]
+            _put_gradient(g, a, b, t0, t1)
+            pull = factor * weight[i] * value * angle
+            moment[member, i] = -pull
+            stiffness[member, i] = factor * weight[i] * (value + slope * angle if exact else value)
+            if exact:
+                energy[member, i] = (
+                    factor * weight[i] * _bending_energy(law, angle, scale[i], fraction[i], low_row, high_row)
+                )
+                own = blocks[member, i]
+                place = 4
+                for first in range(1, 4):
+                    for second in range(first, 4):
+                        for m in range(3):
+                            k = stiffness[member, i] * g[3 * first + m]
+                            for n in range(3):
+                                own[place, 3 * m + n] = k * g[3 * second + n]
+                        place += 1
+                _put_hessian(own, pull, e, n0, n1, t0, t1)
+                _complete(own)
+
+
+@kernel()
+def _hessian_product(e, p, r, n0, n1, a, b, t0, t1, de, dp, dr):
+    """Change of grad theta to e, p and r when edge and legs change by de, dp, dr."""
+    length2 = dot(e, e)
+    length = math.sqrt(length2)
+    d_length = dot(e, de) / length
+    normal0, normal1 = dot(n0, n0), dot(n1, n1)
+    dt0 = (dot(dp, e) + dot(p, de) - 2.0 * t0 * dot(e, de)) / length2
+    dt1 = (dot(dr, e) + dot(r, de) - 2.0 * t1 * dot(e, de)) / length2
+    m0 = combine(1.0, cross(de, p), 1.0, cross(e, dp))
+    m1 = combine(1.0, cross(dr, e), 1.0, cross(r, de))
+    turn0, turn1 = 2.0 * dot(n0, m0) / normal0, 2.0 * dot(n1, m1) / normal1
+    da = combine((length * turn0 - d_length) / normal0, n0, -length / normal0, m0)
+    db = combine((length * turn1 - d_length) / normal1, n1, -length / normal1, m1)
+    by_end = combine(-1.0, combine(t0, da, t1, db), -1.0, combine(dt0, a, dt1, b))
+    return by_end, da, db
+
+
+@kernel(parallel=True)
+def hinge_adjoint(
+    law, force_factor, stiffness_factor, hinges, scale, weight, low, fraction, x, rest_angle, adjoint, v, bending,
+    g_x, g_bending, g_rest,
+):  # fmt: skip
     """Derivatives of S (see the module) to positions, bending tables and rest angles.
 
     Args:
-        g_x: Receives (hinges, 4, 3).
-        g_bending: Adds up (hinges, 3, 5).
-        g_rest: Adds up (hinges).
+        adjoint: lambda (members, vertices, 3).
+        v: Velocity after the step (members, vertices, 3) [m/s].
+        g_x: Receives (members, hinges, 12).
+        g_bending: Adds up (members, hinges, 3, 5).
+        g_rest: Adds up (members, hinges).
     """
-    count = hinges.shape[0]
-    for chunk in numba.prange(CHUNKS):
-        e, p, r, n0, n1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-        de, dp, dr = np.empty(3), np.empty(3), np.empty(3)
-        g, active = np.empty((4, 3)), np.empty((3, 5))
-        h_lambda, h_v = np.empty((4, 3)), np.empty((4, 3))
+    members, count = x.shape[0], hinges.shape[0]
+    h, hh = force_factor, stiffness_factor
+    for job in numba.prange(members * CHUNKS):
+        member, chunk = job // CHUNKS, job % CHUNKS
+        tables = bending[member if bending.shape[0] > 1 else 0]
+        g = np.empty(12)
         for i in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
-            corners = hinges[i]
-            table = bending[i] if bending.shape[0] > 1 else bending[0]
-            angle = _hinge_angle(corners, x, e, p, r, n0, n1, g) - rest_angle[i]
-            value, slope = _bending_law(law, angle, scale[i], low[i], fraction[i], table, active)
+            table = tables[i if tables.shape[0] > 1 else 0]
+            low_row, high_row = table[low[i]], table[low[i] + 1]
+            e, p, r = _legs(hinges[i], x[member])
+            bent, a, b, t0, t1, n0, n1 = _hinge(e, p, r)
+            angle = bent - rest_angle[member, i]
+            value, slope, i0, i1, i2, w0, w1, w2 = _bending_law(law, angle, scale[i], fraction[i], low_row, high_row)
             factor = _bending_factor(law) * weight[i]
-            along, across = 0.0, 0.0  # grad theta . lambda and grad theta . v
-            for a in range(4):
-                for axis in range(3):
-                    along += g[a, axis] * adjoint[corners[a], axis]
-                    across += g[a, axis] * v[corners[a], axis]
-            difference(adjoint, corners[1], corners[0], de)
-            difference(adjoint, corners[2], corners[0], dp)
-            difference(adjoint, corners[3], corners[0], dr)
-            _hinge_hessian_product(e, p, r, n0, n1, g, de, dp, dr, h_lambda)
-            difference(v, corners[1], corners[0], de)
-            difference(v, corners[2], corners[0], dp)
-            difference(v, corners[3], corners[0], dr)
-            _hinge_hessian_product(e, p, r, n0, n1, g, de, dp, dr, h_v)
-            h, hh = force_factor, stiffness_factor
+            by_end = combine(-t0, a, -t1, b)
+            le, lp, lr = _legs(hinges[i], adjoint[member])
+            ve, vp, vr = _legs(hinges[i], v[member])
+            along = dot(by_end, le) + dot(a, lp) + dot(b, lr)  # grad theta . lambda
+            across = dot(by_end, ve) + dot(a, vp) + dot(b, vr)  # grad theta . v
             stiffness = factor * value
             by_angle = factor * (h * (value + slope * angle) * along + hh * slope * along * across)
             by_lambda = stiffness * (h * angle + hh * across)
             by_v = stiffness * hh * along
-            for a in range(4):
-                for axis in range(3):
-                    g_x[i, a, axis] = -(by_angle * g[a, axis] + by_lambda * h_lambda[a, axis] + by_v * h_v[a, axis])
-            g_rest[i] += by_angle
+            # both Hessian products in one, for they are linear
+            change = _hessian_product(
+                e, p, r, n0, n1, a, b, t0, t1,
+                combine(by_lambda, le, by_v, ve), combine(by_lambda, lp, by_v, vp), combine(by_lambda, lr, by_v, vr),
+            )  # fmt: skip
+            to_end = combine(-by_angle, by_end, -1.0, change[0])
+            to_p, to_r = combine(-by_angle, a, -1.0, change[1]), combine(-by_angle, b, -1.0, change[2])
+            for axis in range(3):
+                g[axis] = -(to_end[axis] + to_p[axis] + to_r[axis])
+                g[3 + axis] = to_end[axis]
+                g[6 + axis] = to_p[axis]
+                g[9 + axis] = to_r[axis]
+            g_x[member, i] = g
+            g_rest[member, i] += by_angle
             amount = factor * along * (h * angle + hh * across)
-            for d in range(3):
-                for s in range(5):
-                    g_bending[i, d, s] -= amount * active[d, s]
+            under, over = amount * (1.0 - fraction[i]), amount * fraction[i]
+            rows = g_bending[member, i]
+            rows[low[i], i0] -= under * w0
+            rows[low[i], i1] -= under * w1
+            rows[low[i], i2] -= under * w2
+            rows[low[i] + 1, i0] -= over * w0
+            rows[low[i] + 1, i1] -= over * w1
+            rows[low[i] + 1, i2] -= over * w2

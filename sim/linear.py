@@ -19,7 +19,7 @@ from functools import cached_property
 from importlib.util import find_spec
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.errors import SimulationError
@@ -29,9 +29,14 @@ BLOCK = 3
 
 
 class NotPositiveDefinite(SimulationError, ArithmeticError):
-    """The matrix has no Cholesky factor: add to its diagonal, or project its elements, and try again."""
+    """The matrix has no Cholesky factor: add to its diagonal, or project its elements, and try again.
 
-    def __init__(self) -> None:
+    Attributes:
+        members: For a batch, which of its matrices.
+    """
+
+    def __init__(self, members: Bool[ndarray, " members"] | None = None) -> None:
+        self.members = np.ones(1, bool) if members is None else members
         super().__init__("the matrix must be positive definite, and it is not; regularise it: add to its diagonal")
 
 
@@ -174,6 +179,17 @@ class LinearSolver(ABC):
 
     def __init__(self, pattern: BlockPattern) -> None:
         self.pattern = pattern
+        self._spare: list[Factor] = []
+
+    def recycle(self, factor: Factor) -> None:
+        """Takes back the storage of a factor that nobody will solve with any more; fresh memory is slow to touch."""
+        self._spare.append(factor)
+
+    def _storage_left(self, members: int | None) -> Factor | None:
+        """Recycled storage of as many members, if there is any."""
+        if self._spare and self._spare[-1].members != members:
+            self._spare.clear()
+        return self._spare.pop() if self._spare else None
 
     @cached_property
     def needed_slots(self) -> Int[ndarray, " needed"]:
@@ -191,11 +207,12 @@ class LinearSolver(ABC):
             NotPositiveDefinite: The matrix is not positive definite.
             SimulationError: `blocks` has another shape, or is not finite.
         """
-        return self._factorise(self._checked(blocks, ("slots",)), out)
+        return self._factorise(self._checked(blocks, ("slots",)), out or self._storage_left(None))
 
     def factorise_batch(self, blocks: Float[ndarray, "*members slots 3 3"], *, out: Factor | None = None) -> Factor:
         """Factorise several matrices of the pattern; arguments and errors as for `factorise`."""
-        return self._factorise_batch(self._checked(blocks, ("members", "slots")), out)
+        checked = self._checked(blocks, ("members", "slots"))
+        return self._factorise_batch(checked, out or self._storage_left(len(checked)))
 
     @abstractmethod
     def _factorise(self, blocks: Float[ndarray, "slots 3 3"], out: Factor | None) -> Factor: ...
@@ -203,7 +220,16 @@ class LinearSolver(ABC):
     def _factorise_batch(self, blocks: Float[ndarray, "members slots 3 3"], out: Factor | None) -> Factor:
         fits = isinstance(out, FactorBatch) and out.members == len(blocks)
         old = out.factors if isinstance(out, FactorBatch) and fits else [None] * len(blocks)
-        return FactorBatch([self._factorise(one, reuse) for one, reuse in zip(blocks, old, strict=True)])
+        factors: list[Factor | None] = []
+        for one, reuse in zip(blocks, old, strict=True):
+            try:
+                factors.append(self._factorise(one, reuse))
+            except NotPositiveDefinite:
+                factors.append(None)
+        good = [factor for factor in factors if factor is not None]
+        if len(good) < len(factors):
+            raise NotPositiveDefinite(np.array([factor is None for factor in factors]))
+        return FactorBatch(good)
 
     def _checked(self, blocks: ndarray, axes: tuple[str, ...]) -> ndarray:
         blocks = np.ascontiguousarray(blocks, np.float64)
@@ -213,10 +239,12 @@ class LinearSolver(ABC):
             raise SimulationError(f"blocks must have shape ({expected}), got {blocks.shape}")
         return blocks
 
-    def _failure(self, blocks: Float[ndarray, "*members slots 3 3"]) -> SimulationError:
-        """Why `blocks` could not be factorised."""
+    def _failure(
+        self, blocks: Float[ndarray, "*members slots 3 3"], members: Bool[ndarray, " members"] | None = None
+    ) -> SimulationError:
+        """Why `blocks`, or those of some members, could not be factorised."""
         if np.isfinite(blocks[..., self.needed_slots, :, :]).all():
-            return NotPositiveDefinite()
+            return NotPositiveDefinite(members)
         return SimulationError("matrix must be finite, got NaN or infinity; check parameters and positions")
 
 

@@ -139,7 +139,7 @@ def _factorise_members(tree, blocks, panels, updates):
     for worker in numba.prange(workers):
         for member in range(worker, members, workers):
             good[member] = _factorise_part(0, fronts, tree, blocks[member], panels[member], updates[worker])
-    return good.all()
+    return good
 
 
 @numba.njit(cache=True)
@@ -275,8 +275,9 @@ class MultifrontalSolver(LinearSolver):
         if len(self._updates) < workers:
             self._updates = np.empty((workers, self.tree.update_end))
         with dense.single_threaded():
-            if not _factorise_members(self.tree, blocks, factor.panels, self._updates[:workers]):
-                raise self._failure(blocks)
+            good = _factorise_members(self.tree, blocks, factor.panels, self._updates[:workers])
+        if not good.all():
+            raise self._failure(blocks, ~good)
         return factor
 
     def _storage(self, out: Factor | None, members: int | None) -> MultifrontalFactor:

@@ -231,7 +231,8 @@ class Reference:
         """Stiffness K of the implicit step over all 3 V coordinates (vertex-major), dense; differentiable [N/m].
 
         Faces: A [k0 (f_uu f_uu^T + G00+ D_uu) + k2 (f_vv f_vv^T + G11+ D_vv) + k1 (f_uu f_vv^T + f_vv f_uu^T
-        + G00+ D_vv + G11+ D_uu) + k3 / 2 f_uv f_uv^T], G+ = max(G, 0), D_uu = s_u s_u^T (x) I.
+        + G00+ D_vv + G11+ D_uu) + k3 / 2 f_uv f_uv^T], G+ = max(G, 0), D_uu = s_u s_u^T (x) I; law `paper` takes
+        max(factor, 0) of D_uu and of D_vv, which c12 < 0 could make negative.
         Hinges: M / theta grad grad^T.
         """
         with torch.enable_grad():
@@ -247,8 +248,11 @@ class Reference:
 
             axes = torch.eye(3, dtype=x.dtype, device=x.device)
             d_uu, d_vv = (torch.kron(outer(s, s).contiguous(), axes) for s in (s_u, s_v))
-            blocks = k0 * (outer(f_uu, f_uu) + plus0 * d_uu) + k2 * (outer(f_vv, f_vv) + plus1 * d_vv)
-            blocks = blocks + k1 * (outer(f_uu, f_vv) + outer(f_vv, f_uu) + plus0 * d_vv + plus1 * d_uu)
+            g_uu, g_vv = k0 * plus0 + k1 * plus1, k2 * plus1 + k1 * plus0
+            if self.system.law == "paper":
+                g_uu, g_vv = g_uu.clamp(min=0), g_vv.clamp(min=0)
+            blocks = k0 * outer(f_uu, f_uu) + k2 * outer(f_vv, f_vv) + g_uu * d_uu + g_vv * d_vv
+            blocks = blocks + k1 * (outer(f_uu, f_vv) + outer(f_vv, f_uu))
             blocks = blocks + k3 / 2 * outer(f_uv, f_uv)
             _, gradient, stiffness = self._hinge_state(x, p)
             g = gradient.flatten(1)

@@ -7,10 +7,11 @@ import pytest
 import torch
 from scipy.interpolate import LinearNDInterpolator
 
-from cusick_bench.sim.drape import Drape, DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import Drape, DrapeSimulator
 from cusick_bench.sim.errors import CusickError, DrapeDiverged, SimulationError
 from cusick_bench.sim.material import Material, project_admissible, uniform_material
 from cusick_bench.sim.mesh import CLOTH_RADIUS, PLATE_RADIUS, disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.shape import dihedral_angles, smooth_field
 
 MESH = disc_mesh(100)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.drop import drop, drop_adjoint
 from cusick_bench.sim.equilibrium import equilibrium, equilibrium_adjoint
 from cusick_bench.sim.errors import SimulationError
@@ -12,6 +12,7 @@ from cusick_bench.sim.material import Material, uniform_material
 from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh, disc_mesh
 from cusick_bench.sim.reference import Reference, TorchParameters, drop_reference
 from cusick_bench.sim.reference_tables import STRETCH_SAMPLE
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.system import DrapeSystem, Parameters
 
 STEP = 0.05  # [s]
@@ -230,7 +231,7 @@ STEPS = {"stretch": 1e-3, "bending": 1e-3, "mass": 1e-3, "rest_angle": 1e-4, "in
 
 
 def _ladder(name: str) -> list[float]:
-    return [STEPS[name] * factor for factor in (1, 0.1, 0.01, 1e-3)]
+    return [STEPS[name] * factor for factor in (1, 0.1, 0.03, 0.01, 0.003, 1e-3)]
 
 
 @pytest.mark.parametrize("name", STEPS)

@@ -16,11 +16,12 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.spatial import Delaunay
 
-from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.drop import drop
 from cusick_bench.sim.equilibrium import Equilibrium, equilibrium
 from cusick_bench.sim.material import uniform_material
 from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.system import DrapeSystem, Law, Parameters
 
 GRAVITY = 9.8  # [m/s2]

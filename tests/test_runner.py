@@ -35,8 +35,8 @@ from cusick_bench.runner import (
     shard,
 )
 from cusick_bench.runner import cell as cell_module
-from cusick_bench.sim.drape import DrapeSettings
 from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.homo import Homo
 
 DENSITY = 0.2

@@ -10,9 +10,10 @@ from rich.table import Table
 from cusick_bench.cli.common import console, output, print_json, user_errors
 from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
 from cusick_bench.sim.camera import ParallelCamera
-from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.material import uniform_material
 from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.silhouette import render
 
 

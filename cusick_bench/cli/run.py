@@ -10,7 +10,7 @@ from rich.table import Table
 from cusick_bench.cli.common import console, print_json, user_errors
 from cusick_bench.problem import Budget
 from cusick_bench.runner import ProblemSettings, ProgressBars, RunnerError, Source, Store, load_once, plan, run, shard
-from cusick_bench.sim.drape import DrapeSettings
+from cusick_bench.sim.settings import DrapeSettings
 
 app = typer.Typer()
 

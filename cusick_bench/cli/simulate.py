@@ -21,11 +21,12 @@ from cusick_bench.datasets.profile import (
     profile_from_image,
 )
 from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
-from cusick_bench.sim.drape import Drape, DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import Drape, DrapeSimulator
 from cusick_bench.sim.errors import CusickError, DrapeDiverged
 from cusick_bench.sim.heterogeneity import random_heterogeneity
 from cusick_bench.sim.material import PUBLISHED_BENDING_FACTOR, uniform_material
 from cusick_bench.sim.mesh import disc_mesh, mesh_from_obj, write_obj
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.silhouette import render
 
 

@@ -14,8 +14,9 @@ from cusick_bench.problem.laying import laid_like
 from cusick_bench.problem.priors import StiffnessPrior
 from cusick_bench.problem.space import SPACES, HomogeneousSpace
 from cusick_bench.sim.camera import ParallelCamera
-from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.silhouette import render
 
 AREAL_DENSITY = 0.2  # [kg/m2]

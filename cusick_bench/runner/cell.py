@@ -18,9 +18,10 @@ from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Mete
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
-from cusick_bench.sim.drape import DrapeSettings, DrapeSimulator
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
 

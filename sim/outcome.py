@@ -1,0 +1,157 @@
+"""Drapes of a batch of cloths in arrays: who diverged, who came to rest, and the way back to parameter gradients."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from cusick_bench.sim.drop import Rollout, drop, drop_adjoint
+from cusick_bench.sim.equilibrium import FALLING, Equilibrium, equilibrium, equilibrium_adjoint
+from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
+from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.system import DrapeSystem, ParameterGradient, Parameters
+
+_DROP_AT_REST = 0.05  # a dropped cloth counts as at rest below this net force, as a fraction of its weight
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What becomes of a batch, beside the positions; also carries what the gradient needs.
+
+    Attributes:
+        system: Mesh, law and support.
+        settings: How the cloths are draped.
+        factor_memory: Most memory for kept factors [bytes].
+        warm: Where an equilibrium starts [m], or None.
+        failures, residual, iterations: As in `DrapeBatch`.
+    """
+
+    system: DrapeSystem
+    settings: DrapeSettings
+    factor_memory: int
+    warm: Float[ndarray, "members vertices 3"] | None
+    failures: list[str | None] = field(init=False)
+    residual: Float[ndarray, "members"] = field(init=False)
+    iterations: Int[ndarray, "members"] = field(init=False)
+
+    @property
+    def at_rest(self) -> float:
+        """Residual of a cloth that counts as at rest."""
+        return _DROP_AT_REST if self._drops else self.settings.tolerance
+
+    def run(self, p: Parameters, laid: ndarray, differentiate: bool) -> tuple[ndarray, "Adjoint"]:
+        """Drapes the batch: positions, and the way back."""
+        members = len(laid)
+        self.failures = [None] * members
+        self.residual, self.iterations = np.full(members, np.nan), np.zeros(members, np.int64)
+        return self._drop(p, laid, differentiate) if self._drops else self._rest(p, laid)
+
+    @property
+    def _drops(self) -> bool:
+        return self.settings.mode == "drop"
+
+    def _drop(self, p: Parameters, laid: ndarray, differentiate: bool) -> tuple[ndarray, "Adjoint"]:
+        """Drops all cloths; those that diverge are set aside and the others dropped again without them."""
+        s, system = self.settings, self.system
+        alive = np.arange(len(laid))
+        positions = np.full_like(laid, np.nan)
+        while len(alive):
+            own = p.take(alive)
+            try:
+                rollout = drop(
+                    system, own, laid[alive], steps=s.steps, step_seconds=s.step_seconds, record=differentiate,
+                    keep_factors=differentiate, factor_memory=self.factor_memory,
+                )  # fmt: skip
+            except MembersDiverged as error:
+                for member in error.members:
+                    self.failures[alive[member]] = str(error)
+                alive = np.delete(alive, error.members)
+                continue
+            last = rollout.positions[-1]
+            force = system.evaluate(last, laid[alive], own, exact=False).force()
+            weight = s.gravity * own.mass.sum(1)
+            self.residual[alive] = np.linalg.norm(force[:, system.free].reshape(len(alive), -1), axis=1) / weight
+            self.iterations[alive] = s.steps
+            positions[alive] = last
+            for member in alive[~np.isfinite(self.residual[alive])]:
+                self.failures[member] = (
+                    f"forces are not finite after {s.steps} steps; use a shorter step than {s.step_seconds} s"
+                )
+
+            return positions, _Back(system, own, rollout, alive, len(laid), s.step_seconds)
+        return positions, lambda g_x: (ParameterGradient.zeros(system, len(laid)), np.zeros_like(g_x))
+
+    def _rest(self, p: Parameters, laid: ndarray) -> tuple[ndarray, "Adjoint"]:
+        """Lets the cloths come to rest one by one: from where they fell, which decides their folds, or a warm start."""
+        s, system = self.settings, self.system
+        start, mu = (self._fallen(p, laid), FALLING) if self.warm is None else (self.warm.copy(), 0.0)
+        start[:, system.fixed] = laid[:, system.fixed]
+        positions = np.full_like(laid, np.nan)
+        rests: dict[int, Equilibrium] = {}
+        for member in (m for m, failure in enumerate(self.failures) if failure is None):
+            try:
+                rest = equilibrium(
+                    system, p.member(member), start[member], laid[member], tolerance=s.tolerance,
+                    iterations=s.iterations, mu=mu,
+                )  # fmt: skip
+            except DrapeDiverged as error:
+                self.failures[member] = str(error)
+                continue
+            self.residual[member], self.iterations[member] = rest.residual, rest.iterations
+            if rest.converged:
+                rests[member], positions[member] = rest, rest.positions
+            else:
+                self.failures[member] = (
+                    f"the drape did not come to rest: net force {rest.residual:.2g} of the weight after "
+                    f"{rest.iterations} Newton steps (tolerance {s.tolerance:g}); raise `iterations`, or use mode "
+                    "'drop'"
+                )
+
+        def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
+            gradient, g_initial = ParameterGradient.zeros(system, len(laid)), np.zeros_like(g_x)
+            for member, rest in rests.items():
+                found, g_initial[member] = equilibrium_adjoint(system, p.member(member), rest, g_x[member])
+                gradient.put(member, found)
+            return gradient, g_initial
+
+        return positions, back
+
+    def _fallen(self, p: Parameters, laid: ndarray) -> ndarray:
+        positions, _ = self._drop(p, laid, False)
+        return positions
+
+
+Adjoint = Callable[[ndarray], tuple[ParameterGradient, ndarray]]
+"""From the derivative to the positions to those to parameters and initial shape."""
+
+
+def _spread(
+    system: DrapeSystem, members: int, alive: ndarray, found: ParameterGradient, g_initial: ndarray
+) -> tuple[ParameterGradient, ndarray]:
+    """Gradients of some members among zeros for the others."""
+    if len(alive) == members:
+        return found, g_initial
+    gradient, everywhere = ParameterGradient.zeros(system, members), np.zeros((members, *g_initial.shape[1:]))
+    gradient.put(alive, found)
+    everywhere[alive] = g_initial
+    return gradient, everywhere
+
+
+@dataclass(frozen=True, eq=False)
+class _Back:
+    """Adjoint of the cloths of a batch that dropped well."""
+
+    system: DrapeSystem
+    parameters: Parameters
+    rollout: Rollout
+    alive: Int[ndarray, "alive"]
+    members: int
+    step_seconds: float
+
+    def __call__(self, g_x: Float[ndarray, "members vertices 3"]) -> tuple[ParameterGradient, ndarray]:
+        found = drop_adjoint(
+            self.system, self.parameters, self.rollout, g_x[self.alive], step_seconds=self.step_seconds
+        )
+        return _spread(self.system, self.members, self.alive, *found)
