@@ -6,7 +6,8 @@ Every vertex-triangle and edge-edge pair without a common vertex that is nearer 
 
 to the energy, with d the distance, A the pair's material area and kappa a pressure [Pa] (Li et al. 2020, Eq. 6, with
 the area weights of Li et al. 2023; parallel edges are mollified). b is twice differentiable, infinite at touch and zero
-from d^ on, so that forces are exact gradients and a drape with contacts is as differentiable as one without. Two layers
+from d^ on, so that forces are exact, continuous gradients. Their slope jumps only where the nearest feature of a pair
+changes, e.g. from a triangle's inside to its side; a drape that rests exactly there has one-sided gradients. Two layers
 under the pressure p keep about the distance where 2 kappa |db / d(d / d^)| = p, since vertex-triangle and edge-edge
 pairs both carry it: 9 kappa at d^ / 2.
 

@@ -29,6 +29,7 @@ from cusick_bench.sim.contact_drop import check_contact
 from cusick_bench.sim.contact_matrix import ContactMatrix
 from cusick_bench.sim.equilibrium import FALLING
 from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.intersections import checked_positions
 from cusick_bench.sim.linear import Factor, NotPositiveDefinite
 from cusick_bench.sim.system import DrapeSystem, ParameterGradient, Parameters
 
@@ -182,8 +183,7 @@ def contact_equilibrium(
         DrapeDiverged: Energy or Hessian are not finite.
     """
     descent = _descent(system, parameters, laid, contact)
-    x = np.array(laid if start is None else start, dtype=np.float64)
-    contact.check_apart(x)
+    x = checked_positions(system.mesh, laid if start is None else start).copy()
     x[system.fixed] = laid[system.fixed]
     contact.check_apart(x)
     falling = start is None

@@ -28,11 +28,11 @@ def _volume(a, b, c, d):
 
 @numba.njit(cache=True)
 def _pierces(p, q, a, b, c):
-    """Whether the edge pq passes through the inside of the triangle abc."""
+    """Whether the edge pq passes through the triangle abc, its sides included."""
     if _volume(a, b, c, p) * _volume(a, b, c, q) >= 0:
         return False
     past_ab, past_bc, past_ca = _volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)
-    return (past_ab > 0 and past_bc > 0 and past_ca > 0) or (past_ab < 0 and past_bc < 0 and past_ca < 0)
+    return (past_ab >= 0 and past_bc >= 0 and past_ca >= 0) or (past_ab <= 0 and past_bc <= 0 and past_ca <= 0)
 
 
 @numba.njit(cache=True)
