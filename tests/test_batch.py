@@ -19,10 +19,8 @@ MESH = disc_mesh(150, seed=2)
 def _cloths(count: int, *, per_element: bool = False, track: bool = False) -> list[Material]:
     generator, cloths = np.random.default_rng(1), []
     for _ in range(count):
-        base = uniform_material(
-            density=0.19 * float(np.exp(generator.normal(0, 0.3))),
-            bending=1e-5 * float(np.exp(generator.normal(0, 0.7))),
-        )
+        density, bending = np.exp(generator.normal(0, [0.3, 0.7])) * [0.19, 1e-5]
+        base = uniform_material(density=float(density), bending=float(bending))
         faces, hinges = (len(MESH.faces), len(MESH.hinges)) if per_element else (1, 1)
         stretch = base.stretch * torch.from_numpy(np.exp(generator.normal(0, 0.1, (faces, 6, 4))))
         bending = base.bending * torch.from_numpy(np.exp(generator.normal(0, 0.1, (hinges, 3, 5))))

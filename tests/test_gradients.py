@@ -191,6 +191,40 @@ def test_forces_and_gauss_newton_stiffness_equal_the_reference(law: str, name: s
     assert _relative(_dense(system, blocks), stiffness) < 1e-9
 
 
+def _contracting(p: Parameters) -> Parameters:
+    """The cloth with c12 < 0, nearly as far as C stays positive definite: stretched one way, it contracts the other."""
+    stretch = p.stretch.copy()
+    stretch[..., 1] = -0.95 * np.sqrt(stretch[..., 0] * stretch[..., 2])
+    return Parameters(stretch, p.bending, p.mass, p.rest_angle)
+
+
+def test_gauss_newton_stiffness_stays_positive_where_warp_and_weft_pull_against_each_other():
+    system = _patch("paper")
+    x, p = 1.02 * system.mesh.flat * [1, 0.5, 1], _contracting(_parameters(system))
+    x[:, 2] = np.random.default_rng(12).normal(0, 1e-3, len(x))
+    blocks = system.forces(x, system.mesh.flat, p, exact=False)[1]
+    stiffness = Reference(system).gauss_newton(torch.from_numpy(x), _torch(p)).detach().numpy()
+    stiffness += np.diag(np.repeat(system.spring, 3))
+    assert _relative(_dense(system, blocks), stiffness) < 1e-9
+    eigenvalues = np.linalg.eigvalsh(stiffness)
+    assert eigenvalues[0] > -1e-9 * eigenvalues[-1]
+
+
+def test_adjoint_where_the_stiffness_is_cut_off_equals_plain_autograd():
+    system = _system("paper")
+    p, laid = _contracting(_parameters(system)), _laid(system) * [1.02, 1, 1]
+    laid[system.fixed] = system.mesh.flat[system.fixed]
+    weight = np.random.default_rng(13).normal(size=laid.shape)
+    tensors = _torch(p, grad=True)
+    last = drop_reference(system, tensors, torch.from_numpy(laid), steps=4, step_seconds=STEP)
+    (last * torch.from_numpy(weight)).sum().backward()
+    rollout = drop(system, p, laid, steps=4, step_seconds=STEP)
+    gradient, _ = drop_adjoint(system, p, rollout, weight, step_seconds=STEP)
+    assert np.abs(rollout.positions[-1] - last.detach().numpy()).max() < 1e-12
+    for name in ("stretch", "bending", "mass", "rest_angle"):
+        assert _relative(getattr(gradient, name), getattr(tensors, name).grad.numpy()) < 1e-8, name
+
+
 def test_published_law_rectifies_negative_table_values_as_the_reference_does():
     system = _patch("published")
     p, x, anchor = _parameters(system), _state(system, "beyond the tables"), system.mesh.flat
