@@ -344,7 +344,7 @@ def test_contact_refuses_a_thickness_that_the_mesh_cannot_resolve():
 def test_start_with_intersections_is_refused():
     system, parameters, laid, contact = _folded_strip()
     crossed = laid.copy()
-    crossed[system.free, 2] -= 0.01
+    crossed[system.free, 2] -= 0.014
     with pytest.raises(SimulationError, match="without intersections"):
         contact_equilibrium(system, parameters, laid, contact, start=crossed)
     with pytest.raises(SimulationError, match="must be finite"):
