@@ -1,8 +1,8 @@
 """Index tables of the batched multifrontal factorisation: fronts of one depth and like size, padded to one size.
 
 A group holds fronts of equal depth in the elimination tree, so that all of them, for all members of a batch, are
-factorised in one call. Each front's rows are its own unknowns, padded to `own`, then its boundary, padded to `beyond`
-with at least one empty row: an index to nothing points there and reads zeros.
+factorised in one call. Each front's rows are its own unknowns, padded to `own`, then its boundary, padded to `beyond`.
+Only lower triangles are ever read.
 """
 
 from dataclasses import dataclass
@@ -22,19 +22,21 @@ GROUP_COST = 8000
 
 @dataclass(frozen=True, eq=False)
 class Passing:
-    """Updates that fronts of one group pass to fronts of another, at most one to each.
+    """What fronts of one group pass to fronts of another, at most one to each, as places in flattened arrays.
 
     Attributes:
         group: The children's group.
-        children: Which fronts of that group.
-        parents: Which fronts of the receiving group; no one twice.
-        rows: Row of the child's update for every row of the parent, its empty row where there is none.
+        rows: Boundary rows (fronts, beyond) of the children that have a row in the parents.
+        rows_there: Those rows (fronts, height) there.
+        numbers: Numbers (fronts, beyond, beyond) of the lower triangles of their updates.
+        numbers_there: Their places (fronts, height, height) there; no place twice.
     """
 
     group: int
-    children: Int[Tensor, "some"]
-    parents: Int[Tensor, "some"]
-    rows: Int[Tensor, "some height"]
+    rows: Int[Tensor, "rows"]
+    rows_there: Int[Tensor, "rows"]
+    numbers: Int[Tensor, "numbers"]
+    numbers_there: Int[Tensor, "numbers"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,7 @@ def plan_fronts(tree: EliminationTree, device: str, group_cost: int = GROUP_COST
     place = {front: (g, i) for g, group in enumerate(members) for i, front in enumerate(group)}
     groups, slots, end = [], [], BLOCK * len(tree.order) + 1
     for fronts in members:
-        groups.append(_group(tree, fronts, place, sum(map(len, slots)), end, device))
+        groups.append(_group(tree, fronts, place, groups, end, device))
         slots += [tree.slots[tree.slot_start[f] : tree.slot_start[f + 1]] for f in fronts]
         end += groups[-1].fronts * groups[-1].own
     last = {come.group: number for number, group in enumerate(groups) for come in group.passings}
@@ -124,17 +126,18 @@ def _alike(fronts: list[int], own: ndarray, beyond: ndarray, group_cost: int) ->
         choices = []
         for first in range(end):
             group = fronts[first:end]
-            cost = int((own[group].max() + beyond[group].max() + 1) ** 2) * len(group) + group_cost
+            cost = int((own[group].max() + beyond[group].max()) ** 2) * len(group) + group_cost
             choices.append((best[first][0] + cost, [*best[first][1], group]))
         best.append(min(choices, key=lambda choice: choice[0]))
     return best[-1][1]
 
 
 def _group(
-    tree: EliminationTree, fronts: list[int], place: dict[int, tuple[int, int]], slot: int, end: int, device: str
-) -> FrontGroup:
+    tree: EliminationTree, fronts: list[int], place: dict[int, tuple[int, int]], earlier: list[FrontGroup], end: int,
+    device: str,
+) -> FrontGroup:  # fmt: skip
     sizes = tree.sizes[fronts]
-    own, beyond = int(sizes[:, 0].max()), int(sizes[:, 1].max()) + 1
+    own, beyond = int(sizes[:, 0].max()), max(int(sizes[:, 1].max()), 1)
     height, nothing = own + beyond, BLOCK * len(tree.order)
     unknowns = end + np.arange(len(fronts) * own).reshape(len(fronts), own)
     known = np.full((len(fronts), beyond), nothing)
@@ -145,14 +148,16 @@ def _group(
         known[i, :boundary] = _unknowns(tree, _boundary(tree, front))
         filled.append(i * height**2 + _places(tree, front, own, height))
         units.append(i * height**2 + np.arange(mine, own) * (height + 1))
-    slots = slice(slot, slot + sum(len(some) for some in filled))
+    first = earlier[-1].slots.stop if earlier else 0
+    slots = slice(first, first + sum(len(some) for some in filled))
 
     def put(array: ndarray) -> Tensor:
         return torch.as_tensor(array, device=device)
 
+    passings = _passings(tree, fronts, place, earlier, own, height, device)
     return FrontGroup(
         len(fronts), own, beyond, put(np.concatenate(filled).ravel()), slots, put(np.concatenate(units)),
-        put(unknowns), put(known), _passings(tree, fronts, place, own, beyond, device),
+        put(unknowns), put(known), passings,
     )  # fmt: skip
 
 
@@ -176,27 +181,30 @@ def _places(tree: EliminationTree, front: int, own: int, height: int) -> Int[nda
 
 
 def _passings(
-    tree: EliminationTree, fronts: list[int], place: dict[int, tuple[int, int]], own: int, beyond: int, device: str
-) -> list[Passing]:
+    tree: EliminationTree, fronts: list[int], place: dict[int, tuple[int, int]], earlier: list[FrontGroup], own: int,
+    height: int, device: str,
+) -> list[Passing]:  # fmt: skip
     """Children sorted by their group, and by how many of the same parent came before from it."""
-    found: dict[tuple[int, int], list[tuple[int, int, ndarray]]] = {}
+    found: dict[tuple[int, int], list[tuple[ndarray, ...]]] = {}
     for i, front in enumerate(fronts):
         before: dict[int, int] = {}
-        for child in tree.children[tree.child_start[front] : tree.child_start[front + 1]]:
-            group, j = place[int(child)]
+        for child in tree.children[tree.child_start[front] : tree.child_start[front + 1]].tolist():
+            group, j = place[child]
             turn = before[group] = before.get(group, -1) + 1
-            found.setdefault((group, turn), []).append((j, i, _rows(tree, int(child), front, own, beyond)))
+            there = _rows(tree, child, int(tree.sizes[front, 0]), own)
+            beyond, (row, column) = earlier[group].beyond, np.tril_indices(len(there))
+            rows = j * beyond + np.arange(len(there)), i * height + there
+            numbers = (j * beyond + row) * beyond + column, (i * height + there[row]) * height + there[column]
+            found.setdefault((group, turn), []).append((*rows, *numbers))
     return [
-        Passing(group, *(torch.as_tensor(np.array(column), device=device) for column in zip(*entries, strict=True)))
-        for (group, _), entries in sorted(found.items(), key=lambda item: item[0])
+        Passing(group, *(torch.as_tensor(np.concatenate(part), device=device) for part in zip(*parts, strict=True)))
+        for (group, _), parts in sorted(found.items(), key=lambda item: item[0])
     ]
 
 
-def _rows(tree: EliminationTree, child: int, front: int, own: int, beyond: int) -> Int[ndarray, "height"]:
-    """Row of the child's update for every padded row of the front; -1, its last and empty one, where there is none."""
-    rows = np.full(own + beyond, -1)
-    mine = tree.sizes[front, 0]
+def _rows(tree: EliminationTree, child: int, mine: int, own: int) -> Int[ndarray, "boundary"]:
+    """Row of every boundary row of a child in its parent's padded front, which has `mine` of `own` unknowns."""
+    rows = np.empty(tree.sizes[child, 1], np.int64)
     for first, stop, above in tree.runs[tree.run_start[child] : tree.run_start[child + 1]]:
-        there = above if above < mine else above - mine + own
-        rows[there : there + stop - first] = np.arange(first, stop)
+        rows[first:stop] = np.arange(stop - first) + (above if above < mine else above - mine + own)
     return rows

@@ -90,7 +90,7 @@ class MultifrontalFactors(TorchFactor):
             front = b.new_zeros((len(b), group.fronts, group.own + group.beyond))
             front[:, :, : group.own] = b[:, group.unknowns]
             for come in group.passings:
-                front[:, come.parents] += updates[come.group][:, come.children[:, None], come.rows]
+                front.flatten(1)[:, come.rows_there] += updates[come.group].flatten(1)[:, come.rows]
             halfway.append(inverse @ front[:, :, : group.own, None])
             updates.append(front[:, :, group.own :] - (below @ halfway[-1]).squeeze(3))
         for group, (inverse, below), y in zip(self.plan.groups[::-1], self.panels[::-1], halfway[::-1], strict=True):
@@ -150,11 +150,9 @@ class MultifrontalTorch(TorchLinear):
         flat = blocks.new_zeros((len(blocks), group.fronts * height * height))
         flat.index_copy_(1, group.filled, blocks.flatten(1))
         flat.index_fill_(1, group.units, 1.0)
-        front = flat.view(len(blocks), group.fronts, height, height)
         for come in group.passings:
-            child = come.children[:, None, None], come.rows[:, :, None], come.rows[:, None, :]
-            front[:, come.parents] += updates[come.group][:, child[0], child[1], child[2]]
-        return front
+            flat[:, come.numbers_there] += updates[come.group].flatten(1)[:, come.numbers]
+        return flat.view(len(blocks), group.fronts, height, height)
 
     @staticmethod
     def _eliminate(group: FrontGroup, front: Tensor) -> tuple[Tensor, Tensor, Tensor]:
