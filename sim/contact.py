@@ -61,6 +61,9 @@ def _collision_mesh(mesh: Mesh) -> Any:
 def smallest_distance(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> float:
     """Smallest distance between two parts of the cloth that share no vertex [m].
 
+    Of a cloth that passes through itself it says little (the nearest sides may be far from the crossing): see
+    `cusick_bench.sim.intersections`.
+
     Args:
         mesh: The cloth.
         x: Positions [m].
@@ -155,6 +158,10 @@ class SelfContact:
                 f"contact thickness must be less than {finest:.3g} m, the smallest distance between parts of the flat "
                 f"mesh that share no vertex, got {self.thickness:g} m; take a smaller thickness or a coarser mesh"
             )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields alone, for other processes: the toolkit's objects are made again there."""
+        return {"mesh": self.mesh, "thickness": self.thickness, "stiffness": self.stiffness}
 
     @cached_property
     def collision_mesh(self) -> Any:

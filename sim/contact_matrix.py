@@ -15,7 +15,8 @@ from cusick_bench.sim.linear import BLOCK, BlockPattern, Factor, LinearSolver, s
 from cusick_bench.sim.system import DrapeSystem
 
 _MARGIN = 1.5
-"""Reach of the pattern in thicknesses. Measured: a wider one costs more in each factor than it saves in analyses."""
+"""Reach of the pattern in thicknesses. Measured on drapes of 600 and 1205 vertices: 1 analyses twice as often; 3 and 6
+save few analyses and their larger factors take longer in all."""
 
 
 class ContactMatrix:

@@ -1,5 +1,6 @@
 """Self-contact: exact derivatives, no intersections, gradients through contacts, no change where nothing touches."""
 
+import pickle
 import sys
 from functools import lru_cache
 
@@ -56,6 +57,11 @@ def test_contact_forces_are_the_gradient_of_the_energy():
         up, down = contact.forces(x + step * direction), contact.forces(x - step * direction)
         slope = (up.energy - down.energy) / (2 * step)
         assert -(found.force * direction).sum() == pytest.approx(slope, rel=1e-6)
+
+
+def test_contact_travels_to_other_processes():
+    contact, x = _folded_disc()
+    assert pickle.loads(pickle.dumps(contact)).forces(x).energy == contact.forces(x).energy > 0
 
 
 def test_contact_hessian_is_the_derivative_of_the_forces():
