@@ -131,7 +131,7 @@ class TorchForces:
 
     def _columns_of(self, corners: Float[Tensor, "members faces 3 3"]) -> tuple[Tensor, Tensor]:
         """sum_a s_u[a] y_a and sum_a s_v[a] y_a of a vertex field (members, faces, 3)."""
-        u, v = torch.einsum("fpa,mfax->pmfx", self.columns, corners).unbind(0)
+        u, v = (self.columns @ corners).unbind(2)
         return u, v
 
     def _face_state(self, corners: Tensor, table: Tensor) -> tuple[Tensor, Tensor, Strain, Tensor, Strain]:
@@ -176,16 +176,18 @@ class TorchForces:
         s0, s1, s2 = (s[:, :, None] for s in (s0, s1, s2))
         both = torch.stack([s0 * x_u + s2 / 2 * x_v, s1 * x_v + s2 / 2 * x_u], dim=2)
         weights = self.area[:, None, None] * self.columns  # A s_p[a]
-        force = -torch.einsum("fpa,mfpx->mfax", weights, both)
+        force = -(weights.mT @ both)
         k0, k1, k2, k3 = (one[:, :, None, None] for one in k.unbind(2))
         g_uu, g_vv = (g[:, :, None, None] for g in tension(self.system.law, k, strain))
         uu, vv, uv = _outer(x_u, x_u), _outer(x_v, x_v), _outer(x_u, x_v)
         unit = torch.eye(3, dtype=x_u.dtype, device=x_u.device)
         across = k1 * uv + k3 / 2 * uv.mT
         four = [k0 * uu + k3 / 2 * vv + g_uu * unit, across, across.mT, k2 * vv + k3 / 2 * uu + g_vv * unit]
-        pairs = torch.einsum("fpa,fqb->fabpq", weights, self.columns).flatten(3).flatten(1, 2)
-        blocks = torch.einsum("fkp,mfpx->mfkx", pairs, torch.stack(four, dim=2).flatten(3))
-        return force, blocks.reshape(len(blocks), -1, 3, 3)
+        pairs = torch.einsum("fpa,fqb->pqfab", weights, self.columns).reshape(4, -1, 9, 1, 1)  # A s_p[a] s_q[b]
+        blocks = pairs[0] * four[0].unsqueeze(2)
+        for pair, one in zip(pairs[1:], four[1:], strict=True):
+            blocks.addcmul_(pair, one.unsqueeze(2))
+        return force, blocks.flatten(1, 2)
 
     def add_diagonal(
         self, blocks: Float[Tensor, "members slots 3 3"], amount: Float[Tensor, "#members vertices"]

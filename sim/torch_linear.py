@@ -164,8 +164,8 @@ class MultifrontalTorch(TorchLinear):
         return inverse, front[:, :, group.own :, : group.own] @ inverse.mT, ((info == 0) & finite).all(1)
 
 
-BACKENDS = {"multifrontal": None, "cudss": "nvmath"}
-"""Batched linear solvers and the package each needs."""
+TORCH_BACKENDS = ("multifrontal", "cudss")
+"""Batched linear solvers."""
 
 
 def torch_solver(pattern: BlockPattern, device: str, linear: str = "multifrontal") -> TorchLinear:
@@ -179,8 +179,8 @@ def torch_solver(pattern: BlockPattern, device: str, linear: str = "multifrontal
     Raises:
         SimulationError: The solver is unknown, its package is missing or it does not run on the device.
     """
-    if linear not in BACKENDS:
-        raise SimulationError(f"batched linear solver must be one of {', '.join(BACKENDS)}, got {linear!r}")
+    if linear not in TORCH_BACKENDS:
+        raise SimulationError(f"batched linear solver must be one of {', '.join(TORCH_BACKENDS)}, got {linear!r}")
     if linear == "multifrontal":
         return MultifrontalTorch(pattern, device)
     if torch.device(device).type != "cuda":
