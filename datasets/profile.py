@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.signal import find_peaks
 
 PROFILE_ANGLES = 720
 PIXELS_PER_METRE = 723.0  # best fit of the release's images on its meshes in parallel projection
@@ -173,6 +172,8 @@ def drape_coefficient(
 
 def fold_count(profile: Profile, *, prominence: float = FOLD_PROMINENCE, modes: int = FOLD_MODES) -> int:
     """Number of folds: peaks of the profile's harmonics 0..modes that stand out by `prominence` [m]."""
+    from scipy.signal import find_peaks  # slow to import, and few need it
+
     harmonics = np.fft.rfft(profile.radii)
     harmonics[modes + 1 :] = 0
     smooth = np.fft.irfft(harmonics, len(profile.radii))

@@ -10,7 +10,6 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.signal import find_peaks
 
 from cusick_bench.sim.mesh import Mesh
 
@@ -56,6 +55,8 @@ def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
         mesh: The cloth, a disc.
         x: Its positions [m].
     """
+    from scipy.signal import find_peaks  # slow to import, and few need it
+
     rim, angle = _rim(mesh)
     radius = np.interp(
         np.linspace(-np.pi, np.pi, 256, endpoint=False), angle, np.hypot(*x[rim, :2].T), period=2 * np.pi

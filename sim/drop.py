@@ -23,6 +23,7 @@ from cusick_bench.sim.linear import Factor, NotPositiveDefinite
 from cusick_bench.sim.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
+_FAR = 20.0  # a cloth that moves farther than so many times its size has blown up
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,7 @@ def drop(
     positions[0] = laid
     stepper = _Stepper(system, mass, h)
     blocks = stepper.blocks()
+    far = _FAR * np.abs(laid).max()
     factors: list[Factor | None] = []
     kept, factor = 0, None
     for step in range(steps):
@@ -131,6 +133,9 @@ def drop(
         velocities[there][:, free] = stepper.solve(factor, mass[..., None] * v + h * force)
         np.multiply(velocities[there], h, out=positions[there])
         positions[there] += x
+        if np.abs(positions[there]).max() > far:
+            bad = np.asarray(np.abs(positions[there]).max((1, 2)) > far)
+            raise _diverged(name, bad, f"the cloth flies apart; use a shorter step than {h} s", batch)
         keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
         if keep:

@@ -8,7 +8,6 @@ bends as if it had a quarter of the tabulated stiffness (`published_bending_fact
 
 from dataclasses import dataclass
 
-import cvxpy as cp
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -124,6 +123,8 @@ def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
     Raises:
         SimulationError: The programme has no solution (tables without any magnitude).
     """
+    import cvxpy as cp  # slow to import, and no drape needs it
+
     table = material.stretch.detach().cpu().numpy().reshape(-1, 4)
     scale = np.abs(table[:, [0, 2]]).mean() or 1.0
     given = table / scale

@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.sim.contact import SelfContact
+from cusick_bench.sim.contact_drop import contact_drop
+from cusick_bench.sim.contact_equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.drop import Rollout, drop, drop_adjoint
 from cusick_bench.sim.equilibrium import FALLING, Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
@@ -86,16 +91,19 @@ class Outcome:
     def _rest(self, p: Parameters, laid: ndarray) -> tuple[ndarray, "Adjoint"]:
         """Lets the cloths come to rest one by one: from where they fell, which decides their folds, or a warm start."""
         s, system = self.settings, self.system
-        start, mu = (self._fallen(p, laid), FALLING) if self.warm is None else (self.warm.copy(), 0.0)
-        start[:, system.fixed] = laid[:, system.fixed]
+        touching = s.self_contact > 0
+        mu = FALLING if self.warm is None else 0.0
+        search = _TouchingSearch(system, s) if touching else _FreeSearch(system, s, mu)
+        if self.warm is not None:
+            starts: ndarray | None = self.warm.copy()
+            starts[:, system.fixed] = laid[:, system.fixed]
+        else:
+            starts = None if touching else self._fallen(p, laid)
         positions = np.full_like(laid, np.nan)
-        rests: dict[int, Equilibrium] = {}
-        for member in (m for m, failure in enumerate(self.failures) if failure is None):
+        rests: dict[int, Any] = {}
+        for member in range(len(laid)):
             try:
-                rest = equilibrium(
-                    system, p.member(member), start[member], laid[member], tolerance=s.tolerance,
-                    iterations=s.iterations, mu=mu,
-                )  # fmt: skip
+                rest = search.rest(p.member(member), laid[member], None if starts is None else starts[member])
             except DrapeDiverged as error:
                 self.failures[member] = str(error)
                 continue
@@ -112,15 +120,61 @@ class Outcome:
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
             gradient, g_initial = ParameterGradient.zeros(system, len(laid)), np.zeros_like(g_x)
             for member, rest in rests.items():
-                found, g_initial[member] = equilibrium_adjoint(system, p.member(member), rest, g_x[member])
+                found, g_initial[member] = search.adjoint(p.member(member), rest, g_x[member])
                 gradient.put(member, found)
             return gradient, g_initial
 
         return positions, back
 
     def _fallen(self, p: Parameters, laid: ndarray) -> ndarray:
+        """Where the cloths fell; a cloth that blew up in the drop's long steps starts as laid, and descends safely."""
         positions, _ = self._drop(p, laid, False)
+        blown = [member for member, failure in enumerate(self.failures) if failure is not None]
+        positions[blown] = laid[blown]
+        self.failures = [None] * len(laid)
         return positions
+
+
+@dataclass(frozen=True, eq=False)
+class _FreeSearch:
+    """Rests of cloths that may pass through themselves."""
+
+    system: DrapeSystem
+    settings: DrapeSettings
+    mu: float
+
+    def rest(self, p: Parameters, laid: ndarray, start: ndarray) -> Equilibrium:
+        s = self.settings
+        return equilibrium(self.system, p, start, laid, tolerance=s.tolerance, iterations=s.iterations, mu=self.mu)
+
+    def adjoint(self, p: Parameters, rest: Equilibrium, g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
+        return equilibrium_adjoint(self.system, p, rest, g_x)
+
+
+@dataclass(frozen=True, eq=False)
+class _TouchingSearch:
+    """Rests of cloths that keep off themselves; they also fall so, for a rest that is free of crossings."""
+
+    system: DrapeSystem
+    settings: DrapeSettings
+
+    @cached_property
+    def contact(self) -> SelfContact:
+        return SelfContact(self.system.mesh, self.settings.self_contact)
+
+    def rest(self, p: Parameters, laid: ndarray, start: ndarray | None) -> ContactRest:
+        s = self.settings
+        if start is None:
+            try:
+                start = contact_drop(self.system, p, laid, self.contact, steps=s.steps, step_seconds=s.step_seconds)
+            except DrapeDiverged:
+                start = None  # descends from the laid-down shape instead
+        return contact_equilibrium(
+            self.system, p, laid, self.contact, tolerance=s.tolerance, iterations=s.iterations, start=start
+        )
+
+    def adjoint(self, p: Parameters, rest: ContactRest, g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
+        return contact_equilibrium_adjoint(self.system, p, rest, g_x)
 
 
 Adjoint = Callable[[ndarray], tuple[ParameterGradient, ndarray]]

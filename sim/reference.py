@@ -1,7 +1,8 @@
 """Both material laws and the drop in plain torch: readable, any device, differentiated by autograd, slow.
 
-It is written from the formulas, apart from the compiled kernels that it checks, and is the side that the benchmark
-measures speed against. Per face with deformation gradient F = Ds D, D = Dm^-1, and Green strain G = (F^T F - I) / 2:
+It is written from the formulas, apart from the compiled kernels that it checks; `reference_drop` drops a cloth with
+it, the side that the benchmark measures speed against. Per face with deformation gradient F = Ds D, D = Dm^-1, and
+Green strain G = (F^T F - I) / 2:
 
     psi(G) = k0 G00^2 / 2 + k1 G00 G11 + k2 G11^2 / 2 + k3 G01^2,    (k0, k1, k2, k3) = k(G) read from C (6 x 4)
 
@@ -225,10 +226,10 @@ class Reference:
         stiffness = factor * self.length**2 / self.hinge_area * self.bending_stiffness(angle, p.bending)
         return angle, gradient, stiffness
 
-    def gauss_newton(
+    def gauss_newton_blocks(
         self, x: Float[Tensor, "vertices 3"], p: TorchParameters
-    ) -> Float[Tensor, "coordinates coordinates"]:
-        """Stiffness K of the implicit step over all 3 V coordinates (vertex-major), dense; differentiable [N/m].
+    ) -> tuple[Float[Tensor, "faces 9 9"], Float[Tensor, "hinges 12 12"]]:
+        """Stiffness of every element in the implicit step, over its corners' coordinates; differentiable [N/m].
 
         Faces: A [k0 (f_uu f_uu^T + G00+ D_uu) + k2 (f_vv f_vv^T + G11+ D_vv) + k1 (f_uu f_vv^T + f_vv f_uu^T
         + G00+ D_vv + G11+ D_uu) + k3 / 2 f_uv f_uv^T], G+ = max(G, 0), D_uu = s_u s_u^T (x) I; law `paper` takes
@@ -252,12 +253,17 @@ class Reference:
             if self.system.law == "paper":
                 g_uu, g_vv = g_uu.clamp(min=0), g_vv.clamp(min=0)
             blocks = k0 * outer(f_uu, f_uu) + k2 * outer(f_vv, f_vv) + g_uu * d_uu + g_vv * d_vv
-            blocks = blocks + k1 * (outer(f_uu, f_vv) + outer(f_vv, f_uu))
-            blocks = blocks + k3 / 2 * outer(f_uv, f_uv)
+            blocks = blocks + k1 * (outer(f_uu, f_vv) + outer(f_vv, f_uu)) + k3 / 2 * outer(f_uv, f_uv)
             _, gradient, stiffness = self._hinge_state(x, p)
             g = gradient.flatten(1)
-            matrix = self._scatter(self.area[:, None, None] * blocks, self.faces, 3 * len(x))
-            return matrix + self._scatter(stiffness[:, None, None] * outer(g, g), self.hinges, 3 * len(x))
+            return self.area[:, None, None] * blocks, stiffness[:, None, None] * outer(g, g)
+
+    def gauss_newton(
+        self, x: Float[Tensor, "vertices 3"], p: TorchParameters
+    ) -> Float[Tensor, "coordinates coordinates"]:
+        """Stiffness K of the implicit step over all 3 V coordinates (vertex-major), dense [N/m]."""
+        faces, hinges = self.gauss_newton_blocks(x, p)
+        return self._scatter(faces, self.faces, 3 * len(x)) + self._scatter(hinges, self.hinges, 3 * len(x))
 
     @staticmethod
     def _scatter(blocks: Tensor, corners: Tensor, size: int) -> Tensor:
@@ -267,37 +273,3 @@ class Reference:
         slot = coordinate[:, :, None] * size + coordinate[:, None, :]
         flat = torch.zeros(size * size, dtype=blocks.dtype, device=blocks.device)
         return flat.index_add(0, slot.reshape(-1), blocks.reshape(-1)).reshape(size, size)
-
-
-def drop_reference(
-    system: DrapeSystem,
-    parameters: TorchParameters,
-    initial: Float[Tensor, "vertices 3"],
-    *,
-    steps: int,
-    step_seconds: float,
-) -> Float[Tensor, "vertices 3"]:
-    """Drops the cloth from rest by (M + h^2 K) v' = M v + h F, x' = x + h v' with a dense solve; for small meshes.
-
-    Args:
-        system: Cloth and support.
-        parameters: Material, on the device of `initial`.
-        initial: Shape in which the cloth is laid down [m]; springs and fixed vertices hold on to it.
-        steps: Number of steps.
-        step_seconds: Step h [s].
-
-    Returns:
-        Last positions [m], with gradients to every parameter and to `initial`.
-    """
-    reference = Reference(system, str(initial.device))
-    h, free = step_seconds, reference.free
-    coordinates = (3 * free[:, None] + torch.arange(3, device=free.device)).reshape(-1)
-    diagonal = (parameters.mass + h * h * reference.spring)[free].repeat_interleave(3)
-    x, v = initial, torch.zeros_like(initial)
-    for _ in range(steps):
-        matrix = h * h * reference.gauss_newton(x, parameters)[coordinates][:, coordinates] + torch.diag(diagonal)
-        right = parameters.mass[:, None] * v + h * reference.forces(x, initial, parameters)
-        solved = torch.linalg.solve(matrix, right[free].reshape(-1, 1)).reshape(-1, 3)
-        v = torch.zeros_like(v).index_copy(0, free, solved)
-        x = x + h * v
-    return x

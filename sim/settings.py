@@ -31,6 +31,8 @@ class DrapeSettings:
         rest_amplitude: Standard deviation of the rest shape's height [m].
         rest_length: Its correlation length [m].
         seed: Seed of the laid-down and the rest shape.
+        self_contact: Thickness within which the cloth keeps off itself [m], in mode `equilibrium` (needs the extra
+            `contact`); 0 lets folds pass through each other, as the paper does.
         tolerance: Net force at which an equilibrium counts as reached, as a fraction of the weight.
         iterations: Most Newton steps of an equilibrium.
         backend: Linear solver.
@@ -51,6 +53,7 @@ class DrapeSettings:
     rest_amplitude: float = 0.0
     rest_length: float = 0.03
     seed: int = 0
+    self_contact: float = 0.0
     tolerance: float = 1e-9
     iterations: int = 500
     backend: str = "auto"
@@ -65,6 +68,10 @@ class DrapeSettings:
                 raise SimulationError(f"{name} must be > 0 and finite, got {value}")
         for name in ("laying", "rest"):
             smooth_field(getattr(self, f"{name}_amplitude"), getattr(self, f"{name}_length"), np.random.default_rng(0))
+        if not (np.isfinite(self.self_contact) and self.self_contact >= 0):
+            raise SimulationError(f"self_contact must be >= 0 m and finite, got {self.self_contact}")
+        if self.self_contact > 0 and self.mode == "drop":
+            raise SimulationError("self-contact is for mode 'equilibrium', whose gradients know of it; got mode 'drop'")
         if self.mode == "equilibrium" and self.law == "published":
             raise SimulationError(
                 "law 'published' has no energy, so no equilibrium mode; use mode 'drop' or law 'paper'"

@@ -10,7 +10,8 @@ from cusick_bench.sim.equilibrium import equilibrium, equilibrium_adjoint
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.material import Material, uniform_material
 from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh, disc_mesh
-from cusick_bench.sim.reference import Reference, TorchParameters, drop_reference
+from cusick_bench.sim.reference import Reference, TorchParameters
+from cusick_bench.sim.reference_drop import drop_reference
 from cusick_bench.sim.reference_tables import STRETCH_SAMPLE
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.system import DrapeSystem, Parameters

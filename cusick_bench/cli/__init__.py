@@ -1,29 +1,47 @@
 """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
-import typer
+from importlib import import_module
+from typing import Any
 
-from cusick_bench.cli import data, run, solvers
-from cusick_bench.cli.convergence import convergence
-from cusick_bench.cli.leaderboard import leaderboard
-from cusick_bench.cli.report import report
-from cusick_bench.cli.simulate import simulate
-from cusick_bench.cli.synthetic import synthetic
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command
+
+COMMANDS = (
+    "data", "simulate", "run", "leaderboard", "report", "solvers", "convergence", "benchmark", "robustness",
+)  # fmt: skip
+"""Commands, each the `app` of the module of its name; a module is imported when its command is called for."""
+
+
+class Commands(TyperGroup):
+    """The commands, imported one at a time: nobody waits for plotting libraries to simulate a drape."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names in the order of the help page."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a name, or None."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = get_command(import_module(f"cusick_bench.cli.{cmd_name}").app)
+        command.name = cmd_name
+        return command
+
 
 app = typer.Typer(
     name="cusick-bench",
+    cls=Commands,
     help=__doc__,
     no_args_is_help=True,
     pretty_exceptions_show_locals=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-data.app.command()(synthetic)
-app.add_typer(data.app, name="data")
-app.command()(simulate)
-app.add_typer(run.app)
-app.command()(leaderboard)
-app.command()(report)
-app.add_typer(solvers.app)
-app.command()(convergence)
+
+
+@app.callback()
+def _root() -> None:
+    """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
 
 def main() -> None:

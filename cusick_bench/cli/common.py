@@ -24,16 +24,16 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Turns numpy scalars, arrays, paths and non-finite numbers into what JSON can hold."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, Path):
@@ -43,7 +43,7 @@ def _plain(value: Any) -> Any:
 
 def print_json(document: dict[str, Any]) -> None:
     """Writes one JSON document to standard output; NaN and infinities become null."""
-    sys.stdout.write(json.dumps(_plain(document), indent=2, allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:

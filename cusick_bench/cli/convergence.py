@@ -16,6 +16,8 @@ from cusick_bench.sim.mesh import disc_mesh
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.silhouette import render
 
+app = typer.Typer()
+
 
 def _one(vertices: int, draw: int, density: float, bending: float) -> tuple[float, int]:
     simulator = DrapeSimulator(disc_mesh(vertices, seed=draw), DrapeSettings(seed=draw))
@@ -24,6 +26,7 @@ def _one(vertices: int, draw: int, density: float, bending: float) -> tuple[floa
     return drape_coefficient(image), fold_count(profile_from_image(image))
 
 
+@app.command()
 @user_errors
 def convergence(
     vertices: Annotated[list[int] | None, typer.Option(help="Mesh size; repeat for several.")] = None,

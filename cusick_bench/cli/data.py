@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column, Table
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.synthetic import synthetic
 from cusick_bench.datasets import load
 from cusick_bench.datasets.audit import Audit, audit
 from cusick_bench.datasets.dataset import DrapeDataset
@@ -22,6 +23,7 @@ from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.stats import ClothStatistics, statistics
 
 app = typer.Typer(help="What a data set holds, what is irregular in it, and what its drapes are like.")
+app.command()(synthetic)
 
 _CLOTH = Column("cloth", no_wrap=True)
 _SHOWN = 3  # irregularities of a kind that are listed without --all

@@ -25,6 +25,8 @@ from cusick_bench.leaderboard import (
 PIPED_WIDTH = 120
 FORMS = (".csv", ".md", ".tex", ".html")
 
+app = typer.Typer()
+
 
 class StatisticName(StrEnum):
     """How cells are averaged."""
@@ -33,6 +35,7 @@ class StatisticName(StrEnum):
     iqm = "iqm"
 
 
+@app.command()
 @user_errors
 def leaderboard(
     folder: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="DIR")],

@@ -13,7 +13,10 @@ from cusick_bench.leaderboard import Cells, leaderboards, load_cells
 from cusick_bench.report import ReportError, write_report
 from cusick_bench.sim.errors import CusickError
 
+app = typer.Typer()
 
+
+@app.command()
 @user_errors
 def report(
     folder: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="DIR")],

@@ -29,6 +29,8 @@ from cusick_bench.sim.mesh import disc_mesh, mesh_from_obj, write_obj
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.silhouette import render
 
+app = typer.Typer()
+
 
 class Mode(StrEnum):
     """Ways to a drape."""
@@ -83,6 +85,7 @@ def _write(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None
     )
 
 
+@app.command()
 @user_errors
 def simulate(
     density: Annotated[float, typer.Option(help="Areal density [kg/m2].")],
@@ -94,6 +97,7 @@ def simulate(
     heterogeneity: Annotated[float, typer.Option(help="Spread of log stiffness (smooth field, 2 cm).")] = 0.0,
     laying: Annotated[float, typer.Option(help="Sd of the height in which the cloth is laid down [m].")] = 1e-3,
     rest: Annotated[float, typer.Option(help="Sd of the rest shape's height [m].")] = 0.0,
+    self_contact: Annotated[float, typer.Option(help="Distance that folds keep from each other [m]; 0: none.")] = 0.0,
     draws: Annotated[int, typer.Option(min=1, help="Number of drapes; each has its own random shapes.")] = 1,
     mode: Annotated[Mode, typer.Option()] = Mode.drop,
     law: Annotated[LawName, typer.Option()] = LawName.paper,
@@ -118,7 +122,13 @@ def simulate(
         (out / ".writable").unlink()
     sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
     settings = DrapeSettings(
-        law=law.value, mode=mode.value, steps=steps, laying_amplitude=laying, rest_amplitude=rest, seed=seed
+        law=law.value,
+        mode=mode.value,
+        steps=steps,
+        laying_amplitude=laying,
+        rest_amplitude=rest,
+        seed=seed,
+        self_contact=self_contact,
     )
     simulator = DrapeSimulator(sheet, settings)
     view: Camera = ParallelCamera() if camera is CameraName.parallel else PinholeCamera()

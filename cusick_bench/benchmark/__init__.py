@@ -1,0 +1,1 @@
+"""How fast, how lean and how exact the simulator is: measured in one run, side by side with what it is compared to."""

@@ -1,0 +1,86 @@
+"""`cusick-bench benchmark`: speed, memory, scaling and gradient accuracy of the simulator, in one run."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
+from rich.table import Table
+
+from cusick_bench.benchmark.suite import Plan
+from cusick_bench.benchmark.suite import benchmark as run_benchmark
+from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+
+app = typer.Typer()
+
+
+@app.command()
+@user_errors
+def benchmark(
+    vertices: Annotated[list[int] | None, typer.Option(help="Mesh size; repeat for several.")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Times of each case, taken in turn.")] = 5,
+    batch: Annotated[list[int] | None, typer.Option(help="Members of a batch; repeat for several.")] = None,
+    springs: Annotated[
+        bool, typer.Option(help="Hold the plate by springs, as published, instead of fixing it.")
+    ] = False,
+    reference_steps: Annotated[int, typer.Option(min=1, help="Steps compared with plain autograd.")] = 10,
+    gradient_vertices: Annotated[int, typer.Option(help="Mesh size of the gradient check.")] = 1205,
+    out: Annotated[Path | None, typer.Option(help="File for the JSON document.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd."""
+    plan = Plan(
+        vertices=tuple(vertices or Plan.vertices), rounds=rounds, batches=tuple(batch or Plan.batches),
+        support="springs" if springs else "fixed", reference_steps=reference_steps,
+        gradient_vertices=gradient_vertices,
+    )  # fmt: skip
+    columns = (SpinnerColumn(), "{task.description}", TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("measuring", total=None)
+        document = run_benchmark(plan, lambda name: progress.update(task, description=name))
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(json.dumps(plain(document), indent=2) + "\n")
+    if as_json:
+        print_json(document)
+        return
+    for mesh in document["meshes"]:
+        _print_mesh(mesh)
+    _print_gradients(document["gradient_error"])
+    _print_targets(document["targets"])
+
+
+def _print_mesh(mesh: dict[str, Any]) -> None:
+    kept, again = (mesh["memory_bytes"][name] / 1e6 for name in ("kept", "checkpointed"))
+    title = f"{mesh['vertices']} vertices; memory of a gradient {kept:.0f} MB, checkpointed {again:.0f} MB"
+    table = Table("case", title=title)
+    for name in ("median ms", "range ms", "of floor or drops"):
+        table.add_column(name, justify="right")
+    ratios = {name.split(" / ")[0]: ratio for name, ratio in mesh["ratios"].items()}
+    for name, timing in {**mesh["cases"], **mesh["phases"]}.items():
+        low, high = 1e3 * timing["low_s"], 1e3 * timing["high_s"]
+        ratio = f"{ratios[name]['median']:.2f}" if name in ratios else ""
+        table.add_row(name, f"{1e3 * timing['median_s']:.2f}", f"{low:.2f} - {high:.2f}", ratio)
+    output.print(table)
+
+
+def _print_gradients(rows: list[dict[str, Any]]) -> None:
+    table = Table("mode", "parameter", "direction", title="gradient of the whole pipeline against central differences")
+    table.add_column("relative error", justify="right")
+    table.add_column("folds changed")
+    for row in rows:
+        direction = "per element" if row["per_element"] else "all together"
+        changed = "yes" if row["branch_changed"] else "no"
+        table.add_row(row["mode"], row["parameter"], direction, f"{row['relative_error']:.1e}", changed)
+    output.print(table)
+
+
+def _print_targets(rows: list[dict[str, Any]]) -> None:
+    table = Table("target", title="targets")
+    for name in ("measured", "limit", "met"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        measured = "-" if row["measured"] is None else f"{row['measured']:.3g}"
+        table.add_row(row["target"], measured, row["limit"], {True: "yes", False: "no", None: "-"}[row["met"]])
+    output.print(table)
