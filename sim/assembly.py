@@ -76,20 +76,24 @@ def assemble_blocks(
 
 
 @kernel(parallel=True)
-def gather_vertices(face_start, face_corners, hinge_start, hinge_corners, face_vector, hinge_vector, factor, out):
+def gather_vertices(
+    chosen, face_start, face_corners, hinge_start, hinge_corners, face_vector, hinge_vector, factor, out
+):
     """Sums corner vectors of faces and hinges into vertices.
 
     Args:
+        chosen: Vertices to sum up.
         face_start, face_corners, hinge_start, hinge_corners: From `Assembly`.
         face_vector: (members, faces, 3, 3).
         hinge_vector: (members, hinges, 12).
         factor: Times each hinge's vector (members, hinges).
-        out: Receives (members, vertices, 3).
+        out: Receives (members, vertices, 3); other vertices stay.
     """
-    members, count = out.shape[0], out.shape[1]
+    members, count = out.shape[0], chosen.shape[0]
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
-        for i in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+        for place in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+            i = chosen[place]
             x, y, z = 0.0, 0.0, 0.0
             for at in range(face_start[i], face_start[i + 1]):
                 source = face_corners[at]

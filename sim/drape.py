@@ -9,6 +9,7 @@ many = simulator.drape_batch(cloths)   # faster than one by one; a cloth that di
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -101,17 +102,29 @@ class DrapeSimulator:
 
     def laid_down(self, seed: int | None = None) -> Float[ndarray, "vertices 3"]:
         """The shape in which the cloth is laid down, from the settings' seed or another one [m]."""
+        if seed is None:
+            return self._laid.copy()
         s = self.settings
-        generator = np.random.default_rng([s.seed if seed is None else seed, 0])
+        generator = np.random.default_rng([seed, 0])
         return laid_down(self.mesh, smooth_field(s.laying_amplitude, s.laying_length, generator), s.plate_radius)
 
     def rest_angles(self, seed: int | None = None) -> Float[Tensor, "hinges"]:
         """Stress-free dihedral angles of the random rest shape, from the settings' seed or another one [rad]."""
+        if seed is None:
+            return self._rest.clone()
         s = self.settings
-        generator = np.random.default_rng([s.seed if seed is None else seed, 1])
+        generator = np.random.default_rng([seed, 1])
         shape = self.mesh.flat.copy()
         shape[:, 2] = smooth_field(s.rest_amplitude, s.rest_length, generator)(self.mesh.material)
         return dihedral_angles(torch.from_numpy(shape), self.mesh.hinges)
+
+    @cached_property
+    def _laid(self) -> Float[ndarray, "vertices 3"]:
+        return self.laid_down(self.settings.seed)
+
+    @cached_property
+    def _rest(self) -> Float[Tensor, "hinges"]:
+        return self.rest_angles(self.settings.seed)
 
     def drape(
         self,

@@ -20,6 +20,7 @@ from numpy import ndarray
 
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
 from cusick_bench.sim.linear import Factor, NotPositiveDefinite
+from cusick_bench.sim.step_kernels import move, right_hand_side
 from cusick_bench.sim.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
@@ -57,10 +58,9 @@ class _Stepper:
             return linear.factorise(blocks[0], out=old)
         return linear.factorise_batch(blocks, out=old)
 
-    def solve(self, factor: Factor, right: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members rows 3"]:
+    def solve(self, factor: Factor, right: Float[ndarray, "members rows 3"]) -> Float[ndarray, "members rows 3"]:
         """Velocities, or multipliers, of the free vertices."""
-        rows = right[:, self.system.free]
-        return factor.solve(rows[0])[None] if factor.members is None else factor.solve(rows)
+        return factor.solve(right[0])[None] if factor.members is None else factor.solve(right)
 
     def blocks(self) -> Float[ndarray, "members slots 3 3"]:
         """Storage of the step matrix."""
@@ -111,6 +111,7 @@ def drop(
     stepper = _Stepper(system, mass, h)
     blocks = stepper.blocks()
     far = _FAR * np.abs(laid).max()
+    right = np.empty((len(laid), len(free), 3))
     factors: list[Factor | None] = []
     kept, factor = 0, None
     for step in range(steps):
@@ -118,11 +119,10 @@ def drop(
         x, v = positions[here], velocities[here]
         name = f"step {step + 1} of {steps}"
         state = system.evaluate(x, laid, p, exact=False)
-        force = state.force()
-        if not np.isfinite(force).all():
-            bad = np.asarray(~np.isfinite(force).all((1, 2)))
+        finite = right_hand_side(free, mass, h, v, state.force(), right)
+        if not finite.all():
             reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
-            raise _diverged(name, bad, reason, batch)
+            raise _diverged(name, ~finite, reason, batch)
         try:
             factor = stepper.factor(state, blocks, factor)
         except NotPositiveDefinite as error:
@@ -130,12 +130,9 @@ def drop(
         except SimulationError as error:  # a matrix that is not finite
             bad = np.asarray(~np.isfinite(blocks).all((1, 2, 3)))
             raise _diverged(name, bad, str(error), batch) from error
-        velocities[there][:, free] = stepper.solve(factor, mass[..., None] * v + h * force)
-        np.multiply(velocities[there], h, out=positions[there])
-        positions[there] += x
-        if np.abs(positions[there]).max() > far:
-            bad = np.asarray(np.abs(positions[there]).max((1, 2)) > far)
-            raise _diverged(name, bad, f"the cloth flies apart; use a shorter step than {h} s", batch)
+        reached = move(free, h, stepper.solve(factor, right), x, velocities[there], positions[there])
+        if not (reached < far).all():
+            raise _diverged(name, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s", batch)
         keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
         if keep:
@@ -174,6 +171,7 @@ def drop_adjoint(
     gradient = ParameterGradient.zeros(system, len(g_x))
     g_v, g_anchor, multiplier = np.zeros_like(g_x), np.zeros_like(g_x), np.zeros_like(g_x)
     h, mass, free = step_seconds, p.mass, system.free
+    ones, right = np.ones_like(mass), np.empty((len(g_x), len(free), 3))
     stepper = _Stepper(system, mass, h)
     blocks = stepper.blocks() if None in rollout.factors else np.empty((0, 0))
     again: Factor | None = None
@@ -182,7 +180,8 @@ def drop_adjoint(
         factor = rollout.factors[step]
         if factor is None:
             factor = again = stepper.factor(system.evaluate(x, positions[0], p, exact=False), blocks, again)
-        multiplier[:, free] = stepper.solve(factor, g_v + h * g_x)
+        right_hand_side(free, ones, h, g_v, g_x, right)
+        multiplier[:, free] = stepper.solve(factor, right)
         if rollout.factors[step] is not None:  # a second adjoint of this rollout computes it again
             rollout.factors[step] = None
             system.linear.recycle(factor)

@@ -112,12 +112,13 @@ def _complete(blocks):
 
 
 @kernel(parallel=True)
-def face_stiffness(law, exact, faces, face_u, face_v, area, x, stretch, energy, vector, blocks):
+def face_stiffness(law, exact, chosen, faces, face_u, face_v, area, x, stretch, energy, vector, blocks):
     """Energy, forces and stiffness blocks of all faces.
 
     Args:
         law: PUBLISHED or PAPER.
         exact: Hessian of the energy (PAPER only) instead of the Gauss-Newton stiffness.
+        chosen: Faces to evaluate; what is kept of the others stays.
         faces, face_u, face_v, area: From `Elements`.
         x: Positions (members, vertices, 3) [m].
         stretch: (members or 1, faces or 1, 6, 4) [N/m].
@@ -125,12 +126,13 @@ def face_stiffness(law, exact, faces, face_u, face_v, area, x, stretch, energy, 
         vector: Receives the forces (members, faces, 3, 3) [N].
         blocks: Receives (members, faces, 6, 9) [N/m]: corners 00, 01, 02, 11, 12, 22, each row by row.
     """
-    members, count = x.shape[0], faces.shape[0]
+    members, count = x.shape[0], chosen.shape[0]
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
         tables = stretch[member if stretch.shape[0] > 1 else 0]
         k_work, dk_work, active = np.empty(4), np.empty((4, 3)), np.empty((6, 4))
-        for f in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+        for place in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+            f = chosen[place]
             su, sv = face_u[f], face_v[f]
             xu, xv = _columns(su, sv, faces[f], x[member])
             g00, g11, g01 = 0.5 * (dot(xu, xu) - 1.0), 0.5 * (dot(xv, xv) - 1.0), 0.5 * dot(xu, xv)
@@ -197,23 +199,25 @@ def _paper_along(g00, g11, g01, table, direction, phi, push, extra):
 
 @kernel(parallel=True)
 def face_adjoint(
-    law, force_factor, stiffness_factor, faces, face_u, face_v, area, x, adjoint, v, stretch, g_x, g_stretch
+    law, force_factor, stiffness_factor, chosen, faces, face_u, face_v, area, x, adjoint, v, stretch, g_x, g_stretch
 ):
     """Derivatives of S (see the module) to positions and stretch tables.
 
     Args:
+        chosen: Faces to evaluate.
         adjoint: lambda (members, vertices, 3).
         v: Velocity after the step (members, vertices, 3) [m/s].
         g_x: Receives (members, faces, 3, 3).
         g_stretch: Adds up (members, faces, 6, 4).
     """
-    members, count = x.shape[0], faces.shape[0]
+    members, count = x.shape[0], chosen.shape[0]
     h, hh = force_factor, stiffness_factor
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
         tables = stretch[member if stretch.shape[0] > 1 else 0]
         k_work, dk, active = np.empty(4), np.empty((4, 3)), np.empty((6, 4))
-        for f in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+        for place in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+            f = chosen[place]
             su, sv = face_u[f], face_v[f]
             xu, xv = _columns(su, sv, faces[f], x[member])
             lu, lv = _columns(su, sv, faces[f], adjoint[member])
@@ -229,9 +233,9 @@ def face_adjoint(
             ap, bp, cp = dot(vu, xu), dot(vv, xv), dot(vu, xv) + dot(vv, xu)
             plus0, plus1 = max(g00, 0.0), max(g11, 0.0)
             uu, ww = dot(lu, vu), dot(lv, vv)
-            if law == PAPER:  # where the Gauss-Newton stiffness is cut off at 0
-                uu = uu if k[0] * plus0 + k[1] * plus1 > 0.0 else 0.0
-                ww = ww if k[2] * plus1 + k[1] * plus0 > 0.0 else 0.0
+            if law == PAPER:  # where the Gauss-Newton stiffness is cut off; at c12 = 0 it is not yet
+                uu = uu if k[0] * plus0 + k[1] * plus1 >= 0.0 else 0.0
+                ww = ww if k[2] * plus1 + k[1] * plus0 >= 0.0 else 0.0
             on0, on1 = (hh if g00 > 0.0 else 0.0), (hh if g11 > 0.0 else 0.0)
             # S = sum_m k_m (push_m + extra_m), apart from the change of k along lambda
             push = (h * g00 * a, h * (g00 * b + g11 * a), h * g11 * b, h * g01 * c)

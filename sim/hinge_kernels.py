@@ -131,25 +131,13 @@ def _complete(blocks):
 
 @kernel(parallel=True)
 def hinge_stiffness(
-    law,
-    exact,
-    hinges,
-    scale,
-    weight,
-    low,
-    fraction,
-    x,
-    rest_angle,
-    bending,
-    energy,
-    gradient,
-    moment,
-    stiffness,
-    blocks,
-):
+    law, exact, chosen, hinges, scale, weight, low, fraction, x, rest_angle, bending, energy, gradient, moment,
+    stiffness, blocks,
+):  # fmt: skip
     """Moments and stiffness of all hinges.
 
     Args:
+        chosen: Hinges to evaluate; what is kept of the others stays.
         rest_angle: Stress-free dihedral angles (members, hinges) [rad].
         bending: (members or 1, hinges or 1, 3, 5) [N m].
         energy: Receives (members, hinges) [J] where `exact`.
@@ -159,12 +147,13 @@ def hinge_stiffness(
         blocks: Receives where `exact` (members, hinges, 10, 9) [N/m]: corners 00, 01, 02, 03, 11, 12, 13, 22, 23, 33,
             each row by row.
     """
-    members, count = x.shape[0], hinges.shape[0]
+    members, count = x.shape[0], chosen.shape[0]
     factor = _bending_factor(law)
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
         tables = bending[member if bending.shape[0] > 1 else 0]
-        for i in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+        for place in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+            i = chosen[place]
             table = tables[i if tables.shape[0] > 1 else 0]
             low_row, high_row = table[low[i]], table[low[i] + 1]
             e, p, r = _legs(hinges[i], x[member])
@@ -181,14 +170,14 @@ def hinge_stiffness(
                     factor * weight[i] * _bending_energy(law, angle, scale[i], fraction[i], low_row, high_row)
                 )
                 own = blocks[member, i]
-                place = 4
+                pair = 4
                 for first in range(1, 4):
                     for second in range(first, 4):
                         for m in range(3):
                             k = stiffness[member, i] * g[3 * first + m]
                             for n in range(3):
-                                own[place, 3 * m + n] = k * g[3 * second + n]
-                        place += 1
+                                own[pair, 3 * m + n] = k * g[3 * second + n]
+                        pair += 1
                 _put_hessian(own, pull, e, n0, n1, t0, t1)
                 _complete(own)
 
@@ -213,25 +202,27 @@ def _hessian_product(e, p, r, n0, n1, a, b, t0, t1, de, dp, dr):
 
 @kernel(parallel=True)
 def hinge_adjoint(
-    law, force_factor, stiffness_factor, hinges, scale, weight, low, fraction, x, rest_angle, adjoint, v, bending,
-    g_x, g_bending, g_rest,
+    law, force_factor, stiffness_factor, chosen, hinges, scale, weight, low, fraction, x, rest_angle, adjoint, v,
+    bending, g_x, g_bending, g_rest,
 ):  # fmt: skip
     """Derivatives of S (see the module) to positions, bending tables and rest angles.
 
     Args:
+        chosen: Hinges to evaluate.
         adjoint: lambda (members, vertices, 3).
         v: Velocity after the step (members, vertices, 3) [m/s].
         g_x: Receives (members, hinges, 12).
         g_bending: Adds up (members, hinges, 3, 5).
         g_rest: Adds up (members, hinges).
     """
-    members, count = x.shape[0], hinges.shape[0]
+    members, count = x.shape[0], chosen.shape[0]
     h, hh = force_factor, stiffness_factor
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
         tables = bending[member if bending.shape[0] > 1 else 0]
         g = np.empty(12)
-        for i in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+        for place in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
+            i = chosen[place]
             table = tables[i if tables.shape[0] > 1 else 0]
             low_row, high_row = table[low[i]], table[low[i] + 1]
             e, p, r = _legs(hinges[i], x[member])

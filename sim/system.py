@@ -18,6 +18,7 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.layout import BlockLayout, GatherTables, block_layout, gather_tables
 from cusick_bench.sim.linear import BlockPattern, LinearSolver, solver
 from cusick_bench.sim.mesh import Mesh
+from cusick_bench.sim.threads import check_fork
 
 Law = Literal["paper", "published"]
 _LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
@@ -137,44 +138,55 @@ class DrapeSystem:
     def _tables(self) -> GatherTables:
         return gather_tables(self.elements, self.layout, self.linear.needed_slots, self.free, self.mesh.vertices)
 
-    def _work(self, members: int) -> "Workspace":
+    @cached_property
+    def _chosen(self) -> dict[bool, tuple[ndarray, ndarray, ndarray]]:
+        """Faces, hinges and vertices to evaluate: all of them, or the free vertices and what touches them."""
+        faces, hinges = self.elements.faces, self.elements.hinges
+        loose = (np.flatnonzero(~self.fixed[faces].all(1)), np.flatnonzero(~self.fixed[hinges].all(1)), self.free)
+        return {True: (np.arange(len(faces)), np.arange(len(hinges)), np.arange(self.mesh.vertices)), False: loose}
+
+    def _work(self, members: int, everywhere: bool = False) -> "Workspace":
         """Element buffers, used again at every evaluation of as many members."""
-        kept = self._workspaces.get(members)
-        if kept is None:
-            self._workspaces.clear()
-            kept = self._workspaces[members] = Workspace.of(self.elements, members)
-        return kept
+        key = (members, everywhere)
+        if key not in self._workspaces:
+            self._workspaces.pop(next((old for old in self._workspaces if old[1] == everywhere), key), None)
+            self._workspaces[key] = Workspace.of(self.elements, members)
+        return self._workspaces[key]
 
     @cached_property
-    def _workspaces(self) -> dict[int, "Workspace"]:
+    def _workspaces(self) -> dict[tuple[int, bool], "Workspace"]:
         return {}
 
     def evaluate(
         self, x: Float[ndarray, "members vertices 3"], anchor: Float[ndarray, "members vertices 3"], p: Parameters,
-        *, exact: bool,
+        *, exact: bool, everywhere: bool = False,
     ) -> "Evaluation":  # fmt: skip
-        """Evaluates all elements at the configurations of a batch.
+        """Evaluates the elements at the configurations of a batch.
 
         Args:
             x: Positions [m].
             anchor: Where the springs hold [m].
             p: A batch of cloths.
             exact: Hessian of the energy instead of the positive-semidefinite Gauss-Newton stiffness.
+            everywhere: Also elements without a free vertex, which add a constant to the energy, and forces on fixed
+                vertices; they are zero otherwise.
 
         Returns:
             Forces, energy and matrix on demand; valid until the next evaluation.
         """
-        el, law, work = self.elements, _LAWS[self.law], self._work(len(x))
+        check_fork()
+        el, law, work = self.elements, _LAWS[self.law], self._work(len(x), everywhere)
+        faces, hinges, _ = self._chosen[everywhere]
         face_kernels.face_stiffness(
-            law, exact, el.faces, el.face_u, el.face_v, el.face_area, x, p.stretch,
+            law, exact, faces, el.faces, el.face_u, el.face_v, el.face_area, x, p.stretch,
             work.face_energy, work.face_vector, work.face_blocks,
         )  # fmt: skip
         hinge_kernels.hinge_stiffness(
-            law, exact, el.hinges, el.hinge_scale, el.hinge_weight, el.direction_low, el.direction_fraction, x,
+            law, exact, hinges, el.hinges, el.hinge_scale, el.hinge_weight, el.direction_low, el.direction_fraction, x,
             p.rest_angle, p.bending, work.hinge_energy, work.hinge_vector, work.hinge_moment, work.hinge_stiffness,
             work.exact_blocks() if exact else work.no_blocks,
         )  # fmt: skip
-        return Evaluation(self, work, x, anchor, p, exact)
+        return Evaluation(self, work, x, anchor, p, exact, everywhere)
 
     def forces(
         self, x: Float[ndarray, "vertices 3"], anchor: Float[ndarray, "vertices 3"], p: Parameters, *, exact: bool
@@ -191,18 +203,18 @@ class DrapeSystem:
             Forces on all vertices [N], stiffness blocks of the free vertices in the layout's slots [N/m] (filled where
             the linear solver reads), and the potential energy [J] (only meaningful where `exact`).
         """
-        state = self.evaluate(x[None], anchor[None], p.batch(), exact=exact)
+        state = self.evaluate(x[None], anchor[None], p.batch(), exact=exact, everywhere=True)
         return state.force()[0], state.matrix(diagonal=self.spring[None])[0], float(state.energy()[0])
 
     def gather(
-        self, face_vector: ndarray, hinge_vector: ndarray, factor: ndarray
+        self, face_vector: ndarray, hinge_vector: ndarray, factor: ndarray, everywhere: bool = True
     ) -> Float[ndarray, "members vertices 3"]:
-        """Sums corner vectors into vertices; `factor` is each hinge's."""
+        """Sums corner vectors into vertices, or into the free ones; `factor` is each hinge's."""
         t = self._tables
-        out = np.empty((len(factor), self.mesh.vertices, 3))
+        out = np.zeros((len(factor), self.mesh.vertices, 3))
         assembly.gather_vertices(
-            t.face_corner_start, t.face_corners, t.hinge_corner_start, t.hinge_corners, face_vector, hinge_vector,
-            factor, out,
+            self._chosen[everywhere][2], t.face_corner_start, t.face_corners, t.hinge_corner_start, t.hinge_corners,
+            face_vector, hinge_vector, factor, out,
         )  # fmt: skip
         return out
 
@@ -245,12 +257,13 @@ class DrapeSystem:
             )  # fmt: skip
             return by_x[0], pull[0]
         el, law, work = self.elements, _LAWS[self.law], self._work(len(x))
+        faces, hinges, _ = self._chosen[False]  # at the others lambda is zero
         face_kernels.face_adjoint(
-            law, force_factor, stiffness_factor, el.faces, el.face_u, el.face_v, el.face_area, x, multiplier, velocity,
-            p.stretch, work.face_vector, gradient.stretch,
+            law, force_factor, stiffness_factor, faces, el.faces, el.face_u, el.face_v, el.face_area, x, multiplier,
+            velocity, p.stretch, work.face_vector, gradient.stretch,
         )  # fmt: skip
         hinge_kernels.hinge_adjoint(
-            law, force_factor, stiffness_factor, el.hinges, el.hinge_scale, el.hinge_weight, el.direction_low,
+            law, force_factor, stiffness_factor, hinges, el.hinges, el.hinge_scale, el.hinge_weight, el.direction_low,
             el.direction_fraction, x, p.rest_angle, multiplier, velocity, p.bending, work.hinge_vector,
             gradient.bending, gradient.rest_angle,
         )  # fmt: skip
@@ -300,11 +313,12 @@ class Evaluation:
     anchor: Float[ndarray, "members vertices 3"]
     p: Parameters
     exact: bool
+    everywhere: bool
 
     def force(self) -> Float[ndarray, "members vertices 3"]:
-        """Net forces: elements, gravity and springs [N]."""
+        """Net forces: elements, gravity and springs [N]; those on fixed vertices only where evaluated everywhere."""
         system, work = self.system, self.work
-        force = system.gather(work.face_vector, work.hinge_vector, work.hinge_moment)
+        force = system.gather(work.face_vector, work.hinge_vector, work.hinge_moment, self.everywhere)
         force[..., 2] -= system.gravity * self.p.mass
         if system.sprung:
             force -= system.spring[:, None] * (self.x - self.anchor)

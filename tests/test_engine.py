@@ -1,6 +1,7 @@
 """What the engine promises: both ways to a drape agree, results repeat, folds keep apart, gradients are exact."""
 
 import json
+import os
 import subprocess
 import sys
 from functools import partial
@@ -43,6 +44,41 @@ def test_backends_agree_within_the_rounding_that_a_drop_amplifies(backend):
         for name in ("multifrontal", backend)
     ]
     assert float((drapes[0] - drapes[1]).abs().max()) < 1e-7
+
+
+_FORK = """
+import os, sys
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.material import uniform_material
+from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
+simulator = DrapeSimulator(disc_mesh(150), DrapeSettings(steps=3))
+cloth = uniform_material(density=0.192, bending=1.4e-5)
+simulator.drape(cloth)
+child = os.fork()
+if child == 0:
+    try:
+        simulator.drape(cloth)
+        print("draped")
+    except SimulationError as error:
+        print(error)
+    sys.stdout.flush()
+    os._exit(0)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
+@pytest.mark.parametrize("layer", ["default", "workqueue"])
+def test_forked_process_simulates_or_says_how_to_start_it(layer):
+    surroundings = os.environ | ({} if layer == "default" else {"NUMBA_THREADING_LAYER": layer})
+    run = subprocess.run(
+        [sys.executable, "-c", _FORK], capture_output=True, text=True, timeout=120, check=False, env=surroundings
+    )
+    assert run.returncode == 0, run.stderr
+    expected = {"draped"} if layer == "workqueue" else {"draped", "this process was forked from one that has simulated"}
+    assert run.stdout.split(",")[0].strip() in expected
 
 
 _PRINT_DRAPE = """
