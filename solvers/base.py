@@ -72,6 +72,7 @@ class Solver(ABC):
     kind: ClassVar[str] = "solver"  # or "null": no physics, "oracle": has seen the held-out images
     reference: ClassVar[str] = ""
     summary: ClassVar[str] = ""
+    space: ClassVar[str | None] = None  # the parameter space that the method is about, whatever the run asks for
     needs_gradient: ClassVar[bool] = False
 
     @property
@@ -94,6 +95,11 @@ class Solver(ABC):
             raise SolverError(
                 f"{self.name} needs gradients, and the space {problem.space.name!r} has none; "
                 "use a gradient-free solver such as nlopt:LN_BOBYQA"
+            )
+        if self.space not in (None, problem.space.name):
+            raise SolverError(
+                f"{self.name} works in the space {self.space!r}, and the problem is posed in {problem.space.name!r}; "
+                f"pose it with space={self.space!r}"
             )
         return self._solve(problem, generator, progress)
 

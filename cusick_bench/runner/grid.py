@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
@@ -136,7 +136,7 @@ def plan(
         solvers: Registered names, with options.
         cloths: Cloths of the data set, all by default.
         seeds: Seeds, only 0 by default.
-        settings: The problem's settings.
+        settings: The problem's settings; a solver that is about one parameter space gets that one.
         protocol: How to split each cloth's samples.
 
     Raises:
@@ -145,6 +145,7 @@ def plan(
     if not solvers:
         raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
     made = {text: make_solver(text) for text in solvers}
+    asked = settings or ProblemSettings()
     cells = [
         Cell(
             solver=text,
@@ -152,7 +153,7 @@ def plan(
             seed=seed,
             train=tuple(split.train),
             test=tuple(split.test),
-            settings=settings or ProblemSettings(),
+            settings=replace(asked, space=made[text].space or asked.space),
             dataset=dataset.name,
             dataset_hash=dataset.content_hash,
             protocol=protocol,
