@@ -42,6 +42,11 @@ def heldout() -> HeldOut:
     return HeldOut(images, tuple(image[None] * 0.99 for image in images))
 
 
+def _posed(name: str, **settings) -> DrapeProblem:
+    """The toy problem in the space that a solver is about."""
+    return toy_problem(space=make_solver(name).space or "homo", **settings)
+
+
 def _answer(text: str, problem: DrapeProblem, heldout: HeldOut | None = None, seed: int = 0) -> Prediction:
     solver = make_solver(text)
     if isinstance(solver, Oracle) and heldout is not None:
@@ -63,20 +68,20 @@ class TestContract:
 
     @pytest.mark.parametrize("name", registered())
     def test_answers_within_its_budget_and_again_the_same(self, name, heldout):
-        problem = toy_problem(budget=Budget(9))
+        problem = _posed(name, budget=Budget(9))
         first = _answer(name, problem, heldout, seed=3)
         assert problem.meter.forward_equivalents <= 9
         assert first.draws.shape[1:] == (256, 256)
-        again = _answer(name, toy_problem(budget=Budget(9)), heldout, seed=3)
+        again = _answer(name, _posed(name, budget=Budget(9)), heldout, seed=3)
         assert (first.draws == again.draws).all()
         assert (first.train_image == again.train_image).all()
 
     @pytest.mark.parametrize("name", SOLVERS)
     def test_its_drape_is_that_of_its_parameters(self, name):
-        problem = toy_problem(budget=Budget(9))
+        problem = _posed(name, budget=Budget(9))
         answer = _answer(name, problem)
         assert answer.tau is not None
-        seen = toy_problem().observe(answer.tau)
+        seen = _posed(name).observe(answer.tau)
         assert answer.train_image == pytest.approx(seen.image, abs=1e-9)
         assert answer.vertices == pytest.approx(seen.vertices, abs=1e-12)
         loss = np.square(answer.train_image - problem.train_image).mean()
