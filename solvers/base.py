@@ -42,6 +42,7 @@ class Prediction:
         draw_vertices: Drapes behind `draws` [m].
         paired: Draw i was made for held-out image i (oracles), rather than all draws for all images.
         finished: Whether the solver ended by itself rather than by its budget.
+        notes: What else it found out, as it goes into the result's JSON.
     """
 
     train_image: Float[np.ndarray, "256 256"]
@@ -52,6 +53,7 @@ class Prediction:
     draw_vertices: Float[np.ndarray, "images vertices 3"] | None = None
     paired: bool = False
     finished: bool = True
+    notes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if np.shape(self.train_image) != (256, 256):
@@ -74,6 +76,7 @@ class Solver(ABC):
     summary: ClassVar[str] = ""
     space: ClassVar[str | None] = None  # the parameter space that the method is about, whatever the run asks for
     needs_gradient: ClassVar[bool] = False
+    needs_mesh: ClassVar[bool] = False  # whether it fits the training drape's shape in three dimensions
 
     @property
     def options(self) -> dict[str, Any]:
@@ -95,6 +98,11 @@ class Solver(ABC):
             raise SolverError(
                 f"{self.name} needs gradients, and the space {problem.space.name!r} has none; "
                 "use a gradient-free solver such as nlopt:LN_BOBYQA"
+            )
+        if self.needs_mesh and problem.train_mesh is None:
+            raise SolverError(
+                f"{self.name} fits the training drape's three-dimensional shape, and there is no mesh of it; give data "
+                "with meshes, such as the set `synthetic`, or use a solver that fits silhouettes"
             )
         if self.space not in (None, problem.space.name):
             raise SolverError(

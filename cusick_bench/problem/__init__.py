@@ -8,6 +8,7 @@ from cusick_bench.problem.laying import laid_like
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.priors import StiffnessPrior
 from cusick_bench.problem.space import SPACES, HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
+from cusick_bench.problem.train_mesh import TrainMesh
 
 __all__ = [
     "LOSSES",
@@ -26,5 +27,6 @@ __all__ = [
     "ProblemError",
     "Specimen",
     "StiffnessPrior",
+    "TrainMesh",
     "laid_like",
 ]

@@ -23,6 +23,7 @@ from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.space import ParameterSpace
+from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.camera import Camera, ParallelCamera
 from cusick_bench.sim.drape import Drape, DrapeSimulator
 from cusick_bench.sim.errors import DrapeDiverged
@@ -70,6 +71,7 @@ class DrapeProblem:
         meter: Counts, budget, trace.
         journal: Evaluations kept for resumption.
         checkpoint: Place for a solver's own state.
+        train_mesh: The training drape in three dimensions, where its shape is known and the solver asks for it.
     """
 
     train_image: Float[np.ndarray, "256 256"]
@@ -84,6 +86,7 @@ class DrapeProblem:
     meter: Meter = field(default_factory=Meter)
     journal: Journal = field(default_factory=Journal)
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    train_mesh: TrainMesh | None = None
     _branch: _Branch = field(default_factory=_Branch, repr=False)
 
     def __post_init__(self) -> None:

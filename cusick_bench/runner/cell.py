@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from cusick_bench.datasets import DrapeDataset, DrapeSample
+from cusick_bench.datasets import DrapeDataset, DrapeSample, synthetic_recipe
 from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.metrics import score
-from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior, laid_like
+from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior, TrainMesh, laid_like
+from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import CusickError
-from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.mesh import Mesh, disc_mesh
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
@@ -64,7 +65,16 @@ def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None)
         meter=Meter(settings.budget),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
+        train_mesh=_train_mesh(sample, simulator.mesh) if make_solver(cell.solver).needs_mesh else None,
     )
+
+
+def _train_mesh(sample: DrapeSample, model: Mesh) -> TrainMesh | None:
+    """The training sample's mesh; its flat shape is known where it is a mesh of the synthetic set or the model's."""
+    if sample.mesh is None:
+        return None
+    synthetic = disc_mesh(synthetic_recipe.VERTICES, seed=synthetic_recipe.MESH_SEED)
+    return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic, model))
 
 
 def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) -> dict[str, Any]:
@@ -99,6 +109,7 @@ def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) ->
             metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=_repeat_pairs(dataset, cell))
             _write_prediction(folder / "prediction.npz", prediction, problem)
             outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
+            outcome |= {"notes": prediction.notes} if prediction.notes else {}
         except OSError as error:
             if error.errno in FATAL:
                 raise
