@@ -1,12 +1,16 @@
 """Shared fixtures. The repository root leaves sys.path, or `datasets/` would shadow other packages."""
 
+import itertools
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+
+from cusick_bench.sim.drape import DrapeSimulator
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
@@ -31,3 +35,18 @@ def _no_global_seeds():
     assert torch.equal(torch.random.get_rng_state(), before_torch), (
         "a test or the code drew from torch's global generator"
     )
+
+
+@pytest.fixture
+def fail_drapes(monkeypatch):
+    """Plants failures: fail_drapes(which) fails every drape, counted from 1, for which `which(count)` holds."""
+    drape_batch, counter = DrapeSimulator.drape_batch, itertools.count(1)
+
+    def plant(which):
+        def faulty(self, materials, **settings):
+            batch = drape_batch(self, materials, **settings)
+            return replace(batch, failures=["planted" if which(next(counter)) else old for old in batch.failures])
+
+        monkeypatch.setattr(DrapeSimulator, "drape_batch", faulty)
+
+    return plant

@@ -1,6 +1,7 @@
 """The problem: priors and spaces, losses, metering, budgets, and memory that survives a kill."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numba
@@ -205,7 +206,8 @@ class TestEvaluation:
         problem = toy_problem(mode="equilibrium", budget=Budget())
         problem.evaluate(problem.space.bending_level(2.0))
         began = problem.meter.trace[-1].seconds
-        problem.evaluate(problem.space.bending_level(2.05))
+        for level in (2.02, 2.05):  # the first one also loads code
+            problem.evaluate(problem.space.bending_level(level))
         assert problem.meter.trace[-1].seconds < began / 2, "a warm start must be cheaper than a cold one"
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -221,13 +223,9 @@ class TestEvaluation:
         with pytest.raises(ProblemError, match=r"takes 39 numbers, got shape \(3,\)"):
             toy_problem().evaluate(np.zeros(3))
 
-    def test_failed_drape_is_a_loss_of_infinity_and_paid_for(self, monkeypatch):
+    def test_failed_drape_is_a_loss_of_infinity_and_paid_for(self, fail_drapes):
         problem = toy_problem()
-
-        def diverge(*args, **kwargs):
-            raise DrapeDiverged("planted")
-
-        monkeypatch.setattr(type(problem.simulator), "drape", diverge)
+        fail_drapes(lambda count: True)
         assert problem.evaluate(np.zeros(39)) == math.inf
         loss, gradient = problem.evaluate_and_gradient(np.zeros(39))
         assert loss == math.inf
@@ -340,7 +338,7 @@ class TestJournal:
     def test_replay_computes_nothing(self, tmp_path, monkeypatch):
         expected = _walk(toy_problem(folder=tmp_path), 2)
         again = toy_problem(folder=tmp_path)
-        monkeypatch.setattr(type(again.simulator), "drape", None)
+        monkeypatch.setattr(type(again.simulator), "drape_batch", None)
         assert _walk(again, 2) == expected
 
     @pytest.mark.parametrize("cut", [1, 40, 300, 3000])
@@ -366,16 +364,11 @@ class TestJournal:
         assert second.meter.trace == first.meter.trace
         assert second.meter.wall_seconds >= first.meter.trace[-1].wall_seconds
 
-    def test_failures_are_replayed(self, tmp_path, monkeypatch):
-        problem = toy_problem(folder=tmp_path)
-
-        def diverge(*args, **kwargs):
-            raise DrapeDiverged("planted")
-
-        with monkeypatch.context() as patch:
-            patch.setattr(type(problem.simulator), "drape", diverge)
-            assert problem.evaluate(np.zeros(39)) == math.inf
+    def test_failures_are_replayed(self, tmp_path, fail_drapes):
+        fail_drapes(lambda count: count == 1)
         assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf
+        assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf
+        assert toy_problem().evaluate(np.zeros(39)) < 1
 
     def test_own_state_restores_meter_and_branch(self, tmp_path):
         first = toy_problem(mode="equilibrium", folder=tmp_path)
@@ -397,3 +390,57 @@ class TestJournal:
         assert problem.restore() is None
         problem.evaluate(np.ones(39))
         assert problem.meter.forward == 1
+
+
+class TestBatches:
+    """Several vectors at once are the same as one by one."""
+
+    TAUS = np.random.default_rng(0).normal(size=(5, 39))
+
+    @pytest.mark.parametrize("mode", ["drop", "equilibrium"])
+    def test_same_numbers_and_costs_as_one_by_one(self, mode):
+        together, alone = (toy_problem(budget=Budget(), mode=mode) for _ in range(2))
+        if mode == "equilibrium":  # a batch starts from one branch; one by one, each improvement moves it
+            together, alone = replace(together, follow=False), replace(alone, follow=False)
+        losses, gradients = together.evaluate_and_gradient_batch(self.TAUS)
+        singles = [alone.evaluate_and_gradient(tau) for tau in self.TAUS]
+        assert (losses == [loss for loss, _ in singles]).all()
+        assert gradients == pytest.approx(np.stack([gradient for _, gradient in singles]), rel=1e-12)
+        assert together.meter.forward_equivalents == alone.meter.forward_equivalents == 10
+        assert [entry.best_loss for entry in together.meter.trace] == [entry.best_loss for entry in alone.meter.trace]
+
+    def test_a_batch_beyond_the_budget_is_refused_whole(self):
+        problem = toy_problem(budget=Budget(9))
+        with pytest.raises(BudgetExceeded, match=r"5 evaluations \(gradient\) cost 10"):
+            problem.evaluate_and_gradient_batch(self.TAUS)
+        assert problem.meter.forward == 0
+
+    def test_draws_are_counted_and_free(self):
+        problem = toy_problem(budget=Budget(1))
+        seen = problem.draw_batch(self.TAUS)
+        assert problem.meter.forward == 5
+        assert problem.meter.forward_equivalents == 0
+        assert seen[2] is not None
+        assert (seen[2].image == toy_problem().image(self.TAUS[2])).all()
+
+    def test_a_batch_that_was_killed_half_way_goes_on(self, tmp_path):
+        whole = toy_problem(budget=Budget()).evaluate_batch(self.TAUS)
+        killed = toy_problem(budget=Budget(), folder=tmp_path)
+
+        def kill(evaluation):
+            if killed.meter.forward == 2:
+                raise KeyboardInterrupt
+
+        killed.meter.observers.append(kill)
+        with pytest.raises(KeyboardInterrupt):
+            killed.evaluate_batch(self.TAUS)
+        resumed = toy_problem(budget=Budget(), folder=tmp_path)
+        assert (resumed.evaluate_batch(self.TAUS) == whole).all()
+        assert resumed.meter.forward == 5
+
+    def test_jumps_to_other_folds_are_counted(self):
+        problem = toy_problem(mode="equilibrium", budget=Budget(), vertices=200)
+        for level in (0.2, 0.21, 1.0, 5.0, 30.0):
+            problem.evaluate(problem.space.bending_level(level))
+        assert 0 < problem.meter.jumped < 5
+        assert not problem.meter.trace[1].jumped

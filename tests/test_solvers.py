@@ -89,23 +89,15 @@ class TestContract:
 
     @pytest.mark.parametrize("name", SOLVERS)
     def test_the_smallest_budget_buys_the_prior_median(self, name):
-        problem = toy_problem(budget=Budget(1))
+        problem = _posed(name, budget=Budget(1))
         answer = _answer(name, problem)
         assert (answer.tau == 0).all()
         assert problem.meter.forward_equivalents == 1
 
     @pytest.mark.parametrize("name", SOLVERS)
-    def test_survives_drapes_that_fail(self, name, monkeypatch):
-        problem = toy_problem(budget=Budget(12))
-        drape, calls = type(problem.simulator).drape, []
-
-        def faulty(self, *args, **kwargs):
-            calls.append(1)
-            if len(calls) % 3 == 2:
-                raise DrapeDiverged("planted")
-            return drape(self, *args, **kwargs)
-
-        monkeypatch.setattr(type(problem.simulator), "drape", faulty)
+    def test_survives_drapes_that_fail(self, name, fail_drapes):
+        problem = _posed(name, budget=Budget(12))
+        fail_drapes(lambda count: count % 3 == 2)
         try:
             assert math.isfinite(_answer(name, problem).train_image.sum())
         except DrapeDiverged:
@@ -114,8 +106,8 @@ class TestContract:
 
     @pytest.mark.parametrize("name", SOLVERS)
     def test_a_killed_run_ends_with_the_same_numbers(self, name, tmp_path):
-        expected = _answer(name, toy_problem(budget=Budget(14), folder=tmp_path / "whole"))
-        killed = toy_problem(budget=Budget(14), folder=tmp_path / "killed")
+        expected = _answer(name, _posed(name, budget=Budget(14), folder=tmp_path / "whole"))
+        killed = _posed(name, budget=Budget(14), folder=tmp_path / "killed")
 
         def kill(evaluation):
             if killed.meter.forward == 4:
@@ -124,7 +116,7 @@ class TestContract:
         killed.meter.observers.append(kill)
         with pytest.raises(KeyboardInterrupt):
             _answer(name, killed)
-        resumed = toy_problem(budget=Budget(14), folder=tmp_path / "killed")
+        resumed = _posed(name, budget=Budget(14), folder=tmp_path / "killed")
         answer = _answer(name, resumed)
         assert (answer.tau == expected.tau).all()
         assert (answer.train_image == expected.train_image).all()
@@ -143,7 +135,7 @@ class TestContract:
 
     @pytest.mark.parametrize("name", [name for name in SOLVERS if registered()[name].needs_gradient])
     def test_gradients_are_asked_for_where_there_are_some(self, name, monkeypatch):
-        problem = toy_problem()
+        problem = _posed(name)
         monkeypatch.setattr(type(problem.space), "differentiable", False)
         with pytest.raises(SolverError, match=r"needs gradients.*nlopt:LN_BOBYQA"):
             _answer(name, problem)
@@ -251,13 +243,9 @@ class TestFits:
             assert incumbent.loss < 0.5 * start
             assert problem.meter.gradient > 0
 
-    def test_failed_drape_is_a_finite_penalty(self, monkeypatch):
+    def test_failed_drape_is_a_finite_penalty(self, fail_drapes):
         problem = toy_problem()
-
-        def diverge(*args, **kwargs):
-            raise DrapeDiverged("planted")
-
-        monkeypatch.setattr(type(problem.simulator), "drape", diverge)
+        fail_drapes(lambda count: True)
         incumbent = Incumbent(problem)
         assert incumbent.value(np.ones(39)) == PENALTY
         assert incumbent.loss == math.inf

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from cusick_bench.problem.errors import BudgetExceeded, ProblemError
 
 # Forward-equivalents [drapes] of what a solver can ask for; an adjoint costs about as much as its forward
-# pass.
-COST = {"loss": 1, "gradient": 2, "drape": 1}
+# pass. Draws from a fitted posterior are its prediction, not its search: counted and timed, but free.
+COST = {"loss": 1, "gradient": 2, "drape": 1, "draw": 0}
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Evaluation:
     """One entry of the trace. Counts and times are totals up to and including this evaluation.
 
     Attributes:
-        kind: "loss", "gradient" or "drape".
+        kind: "loss", "gradient", "drape" or "draw".
         digest: Fingerprint of the parameter vector.
         loss: Loss at the vector; inf where the drape failed.
         best_loss: Smallest loss so far.
@@ -51,6 +51,8 @@ class Evaluation:
         seconds: Time of this evaluation [s].
         simulated_seconds: Simulated time of this evaluation [s].
         failure: Why the drape failed, empty where it did not.
+        jumped: Whether the drape left the branch of rests that it was followed from; its gradient tells nothing of
+            the jump.
     """
 
     kind: str
@@ -62,6 +64,11 @@ class Evaluation:
     seconds: float
     simulated_seconds: float = 0.0
     failure: str = ""
+    jumped: bool = False
+
+
+def _counted(count: int, kind: str) -> str:
+    return f"a {kind} costs" if count == 1 else f"{count} evaluations ({kind}) cost"
 
 
 @dataclass
@@ -97,6 +104,11 @@ class Meter:
     def failed(self) -> int:
         """Evaluations whose drape failed; they are paid for like any other."""
         return sum(bool(evaluation.failure) for evaluation in self.trace)
+
+    @property
+    def jumped(self) -> int:
+        """Drapes that left the branch that they were followed from."""
+        return sum(evaluation.jumped for evaluation in self.trace)
 
     @property
     def forward_equivalents(self) -> float:
@@ -137,21 +149,22 @@ class Meter:
         finally:
             self._reserved -= drapes
 
-    def admit(self, kind: str) -> None:
-        """Raises BudgetExceeded where an evaluation of this kind is not affordable."""
+    def admit(self, kind: str, count: int = 1) -> None:
+        """Raises BudgetExceeded where so many evaluations of this kind are not affordable."""
+        cost = count * COST[kind]
         limit = self.budget.forward_equivalents
-        if limit is not None and self.forward_equivalents + COST[kind] + self._reserved > limit:
+        if limit is not None and cost and self.forward_equivalents + cost + self._reserved > limit:
             raise BudgetExceeded(
-                f"a {kind} costs {COST[kind]} forward-equivalents, {self.forward_equivalents:g} of {limit:g} "
+                f"{_counted(count, kind)} {cost} forward-equivalents, {self.forward_equivalents:g} of {limit:g} "
                 f"are spent and {self._reserved:g} kept back; raise --budget to go on"
             )
         limit = self.budget.seconds
-        if limit is None:
+        if limit is None or not cost:
             return
-        expected = next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
+        expected = count * next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
         if self.wall_seconds + expected > limit:
             raise BudgetExceeded(
-                f"{self.wall_seconds:.1f} of {limit:g} s are spent and a {kind} takes about "
+                f"{self.wall_seconds:.1f} of {limit:g} s are spent and {count} x {kind} takes about "
                 f"{expected:.1f} s; raise --seconds to go on"
             )
 

@@ -24,12 +24,14 @@ from cusick_bench.problem.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
+from cusick_bench.sim.branch import follow
 from cusick_bench.sim.camera import Camera, ParallelCamera
-from cusick_bench.sim.drape import Drape, DrapeSimulator
+from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.silhouette import Method, render
 
 Vector = Float[np.ndarray, " dimension"]
+Vectors = Float[np.ndarray, "members dimension"]
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,16 @@ class _Branch:
     loss: float = math.inf
     vertices: Tensor | None = None
 
-    @property
-    def drape(self) -> Drape | None:
-        """As the simulator takes it for a warm start."""
-        return None if self.vertices is None else Drape(self.vertices, True, 0.0, 0.0, 0)
+
+@dataclass(frozen=True)
+class _Simulated:
+    """A drape and what to keep of it."""
+
+    loss: float = math.inf
+    failure: str = ""
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    iterations: int = 0
+    jumped: bool = False
 
 
 @dataclass(frozen=True)
@@ -121,7 +129,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        return self._metered("loss", tau).evaluation.loss
+        return float(self.evaluate_batch(np.asarray(tau)[None])[0])
 
     def evaluate_and_gradient(self, tau: Vector) -> tuple[float, Vector]:
         """Loss and its gradient at tau; (inf, 0) where the drape fails.
@@ -130,12 +138,8 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape and its adjoint.
             ProblemError: tau is not a finite vector, or the space has no gradients.
         """
-        if not self.space.differentiable:
-            raise ProblemError(f"the space {self.space.name!r} has no gradients; use a gradient-free solver")
-        entry = self._metered("gradient", tau)
-        if entry.evaluation.failure:
-            return math.inf, np.zeros(self.dimension)
-        return entry.evaluation.loss, entry.arrays["gradient"]
+        losses, gradients = self.evaluate_and_gradient_batch(np.asarray(tau)[None])
+        return float(losses[0]), gradients[0]
 
     def observe(self, tau: Vector) -> Observation:
         """The drape at tau and how it is seen; costs one forward-equivalent.
@@ -145,13 +149,31 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        entry = self._metered("drape", tau)
+        (entry,) = self._metered("drape", np.asarray(tau)[None])
         if entry.evaluation.failure:
             raise DrapeDiverged(entry.evaluation.failure)
-        vertices = entry.arrays["vertices"]
-        with torch.no_grad():
-            image = self.render(torch.as_tensor(vertices)).numpy()
-        return Observation(vertices, image, entry.evaluation.loss)
+        return self._seen(entry)
+
+    def evaluate_batch(self, taus: Vectors) -> Float[np.ndarray, " members"]:
+        """Losses of several vectors, draped together, which is faster than one by one; raises as `evaluate`."""
+        return np.array([entry.evaluation.loss for entry in self._metered("loss", taus)])
+
+    def evaluate_and_gradient_batch(self, taus: Vectors) -> tuple[Float[np.ndarray, " members"], Vectors]:
+        """Losses and gradients of several vectors, draped together; raises as `evaluate_and_gradient`."""
+        if not self.space.differentiable:
+            raise ProblemError(f"the space {self.space.name!r} has no gradients; use a gradient-free solver")
+        entries = self._metered("gradient", taus)
+        losses = np.array([entry.evaluation.loss for entry in entries])
+        nothing = np.zeros(self.dimension)
+        return losses, np.stack([entry.arrays.get("gradient", nothing) for entry in entries])
+
+    def draw_batch(self, taus: Vectors) -> list[Observation | None]:
+        """Drapes of parameters drawn from what a solver has learned, None where one fails; they cost no budget.
+
+        Raises:
+            ProblemError: A vector has a wrong length or holds NaN or infinity.
+        """
+        return [None if entry.evaluation.failure else self._seen(entry) for entry in self._metered("draw", taus)]
 
     def image(self, tau: Vector) -> Float[np.ndarray, "256 256"]:
         """Silhouette of the drape at tau (see `observe`)."""
@@ -160,6 +182,17 @@ class DrapeProblem:
     def drape(self, tau: Vector) -> Float[np.ndarray, "vertices 3"]:
         """Vertices of the drape at tau [m] (see `observe`)."""
         return self.observe(tau).vertices
+
+    def simulate(self, taus: Float[Tensor, "members dimension"]) -> DrapeBatch:
+        """Drapes with gradients to the vectors, neither metered nor kept."""
+        specimens = [self.space.specimen(tau) for tau in taus]
+        initial = [self.initial if one.initial is None else one.initial for one in specimens]
+        return self.simulator.drape_batch(
+            [one.material for one in specimens],
+            initial=_stacked(initial),
+            rest_angle=_stacked([one.rest_angle for one in specimens]),
+            warm=self._warm(len(taus)),
+        )
 
     def render(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "256 256"]:
         """Silhouette of given vertices, as the problem's camera and renderer see them."""
@@ -183,80 +216,116 @@ class DrapeProblem:
             self._branch.vertices = None if vertices is None else torch.as_tensor(vertices)
         return state
 
-    def _metered(self, kind: str, tau: Vector) -> Entry:
-        tau = self._checked(tau)
-        digest = hashlib.sha256(tau.tobytes()).hexdigest()[:16]
-        entry = self.journal.next(kind, digest)
-        if entry is not None:
+    def _seen(self, entry: Entry) -> Observation:
+        vertices = entry.arrays["vertices"]
+        with torch.no_grad():
+            image = self.render(torch.as_tensor(vertices)).numpy()
+        return Observation(vertices, image, entry.evaluation.loss)
+
+    def _metered(self, kind: str, taus: Vectors) -> list[Entry]:
+        """Evaluations, from the journal as far as it goes, and computed together from there on."""
+        taus = self._checked(taus)
+        digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
+        entries: list[Entry] = []
+        while len(entries) < len(taus) and (entry := self.journal.next(kind, digests[len(entries)])) is not None:
             self.meter.replay(entry.evaluation)
-        else:
-            self.meter.admit(kind)
-            entry = self._computed(kind, digest, tau)
-            self.journal.append(entry)
-            self.meter.record(entry.evaluation)
-        if entry.evaluation.loss < self._branch.loss and self._follows:
+            entries.append(entry)
+        if rest := digests[len(entries) :]:
+            self.meter.admit(kind, len(rest))
+            for entry in self._computed(kind, rest, taus[len(entries) :]):
+                self.journal.append(entry)
+                self.meter.record(entry.evaluation)
+                entries.append(entry)
+        if self._follows:
+            for entry in entries:
+                self._keep_branch(entry)
+        return entries
+
+    def _keep_branch(self, entry: Entry) -> None:
+        if entry.evaluation.loss < self._branch.loss and "vertices" in entry.arrays:
             self._branch.loss = entry.evaluation.loss
             self._branch.vertices = torch.as_tensor(entry.arrays["vertices"])
-        return entry
 
-    def _checked(self, tau: Vector) -> Vector:
-        tau = np.ascontiguousarray(tau, dtype=np.float64)
-        if tau.shape != (self.dimension,):
-            raise ProblemError(f"space {self.space.name!r} takes {self.dimension} numbers, got shape {tau.shape}")
-        bad = np.flatnonzero(~np.isfinite(tau))
+    def _checked(self, taus: Vectors) -> Vectors:
+        taus = np.ascontiguousarray(taus, dtype=np.float64)
+        if taus.ndim != 2 or taus.shape[1] != self.dimension:
+            raise ProblemError(f"space {self.space.name!r} takes {self.dimension} numbers, got shape {taus.shape[1:]}")
+        bad = np.argwhere(~np.isfinite(taus))
         if len(bad):
-            raise ProblemError(f"parameters must be finite, got {tau[bad[0]]} at index {bad[0]} ({len(bad)} in all)")
-        return tau
+            value, index = taus[tuple(bad[0])], bad[0][1]
+            raise ProblemError(f"parameters must be finite, got {value} at index {index} ({len(bad)} in all)")
+        return taus
 
     @property
     def _follows(self) -> bool:
         return self.follow and self.simulator.settings.mode == "equilibrium"
 
-    def _computed(self, kind: str, digest: str, tau: Vector) -> Entry:
-        start = time.perf_counter()
-        loss, failure, simulated = math.inf, "", 0.0
-        arrays: dict[str, np.ndarray] = {}
-        try:
-            loss, drape, arrays = self._simulate(tau, gradient=kind == "gradient")
-            simulated = 0.0 if self._static else drape.iterations * self.simulator.settings.step_seconds
-        except DrapeDiverged as error:
-            failure = str(error)
-        if kind != "drape" and not (self._follows and loss < self._branch.loss):
-            arrays.pop("vertices", None)
-        evaluation = Evaluation(
-            kind=kind,
-            digest=digest,
-            loss=loss,
-            best_loss=min(loss, self.meter.best_loss),
-            forward_equivalents=self.meter.forward_equivalents + COST[kind],
-            wall_seconds=self.meter.wall_seconds,
-            seconds=time.perf_counter() - start,
-            simulated_seconds=simulated,
-            failure=failure,
-        )
-        return Entry(evaluation, arrays)
+    def _warm(self, members: int) -> Tensor | None:
+        """Where drapes start from, if a branch is followed."""
+        vertices = self._branch.vertices
+        return vertices.expand(members, -1, -1) if self._follows and vertices is not None else None
+
+    def _computed(self, kind: str, digests: list[str], taus: Vectors) -> list[Entry]:
+        """Evaluates together what the journal does not hold; totals run on from one member to the next."""
+        start, before = time.perf_counter(), self.meter.wall_seconds
+        results = self._simulate(taus, gradient=kind == "gradient")
+        seconds = (time.perf_counter() - start) / len(taus)
+        best, spent, entries = self.meter.best_loss, self.meter.forward_equivalents, []
+        for digest, result in zip(digests, results, strict=True):
+            best, spent = min(best, result.loss), spent + COST[kind]
+            if kind not in ("drape", "draw") and not (self._follows and result.loss < self._branch.loss):
+                result.arrays.pop("vertices", None)
+            evaluation = Evaluation(
+                kind=kind,
+                digest=digest,
+                loss=result.loss,
+                best_loss=best,
+                forward_equivalents=spent,
+                wall_seconds=before + (len(entries) + 1) * seconds,
+                seconds=seconds,
+                simulated_seconds=0.0 if self._static else result.iterations * self.simulator.settings.step_seconds,
+                failure=result.failure,
+                jumped=result.jumped,
+            )
+            entries.append(Entry(evaluation, result.arrays))
+        return entries
 
     @property
     def _static(self) -> bool:
         return self.simulator.settings.mode == "equilibrium"
 
-    def _simulate(self, tau: Vector, *, gradient: bool) -> tuple[float, Drape, dict[str, np.ndarray]]:
-        """Loss, drape, and the arrays worth keeping of one drape (and its adjoint)."""
-        parameters = torch.as_tensor(tau).clone().requires_grad_(gradient)
+    def _simulate(self, taus: Vectors, *, gradient: bool) -> list[_Simulated]:
+        """Drapes (and their adjoints), measured against the training image."""
+        parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
+        target = torch.as_tensor(self.train_image)
         with torch.set_grad_enabled(gradient):
-            specimen = self.space.specimen(parameters)
-            drape = self.simulator.drape(
-                specimen.material,
-                initial=self.initial if specimen.initial is None else specimen.initial,
-                rest_angle=specimen.rest_angle,
-                warm=self._branch.drape if self._follows else None,
-            )
-            image = self.render(drape.vertices)
-            loss = LOSSES[self.loss](image, torch.as_tensor(self.train_image))
-        arrays = {"vertices": drape.vertices.detach().numpy()}
-        if gradient:
-            (slope,) = torch.autograd.grad(loss, parameters)
-            arrays["gradient"] = slope.numpy()
-        if not all(np.isfinite(array).all() for array in (loss.item(), *arrays.values())):
-            raise DrapeDiverged("the drape, its loss or its gradient is not finite")
-        return loss.item(), drape, arrays
+            batch = self.simulate(parameters)
+            alive = [member for member, failure in enumerate(batch.failures) if failure is None]
+            losses = {member: LOSSES[self.loss](self.render(batch.vertices[member]), target) for member in alive}
+        slopes = np.zeros_like(taus)
+        if gradient and alive:
+            slopes = torch.autograd.grad(torch.stack(list(losses.values())).sum(), parameters)[0].numpy()
+        results = [_Simulated(failure=failure or "") for failure in batch.failures]
+        for member in alive:
+            arrays = {"vertices": batch.vertices[member].detach().numpy()}
+            if gradient:
+                arrays["gradient"] = slopes[member]
+            loss = losses[member].item()
+            if all(np.isfinite(array).all() for array in (loss, *arrays.values())):
+                jumped = self._jumped(arrays["vertices"])
+                results[member] = _Simulated(loss, "", arrays, int(batch.iterations[member]), jumped)
+            else:
+                results[member] = _Simulated(failure="the drape, its loss or its gradient is not finite")
+        return results
+
+    def _jumped(self, vertices: Float[np.ndarray, "vertices 3"]) -> bool:
+        """Whether a drape has left the branch that it was followed from."""
+        if not self._follows or self._branch.vertices is None:
+            return False
+        return follow(self.simulator.mesh, self._branch.vertices.numpy(), vertices).changed
+
+
+def _stacked(tensors: list[Tensor | None]) -> Tensor | None:
+    """All of them along a new axis, or None where none is given."""
+    given = [tensor for tensor in tensors if tensor is not None]
+    return torch.stack(given) if given else None

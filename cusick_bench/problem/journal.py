@@ -46,7 +46,7 @@ def _line(entry: Entry) -> str:
 
 def _evaluation(record: dict[str, Any]) -> Evaluation:
     names = Evaluation.__dataclass_fields__
-    values = {name: record[name] for name in names}
+    values = {name: record[name] for name in names if name in record}
     for name in ("loss", "best_loss"):
         values[name] = math.inf if values[name] is None else values[name]
     return Evaluation(**values)

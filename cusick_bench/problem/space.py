@@ -14,7 +14,7 @@ from torch import Tensor
 
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.material import Material
-from cusick_bench.sim.mesh import Mesh
+from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh
 
 BOUND = 3.0  # box for solvers that need one, in units of prior standard deviations
 
@@ -41,10 +41,12 @@ class ParameterSpace(ABC):
     Attributes:
         mesh: The cloth's mesh.
         prior: Median and scale of the stiffness tables.
+        plate_radius: Of the plate that the cloth lies on [m].
     """
 
     mesh: Mesh
     prior: StiffnessPrior
+    plate_radius: float = PLATE_RADIUS
     name: ClassVar[str]
     differentiable: ClassVar[bool] = True
 
@@ -60,6 +62,11 @@ class ParameterSpace(ABC):
     @abstractmethod
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
         """The prior median with all bending stiffnesses times `factor`."""
+
+    @property
+    def specimen_level(self) -> slice:
+        """Entries of tau that belong to one specimen and not to its cloth: another specimen has them drawn anew."""
+        return slice(0, 0)
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, " dimension"], Float[np.ndarray, " dimension"]]:

@@ -56,7 +56,7 @@ def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None)
     return DrapeProblem(
         train_image=_image(dataset, cell.train[0]),
         simulator=simulator,
-        space=SPACES[settings.space](simulator.mesh, prior),
+        space=SPACES[settings.space](simulator.mesh, prior, drape.plate_radius),
         thickness=float(known["thickness"]),
         camera=_camera(settings.camera, protocol),
         renderer=settings.renderer,  # pyright: ignore[reportArgumentType]
@@ -168,7 +168,7 @@ def _failed(error: Exception) -> dict[str, Any]:
 
 
 def _spent(meter: Meter | None) -> dict[str, float]:
-    names = ("forward", "gradient", "failed", "forward_equivalents", "simulated_seconds", "wall_seconds")
+    names = ("forward", "gradient", "failed", "jumped", "forward_equivalents", "simulated_seconds", "wall_seconds")
     return {name: float(getattr(meter, name)) if meter else 0.0 for name in names}
 
 
