@@ -1,5 +1,8 @@
 """Metrics of drapes: images, surfaces, profiles, and the score of a whole prediction."""
 
+from cusick_bench.metrics.calibration import coverage, fold_test, ranks
+from cusick_bench.metrics.classification import Classifier, Confusion, leave_one_out, train
+from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.hausdorff import hausdorff
 from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
@@ -9,25 +12,57 @@ from cusick_bench.metrics.profile import (
     quantile_distance,
     spectrum_distance,
 )
+from cusick_bench.metrics.proper_scores import crps, energy_distance, energy_score, variogram_score
 from cusick_bench.metrics.ruled import ruled_surface
 from cusick_bench.metrics.score import expected_best, score
 from cusick_bench.metrics.shape import Shape
+from cusick_bench.metrics.statistics import (
+    LOCKED,
+    PHASE_FREE,
+    SCALES,
+    STATISTICS,
+    drape_statistics,
+    image_statistics,
+    profile_statistics,
+    standardised,
+)
 from cusick_bench.metrics.surface import Surface
 
 __all__ = [
+    "DISTRIBUTION_METRICS",
+    "LOCKED",
+    "PHASE_FREE",
+    "SCALES",
+    "STATISTICS",
+    "Classifier",
+    "Confusion",
     "MetricError",
     "Shape",
     "Surface",
+    "coverage",
+    "crps",
+    "distribution_scores",
+    "drape_statistics",
+    "energy_distance",
+    "energy_score",
     "expected_best",
+    "fold_test",
     "hausdorff",
+    "image_statistics",
     "iou",
     "iou_pairs",
+    "leave_one_out",
     "mse",
     "mse_pairs",
     "profile_rms",
     "profile_rms_rotated",
+    "profile_statistics",
     "quantile_distance",
+    "ranks",
     "ruled_surface",
     "score",
     "spectrum_distance",
+    "standardised",
+    "train",
+    "variogram_score",
 ]

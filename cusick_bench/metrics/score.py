@@ -4,7 +4,9 @@ A prediction offers one or many silhouettes (draws) for the unseen samples. Ever
 unseen sample; a `paired` prediction (an oracle's) offers draw i for sample i only. Scores of many draws come
 twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that fits it best.
 The latter rewards N whatever the draws are, so it must be read beside random draws of equal number:
-`test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average.
+`test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average, and
+`test_hausdorff_best_of_<n>_m` what sets of n draws, evenly spaced among all, reach. Whether the draws are distributed
+as the samples are is told by the proper scores of `distribution.py`, which reward nothing else.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,6 +18,7 @@ from numpy import ndarray
 from scipy.special import gammaln
 
 from cusick_bench.datasets import DrapeSample
+from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.hausdorff import hausdorff
 from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
@@ -32,6 +35,8 @@ from cusick_bench.solvers.base import Prediction
 SUBSETS = (10, 100, 1000)  # numbers of draws for which best-of-n is recorded
 _MEAN_DRAWS = 20  # draws, evenly spaced, that enter means of costly distances; the best is searched among all
 
+_SETS = 10  # of n draws, whose best Hausdorff distances are averaged
+
 Matrix = Float[ndarray, "draws samples"]
 Distance = Callable[[Shape, Shape], float]
 
@@ -47,6 +52,7 @@ TEST_METRICS = (
     "test_spectrum_m",
     "test_dc_error",
     "test_folds_error",
+    *DISTRIBUTION_METRICS,
 )
 
 
@@ -68,7 +74,8 @@ def score(
     Returns:
         Metrics by name; lengths in metres; NaN where there is nothing to compare with. `train_*` compare the fit
         with the training sample, `test_*` the draws with the unseen samples. `*_best` is best-of-`draws`,
-        `*_error` the difference of the means over draws and over samples, `*_target` the sample's value.
+        `*_error` the difference of the means over draws and over samples, `*_target` the sample's value. See
+        `distribution_scores` for the others.
 
     Raises:
         MetricError: Images of different sizes, values that are not finite, or a paired prediction with more or
@@ -138,13 +145,14 @@ def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample]) -> dict
         **{f"test_mse_best_of_{n}": expected_best(squared, n) for n in SUBSETS if n <= len(squared)},
         "test_iou": _paired(iou_pairs(images, targets), paired).mean(),
         "test_hausdorff_m": mean(_hausdorff),
-        "test_hausdorff_best_m": _best_hausdorff(draws, tests, paired),
+        **_best_hausdorff(draws, tests, paired),
         "test_profile_rms_m": mean(_radial(profile_rms)),
         "test_profile_rms_rotated_m": mean(_radial(profile_rms_rotated)),
         "test_quantile_m": mean(_radial(quantile_distance)),
         "test_spectrum_m": mean(_radial(spectrum_distance)),
         "test_dc_error": _mean_difference(draws, tests, lambda shape: shape.drape_coefficient),
         "test_folds_error": _mean_difference(draws, tests, lambda shape: shape.folds),
+        **distribution_scores(draws, tests, paired=paired),
     }
     return {name: float(value) for name, value in scores.items()}
 
@@ -186,13 +194,31 @@ def _table(draws: Sequence[Shape], tests: Sequence[Shape], distance: Distance, p
     return np.array([[distance(draw, test) for test in tests] for draw in draws])
 
 
-def _best_hausdorff(draws: Sequence[Shape], tests: Sequence[Shape], paired: bool) -> float:
-    """Mean over the samples of the smallest distance; a draw is dropped once it is known to be no better."""
-    best = np.full(len(tests), np.inf)
-    for index, draw in enumerate(draws):
-        for at in [index] if paired else range(len(tests)):
-            best[at] = min(best[at], hausdorff(draw.surface, tests[at].surface, stop_above=best[at]))
-    return float(best.mean())
+def _best_hausdorff(draws: Sequence[Shape], tests: Sequence[Shape], paired: bool) -> dict[str, float]:
+    """Mean over the samples of the smallest distance: of all draws, and of sets of n evenly spaced ones."""
+    if paired:
+        return {"test_hausdorff_best_m": float(np.mean([_hausdorff(*pair) for pair in zip(draws, tests, strict=True)]))}
+    best, waiting, scores = np.full(len(tests), np.inf), set(range(len(draws))), {}
+    for count in (count for count in SUBSETS if count < len(draws)):
+        stride = len(draws) // count
+        sets = [range(start, start + stride * count, stride) for start in range(min(stride, _SETS))]
+        table = np.array([[_least([draws[i] for i in chosen], test) for test in tests] for chosen in sets])
+        scores[f"test_hausdorff_best_of_{count}_m"] = float(table.mean())
+        best = np.minimum(best, table.min(0))
+        waiting.difference_update(*sets)
+    rest = [draws[i] for i in sorted(waiting)]
+    best = np.array([_least(rest, test, bound) for test, bound in zip(tests, best, strict=True)])
+    if len(draws) in SUBSETS:
+        scores[f"test_hausdorff_best_of_{len(draws)}_m"] = float(best.mean())
+    return {"test_hausdorff_best_m": float(best.mean())} | scores
+
+
+def _least(draws: Sequence[Shape], test: Shape, bound: float = np.inf) -> float:
+    """Smallest distance, or the bound; the likeliest draw goes first, others are dropped once known no better."""
+    gaps = [_radial(profile_rms)(draw, test) for draw in draws]
+    for index in np.argsort(gaps):
+        bound = min(bound, hausdorff(draws[index].surface, test.surface, stop_above=bound))
+    return bound
 
 
 def _mean_difference(draws: Sequence[Shape], tests: Sequence[Shape], of: Callable[[Shape], float]) -> float:

@@ -1,0 +1,87 @@
+"""How well the distribution of a prediction's draws matches unseen samples, whatever the number of draws.
+
+The energy distance is taken between vectors of statistics, each in its unit (see `statistics.py`): 0 for draws from
+the cloth's own distribution, about 0.1 for one shifted by a third of the spread between its samples. Energy score and
+variogram score are of the radius profile as it lies, the CRPS and all that concerns calibration of the drape
+coefficient. Draws of a `paired` prediction are made for one sample each, and are scored against it as single draws;
+the comparisons of whole sets, energy distance and fold test, take them together.
+
+Held-out samples count as independent, as those of the paper's split are.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy import ndarray
+
+from cusick_bench.metrics.calibration import coverage, fold_test, ranks
+from cusick_bench.metrics.proper_scores import crps, energy_distance, energy_score, variogram_score
+from cusick_bench.metrics.shape import Shape
+from cusick_bench.metrics.statistics import LOCKED, PHASE_FREE, STATISTICS, drape_statistics, standardised
+
+LEVELS = (50, 90)  # [per cent] of the intervals
+_SCORE_STRIDE = 4  # profile samples from one angle of the energy score to the next: 2 deg
+_VARIOGRAM_STRIDE = 10  # 5 deg: seven angles to the narrowest fold
+_SEED = 0  # of the permutations: a score is the same whenever it is taken
+
+DISTRIBUTION_METRICS = (
+    "test_energy_distance",
+    "test_energy_distance_phase_free",
+    "test_energy_distance_locked",
+    "test_energy_score",
+    "test_variogram_score",
+    "test_dc_crps",
+    *(f"test_dc_cover_{level}" for level in LEVELS),
+    "test_dc_rank_bias",
+    "test_fold_p",
+)
+
+
+def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paired: bool = False) -> dict[str, float]:
+    """Scores the distribution of draws against unseen samples.
+
+    Args:
+        draws: Drapes offered, at least one.
+        tests: Unseen samples, at least one.
+        paired: Draw i was made for sample i.
+
+    Returns:
+        Smaller is better, but for `test_dc_cover_*` and `test_fold_p`:
+        `test_energy_distance`: of all statistics; `_phase_free`, `_locked`: of a part of them. NaN for one sample.
+        `test_energy_score`, `test_variogram_score`: of the radius profile [m].
+        `test_dc_crps`: of the drape coefficient, in its unit (1 = 100 points).
+        `test_dc_cover_50`, `test_dc_cover_90`: share of samples within the 50 % and 90 % interval of the drape
+        coefficient; 0 for a single draw, whose interval has no width.
+        `test_dc_rank_bias`: how far the mean rank of samples among draws lies from the middle, 0 to 1/2.
+        `test_fold_p`: p-value of equal distributions of the number of folds; below 0.05 they are rejected.
+    """
+    drawn, seen = drape_statistics(draws), drape_statistics(tests)
+    dc, folds = STATISTICS.index("dc"), STATISTICS.index("folds")
+    radii = np.stack([drape.profile.radii for drape in draws])
+    targets = np.stack([drape.profile.radii for drape in tests])
+    scores = {
+        "test_energy_distance": _distance(drawn, seen, STATISTICS),
+        "test_energy_distance_phase_free": _distance(drawn, seen, PHASE_FREE),
+        "test_energy_distance_locked": _distance(drawn, seen, LOCKED),
+        "test_fold_p": fold_test(drawn[:, folds], seen[:, folds], np.random.default_rng(_SEED)),
+    }
+    pairs = [(slice(i, i + 1), slice(i, i + 1)) for i in range(len(tests))] if paired else [(slice(None), slice(None))]
+    parts = [_sample_scores(radii[own], targets[at], drawn[own, dc], seen[at, dc]) for own, at in pairs]
+    ranked = np.concatenate([ranks(drawn[own, dc], seen[at, dc]) for own, at in pairs])
+    scores |= {name: float(np.mean([part[name] for part in parts])) for name in parts[0]}
+    scores["test_dc_rank_bias"] = float(abs(ranked.mean() - 0.5))
+    return {name: scores[name] for name in DISTRIBUTION_METRICS}
+
+
+def _distance(drawn: ndarray, seen: ndarray, names: Sequence[str]) -> float:
+    return energy_distance(standardised(drawn, names), standardised(seen, names))
+
+
+def _sample_scores(radii: ndarray, targets: ndarray, drawn: ndarray, seen: ndarray) -> dict[str, float]:
+    """Scores that are means over samples; `drawn` and `seen` are drape coefficients."""
+    return {
+        "test_energy_score": energy_score(radii[:, ::_SCORE_STRIDE], targets[:, ::_SCORE_STRIDE]),
+        "test_variogram_score": variogram_score(radii[:, ::_VARIOGRAM_STRIDE], targets[:, ::_VARIOGRAM_STRIDE]),
+        "test_dc_crps": crps(drawn, seen),
+        **{f"test_dc_cover_{level}": coverage(drawn, seen, level / 100) for level in LEVELS},
+    }
