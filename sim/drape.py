@@ -4,11 +4,13 @@ simulator = DrapeSimulator(disc_mesh(2699), DrapeSettings())
 drape = simulator.drape(uniform_material(density=0.192, bending=1e-5))
 drape.vertices          # (vertices, 3) torch tensor, with gradients to every tensor given
 many = simulator.drape_batch(cloths)   # faster than one by one; a cloth that diverges spoils no other
+
+On a GPU, DrapeSimulator(mesh, settings, device="cuda") drops batches of hundreds; positions stay there.
 """
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -27,9 +29,14 @@ from cusick_bench.sim.outcome import Outcome
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.shape import dihedral_angles, laid_down, smooth_field
 from cusick_bench.sim.system import DrapeSystem, Parameters
+from cusick_bench.sim.torch_drop import CPU_MEMORY
+from cusick_bench.sim.torch_engine import COMPILED, TorchEngine, torch_device
+from cusick_bench.sim.torch_forces import BatchParameters
 
 PLATE_SPRING = 1e3  # [N/m], the published program's
 _EDGE = 1e-9  # [m] vertices on the plate's edge count as held
+_MOST_COMPILED, _MOST_ON_DEVICE = 16, 256  # more cloths at once gain little
+_VERTEX_MEMORY = 12_000  # [bytes] of a compiled batch, for each vertex of each cloth
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +80,20 @@ class DrapeBatch:
     iterations: Int[ndarray, "members"]
     seconds: float
 
+    def member(self, index: int) -> Drape:
+        """The drape of one cloth; its time is its share.
+
+        Raises:
+            DrapeDiverged: It has none.
+        """
+        failure = self.failures[index]
+        if failure is not None:
+            raise DrapeDiverged(failure)
+        return Drape(
+            self.vertices[index], bool(self.converged[index]), float(self.residual[index]),
+            self.seconds / len(self.failures), int(self.iterations[index]),
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class DrapeSimulator:
@@ -83,12 +104,19 @@ class DrapeSimulator:
         settings: How it is draped.
         factor_memory: Most memory for the factors that gradients of a drop keep [bytes]; what does not fit is computed
             again on the way back (about 1.5 times the time; 0 keeps none), and memory then grows with the states only.
+        device: Where drapes are computed, and their positions lie: `cpu`, or the name of another device in mode `drop`
+            (see `torch_engine`).
+        device_memory: Most memory of a batch on another device [bytes], gradients included; by default most of what
+            it has left. A batch that does not fit runs in groups.
     """
 
     mesh: Mesh
     settings: DrapeSettings = field(default_factory=DrapeSettings)
     factor_memory: int = FACTOR_MEMORY
+    device: str = COMPILED
+    device_memory: int | None = None
     system: DrapeSystem = field(init=False, repr=False)
+    engine: TorchEngine | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         s, radius = self.settings, np.hypot(*self.mesh.material.T)
@@ -99,6 +127,9 @@ class DrapeSimulator:
         if not (radius <= s.plate_radius + _EDGE).any():
             raise SimulationError(f"no vertex lies on the plate of radius {s.plate_radius} m: nothing holds the cloth")
         object.__setattr__(self, "system", DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend))
+        elsewhere = torch_device(self.device) is not None
+        engine = TorchEngine(self.system, s, self.device, self.device_memory) if elsewhere else None
+        object.__setattr__(self, "engine", engine)
 
     def laid_down(self, seed: int | None = None) -> Float[ndarray, "vertices 3"]:
         """The shape in which the cloth is laid down, from the settings' seed or another one [m]."""
@@ -155,13 +186,10 @@ class DrapeSimulator:
             rest_angle=None if rest_angle is None else rest_angle[None],
             warm=None if warm is None else warm.vertices[None],
         )
-        if batch.failures[0] is not None:
-            raise DrapeDiverged(batch.failures[0])
-        branch = None if warm is None else follow(self.mesh, _array(warm.vertices), _array(batch.vertices[0]))
-        return Drape(
-            batch.vertices[0], bool(batch.converged[0]), float(batch.residual[0]), batch.seconds,
-            int(batch.iterations[0]), branch,
-        )  # fmt: skip
+        drape = batch.member(0)
+        if warm is None:
+            return drape
+        return replace(drape, branch=follow(self.mesh, _array(warm.vertices), _array(drape.vertices)))
 
     def drape_batch(
         self,
@@ -196,15 +224,24 @@ class DrapeSimulator:
         angle = self.rest_angles().expand(members, -1) if rest_angle is None else rest_angle
         self._check_arrays(members, initial=laid, rest_angle=angle, warm=warm)
         clock = time.perf_counter()
-        outcome = Outcome(self.system, self.settings, self.factor_memory, None if warm is None else _array(warm))
-        vertices = _DrapeFunction.apply(
-            _stacked([m.stretch for m in materials], 6, 4), _stacked([m.bending for m in materials], 3, 5),
-            torch.stack([m.vertex_mass(self.mesh) for m in materials]), angle, laid, outcome,
-        )  # fmt: skip
+        stretch = _stacked([m.stretch for m in materials], 6, 4)
+        bending = _stacked([m.bending for m in materials], 3, 5)
+        mass = torch.stack([m.vertex_mass(self.mesh) for m in materials])
+        if self.engine is not None:
+            vertices, outcome = self.engine.drape(BatchParameters(stretch, bending, mass, angle), laid)
+        else:
+            outcome = Outcome(self.system, self.settings, self.factor_memory, None if warm is None else _array(warm))
+            vertices = _DrapeFunction.apply(stretch, bending, mass, angle, laid, outcome)
         return DrapeBatch(
             vertices, outcome.failures, outcome.residual <= outcome.at_rest, outcome.residual, outcome.iterations,
             time.perf_counter() - clock,
         )  # fmt: skip
+
+    def at_once(self) -> int:
+        """A good number of cloths for `drape_batch` where there are many: as many as help and fit the memory."""
+        if self.engine is not None:
+            return min(_MOST_ON_DEVICE, self.engine.at_once())
+        return max(1, min(_MOST_COMPILED, CPU_MEMORY // (_VERTEX_MEMORY * self.mesh.vertices)))
 
     def _check_arrays(self, members: int, **arrays: Tensor | None) -> None:
         shapes = {"rest_angle": (members, len(self.mesh.hinges))}

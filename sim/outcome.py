@@ -18,8 +18,25 @@ from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.system import DrapeSystem, ParameterGradient, Parameters
 
-_DROP_AT_REST = 0.05  # a dropped cloth counts as at rest below this net force, as a fraction of its weight
+DROP_AT_REST = 0.05
+"""Net force below which a dropped cloth counts as at rest, as a fraction of its weight."""
+
 _BLOWN_UP = 100.0  # free fall has net forces of about the weight; so much more is a drop that its long steps blew up
+
+
+def flown_apart(settings: DrapeSettings, residual: float) -> str | None:
+    """What to say of a cloth that a drop's long steps blew up; None for any other.
+
+    Args:
+        settings: How it was dropped.
+        residual: Its net force at the end, as a fraction of its weight.
+    """
+    if residual < _BLOWN_UP:
+        return None
+    return (
+        f"the cloth flies apart: net force {residual:.2g} of the weight after {settings.steps} steps; use a shorter "
+        f"step than {settings.step_seconds} s"
+    )
 
 
 @dataclass(eq=False)
@@ -45,7 +62,7 @@ class Outcome:
     @property
     def at_rest(self) -> float:
         """Residual of a cloth that counts as at rest."""
-        return _DROP_AT_REST if self._drops else self.settings.tolerance
+        return DROP_AT_REST if self._drops else self.settings.tolerance
 
     def run(self, p: Parameters, laid: ndarray, differentiate: bool) -> tuple[ndarray, "Adjoint"]:
         """Drapes the batch: positions, and the way back."""
@@ -81,11 +98,8 @@ class Outcome:
             self.residual[alive] = np.linalg.norm(force[:, system.free].reshape(len(alive), -1), axis=1) / weight
             self.iterations[alive] = s.steps
             positions[alive] = last
-            for member in alive[~(self.residual[alive] < _BLOWN_UP)]:
-                self.failures[member] = (
-                    f"the cloth flies apart: net force {self.residual[member]:.2g} of the weight after {s.steps} "
-                    f"steps; use a shorter step than {s.step_seconds} s"
-                )
+            for member in alive:
+                self.failures[member] = flown_apart(s, self.residual[member])
             return positions, _Back(system, own, rollout, alive, len(laid), s.step_seconds)
         return positions, lambda g_x: (ParameterGradient.zeros(system, len(laid)), np.zeros_like(g_x))
 
@@ -145,10 +159,10 @@ class _FreeSearch:
     mu: float
     again: bool
 
-    def rest(self, p: Parameters, laid: ndarray, start: ndarray) -> Equilibrium:
+    def rest(self, p: Parameters, laid: ndarray, start: ndarray | None) -> Equilibrium:
         """The rest; where `again`, and there is none to be found from where the cloth fell, descends as it was laid."""
         try:
-            found = self._from(start, p, laid)
+            found = self._from(laid if start is None else start, p, laid)
             if found.converged or not self.again:
                 return found
         except DrapeDiverged:

@@ -7,9 +7,11 @@ stiffness, mass, rest shape or the shape in which they are laid down:
                                  steps=100, step_seconds=0.05, device="cuda")
     positions[good].mean().backward()
 
+`drop_members` is the same, and also says how the members fared.
+
 Of the forward pass only positions are kept, with as many factors as fit the memory; the other factors are computed
-again. Members run in groups that fit the memory too. A member whose step matrix is not positive definite, or whose
-forces are no longer finite, ends as NaN with a gradient of 0 and leaves the others alone.
+again. Members run in groups that fit the memory too. A member whose step matrix is not positive definite, whose forces
+are no longer finite, or that flies apart ends as NaN with a gradient of 0 and leaves the others alone.
 
 References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
@@ -17,12 +19,12 @@ References:
 """
 
 import math
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
@@ -35,10 +37,30 @@ from cusick_bench.sim.torch_rollout import BatchPlan, adjoint, plan_batch, rollo
 
 CPU_MEMORY = 4 * 2**30  # [bytes] memory limit of a batch on the CPU
 _FREE_SHARE = 0.8  # of a GPU's free memory that a batch may take
+_REPORT = ("good", "factored", "steps", "force")  # what a group's record says of its members
+
+
+@dataclass(frozen=True, eq=False)
+class DroppedMembers:
+    """A batch after its drop, on the device.
+
+    Attributes:
+        positions: Last positions, NaN for members that blew up [m]; carry gradients.
+        good: Which members are sound.
+        factored: Whose step matrices were positive definite, as long as they were sound.
+        steps: Steps that each member took soundly.
+        force: Net force on the free vertices, its Euclidean norm over all of them [N].
+    """
+
+    positions: Float[Tensor, "members vertices 3"]
+    good: Bool[Tensor, "members"]
+    factored: Bool[Tensor, "members"]
+    steps: Int[Tensor, "members"]
+    force: Float[Tensor, "members"]
 
 
 @lru_cache(maxsize=8)
-def _prepared(system: DrapeSystem, device: str, linear: str) -> tuple[TorchForces, TorchLinear]:
+def prepared(system: DrapeSystem, device: str, linear: str) -> tuple[TorchForces, TorchLinear]:
     """Analysis of a system for one device; systems are compared by identity."""
     pattern = BlockPattern(system.layout.indptr, system.layout.indices, system.mesh.material[system.free])
     solver = torch_solver(pattern, device, linear)
@@ -57,7 +79,7 @@ class _Drops(torch.autograd.Function):
         rest_angle: Tensor,
         initial: Tensor,
         plan: BatchPlan,
-    ) -> tuple[Tensor, Tensor]:
+    ) -> tuple[Tensor, ...]:
         p = BatchParameters(stretch, bending, mass, rest_angle)
         differentiate, budget = any(ctx.needs_input_grad), plan.factor_memory
         last, records = [], []
@@ -72,9 +94,9 @@ class _Drops(torch.autograd.Function):
             records.append(record)
         ctx.plan, ctx.records = plan, records if differentiate else []
         ctx.save_for_backward(stretch, bending, mass, rest_angle, initial)
-        good = torch.cat([record.good for record in records])
-        ctx.mark_non_differentiable(good)
-        return torch.cat(last), good
+        report = [torch.cat([getattr(record, name) for record in records]) for name in _REPORT]
+        ctx.mark_non_differentiable(*report)
+        return torch.cat(last), *report
 
     @staticmethod
     @once_differentiable
@@ -131,6 +153,46 @@ def free_memory(device: str) -> int:
     return int(_FREE_SHARE * (torch.cuda.mem_get_info(device)[0] + cached))
 
 
+def drop_members(
+    system: DrapeSystem,
+    p: BatchParameters,
+    initial: Float[Tensor, "#members vertices 3"],
+    *,
+    steps: int,
+    step_seconds: float,
+    device: str = "cpu",
+    linear: str = "multifrontal",
+    memory_limit: int | None = None,
+) -> DroppedMembers:
+    """Drops a batch of cloths from rest; differentiable in all tensors, which may be shared by all members.
+
+    Args:
+        system: Cloth and support.
+        p: The cloths.
+        initial: Shapes in which the cloths are laid down [m]; springs and fixed vertices hold on to them.
+        steps: Number of steps.
+        step_seconds: Step h [s].
+        device: Where to compute; tensors elsewhere are copied there.
+        linear: Batched linear solver, see `torch_linear.torch_solver`.
+        memory_limit: Most memory to use [bytes]; by default `free_memory`.
+
+    Returns:
+        Last positions and how the members fared.
+
+    Raises:
+        SimulationError: Shapes that don't fit, values that are not finite, or a memory limit that is too small.
+    """
+    if steps < 1 or not (math.isfinite(step_seconds) and step_seconds > 0):
+        raise SimulationError(f"steps must be >= 1 and step_seconds > 0, got {steps} and {step_seconds}")
+    given = {field.name: getattr(p, field.name) for field in fields(p)} | {"initial": initial}
+    tensors, members = _checked(system, given, device)
+    differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
+    limit = free_memory(device) if memory_limit is None else memory_limit
+    forces, solver = prepared(system, device, linear)
+    plan = plan_batch(forces, solver, members, steps=steps, h=step_seconds, limit=limit, differentiate=differentiate)
+    return DroppedMembers(*_Drops.apply(*tensors, plan))  # pyright: ignore[reportGeneralTypeIssues]
+
+
 def torch_drop(
     system: DrapeSystem,
     stretch: Float[Tensor, "#members #faces 6 4"],
@@ -145,33 +207,12 @@ def torch_drop(
     linear: str = "multifrontal",
     memory_limit: int | None = None,
 ) -> tuple[Float[Tensor, "members vertices 3"], Bool[Tensor, "members"]]:
-    """Drops a batch of cloths from rest; differentiable in all tensors, which may be shared by all members.
+    """Last positions [m] of a batch of drops, on the device, and which members are sound; the others' are NaN.
 
-    Args:
-        system: Cloth and support.
-        stretch: C [N/m].
-        bending: B [N m].
-        mass: Vertex masses [kg].
-        rest_angle: Stress-free dihedral angles [rad].
-        initial: Shapes in which the cloths are laid down [m]; springs and fixed vertices hold on to them.
-        steps: Number of steps.
-        step_seconds: Step h [s].
-        device: Where to compute; tensors elsewhere are copied there.
-        linear: Batched linear solver, see `torch_linear.torch_solver`.
-        memory_limit: Most memory to use [bytes]; by default `free_memory`.
-
-    Returns:
-        Last positions [m], on the device, and which members are sound; the others' positions are NaN.
-
-    Raises:
-        SimulationError: Shapes that don't fit, values that are not finite, or a memory limit that is too small.
+    Args and Raises are those of `drop_members`, with the cloths' parameters (see `BatchParameters`) one by one.
     """
-    if steps < 1 or not (math.isfinite(step_seconds) and step_seconds > 0):
-        raise SimulationError(f"steps must be >= 1 and step_seconds > 0, got {steps} and {step_seconds}")
-    given = {"stretch": stretch, "bending": bending, "mass": mass, "rest_angle": rest_angle, "initial": initial}
-    tensors, members = _checked(system, given, device)
-    differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
-    limit = free_memory(device) if memory_limit is None else memory_limit
-    forces, solver = _prepared(system, device, linear)
-    plan = plan_batch(forces, solver, members, steps=steps, h=step_seconds, limit=limit, differentiate=differentiate)
-    return _Drops.apply(*tensors, plan)  # pyright: ignore[reportReturnType]
+    dropped = drop_members(
+        system, BatchParameters(stretch, bending, mass, rest_angle), initial, steps=steps, step_seconds=step_seconds,
+        device=device, linear=linear, memory_limit=memory_limit,
+    )  # fmt: skip
+    return dropped.positions, dropped.good

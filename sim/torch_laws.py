@@ -118,7 +118,12 @@ def tension(law: str, k: Float[Tensor, "members faces 4"], strain: Strain) -> tu
     k0, k1, k2, _ = k.unbind(2)
     plus0, plus1 = strain[0].relu(), strain[1].relu()
     g_uu, g_vv = k0 * plus0 + k1 * plus1, k2 * plus1 + k1 * plus0
-    return (g_uu.relu(), g_vv.relu()) if law == "paper" else (g_uu, g_vv)
+    return (_not_negative(g_uu), _not_negative(g_vv)) if law == "paper" else (g_uu, g_vv)
+
+
+def _not_negative(value: Tensor) -> Tensor:
+    """max(value, 0) with slope 1 at 0: where c12 = 0 nothing is cut off yet, and its gradient has to tell."""
+    return torch.where(value >= 0, value, 0.0)
 
 
 def _bspline(offset: Tensor) -> Tensor:

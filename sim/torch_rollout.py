@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, fields
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from cusick_bench.sim.errors import SimulationError
@@ -20,6 +20,7 @@ _NUMBER = 8  # [bytes] of a float64
 _FORWARD_NUMBERS, _ADJOINT_NUMBERS = 140, 220  # alive at once per face and per hinge (measured: at most 122 and 201)
 _VECTORS = 12  # vertex fields alive at once
 _WORK = 1.5  # measured over computed memory of a factorisation at work: at most 1.4
+_FAR = 20.0  # a cloth that moves farther than so many times its size has blown up, as in `drop`
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +52,35 @@ class BatchPlan:
 
 @dataclass(frozen=True, eq=False)
 class GroupRecord:
-    """What the adjoint needs of one group: positions x_0 .. x_n, kept factors, and who is well."""
+    """What the adjoint needs of one group, and how its members fared.
+
+    Attributes:
+        states: Positions x_0 .. x_n [m]; x_0 alone where there will be no adjoint.
+        factors: Kept factors by step.
+        good: Who is well.
+        factored: Whose step matrices had a factor as long as they were well.
+        steps: Steps that each member took well.
+        force: Net force on the free vertices at the end, its Euclidean norm over all of them [N].
+    """
 
     states: list[Float[Tensor, "members vertices 3"]]
     factors: dict[int, TorchFactor]
     good: Bool[Tensor, "members"]
+    factored: Bool[Tensor, "members"]
+    steps: Int[Tensor, "members"]
+    force: Float[Tensor, "members"]
+
+    @classmethod
+    def start(cls, x: Float[Tensor, "members vertices 3"]) -> "GroupRecord":
+        """Before the first step everybody is well."""
+        well = torch.ones(len(x), dtype=torch.bool, device=x.device)
+        return cls([x], {}, well, well.clone(), well.new_zeros(len(x), dtype=torch.int64), x.new_zeros(len(x)))
+
+    def update(self, factored: Bool[Tensor, "members"], near: Bool[Tensor, "members"]) -> None:
+        """Notes how a step went; who was lost before stays as it was."""
+        self.factored.logical_and_(factored | ~self.good)
+        self.good.logical_and_(factored & near)
+        self.steps.add_(self.good)
 
 
 def member_bytes(forces: TorchForces, linear: TorchLinear, steps: int, *, differentiate: bool) -> tuple[int, int]:
@@ -125,21 +150,22 @@ def rollout(
     h, free = plan.h, plan.forces.free
     x = anchor.expand(members, *anchor.shape[1:])
     v = torch.zeros_like(x)
-    record = GroupRecord([x], {}, torch.ones(members, dtype=torch.bool, device=x.device))
+    record, far = GroupRecord.start(x), _FAR * anchor.abs().amax((1, 2))
     for step in range(plan.steps):
         force, blocks = plan.forces.evaluate(x, anchor, p)
         factor = plan.factorise(blocks, p.mass)
         solved = factor.solve((p.mass[:, :, None] * v + h * force)[:, free])
         v = torch.zeros_like(v).index_copy(1, free, solved)
         x = x + h * v
-        record.good.logical_and_(factor.good & torch.isfinite(solved).all(2).all(1))
+        record.update(factor.good, x.abs().amax((1, 2)) < far)  # NaN compares as false
         if keep is not None:
             record.states.append(x)
             if step < keep:
                 record.factors[step] = factor
         del factor  # or two are alive while the next is made
     force, _ = plan.forces.evaluate(x, anchor, p)
-    record.good.logical_and_(torch.isfinite(force).all(2).all(1))
+    record.force.copy_(torch.linalg.vector_norm(force[:, free].flatten(1), dim=1))
+    record.good.logical_and_(torch.isfinite(record.force))
     return torch.where(record.good[:, None, None], x, torch.nan), record
 
 
