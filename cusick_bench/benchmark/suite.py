@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cusick_bench.benchmark.device import device_name, drapes_per_second, measure_device
 from cusick_bench.benchmark.gradients import GradientCheck
 from cusick_bench.benchmark.memory import peak_of
 from cusick_bench.benchmark.reference import Comparison
@@ -16,8 +17,10 @@ from cusick_bench.benchmark.timing import Timing, paired_ratio, time_in_turn
 from cusick_bench.benchmark.workload import FLOOR_SHARE, Workload
 from cusick_bench.runner.environment import environment
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.mesh import disc_mesh
 from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.torch_engine import torch_device
 
 TARGET_SIZE = 2699
 """Mesh size that the targets are for: the paper's."""
@@ -33,10 +36,12 @@ class Plan:
     Attributes:
         vertices: Mesh sizes.
         rounds: Times of each case; large meshes get at most three.
-        batches: Members of the batches.
+        batches: Members of the batches on the CPU.
         support: `fixed` plate, or `springs` as published.
         reference_steps: Steps of the comparison with plain autograd, which keeps the graph of each.
         gradient_vertices: Mesh size of the gradient check.
+        device: Where the torch engine is measured beside the CPU, as `DrapeSimulator` takes it; None for nowhere.
+        device_batches: Members of the batches there.
     """
 
     vertices: tuple[int, ...] = (297, 1205, 2699, 7496, 20000)
@@ -45,6 +50,14 @@ class Plan:
     support: str = "fixed"
     reference_steps: int = 10
     gradient_vertices: int = 1205
+    device: str | None = None
+    device_batches: tuple[int, ...] = (16, 64, 256, 1000)
+
+    def __post_init__(self) -> None:
+        if self.device is not None and torch_device(self.device) is None:
+            raise SimulationError(
+                f"the CPU's compiled engine is always measured, and device {self.device!r} is that one; name another"
+            )
 
 
 def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict[str, Any]:
@@ -76,6 +89,28 @@ def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict
         "ratios": ratios,
         "memory_bytes": memory,
     }
+
+
+def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Callable[[str], None]) -> dict[str, Any]:
+    """The plan's device on every mesh, with rates beside those of the CPU (`times_faster`).
+
+    Args:
+        meshes: What `measure_mesh` found.
+        plan: What to measure.
+        done: Called with the name of everything measured.
+    """
+    if plan.device is None:
+        return {}
+    found = []
+    for vertices, cpu in zip(plan.vertices, meshes, strict=True):
+        mesh = measure_device(vertices, plan.device, plan.device_batches, plan.rounds, plan.support, done)
+        rates = {
+            name: {"cpu": drapes_per_second(cpu["cases"], suffix), "device": drapes_per_second(mesh["cases"], suffix)}
+            for name, suffix in (("forward", ""), ("gradient", "+gradient"))
+        }
+        faster = {name: rate["device"] / rate["cpu"] for name, rate in rates.items()}
+        found.append(mesh | {"drapes_per_second": rates, "times_faster": faster})
+    return device_name(plan.device) | {"meshes": found}
 
 
 def _gradient_ready(vertices: int, support: str, keep: bool) -> Callable[[], object]:
@@ -123,10 +158,11 @@ def benchmark(plan: Plan, done: Callable[[str], None] = lambda name: None) -> di
         done: Called with the name of everything measured.
 
     Returns:
-        `hardware`, `plan`, `meshes`, `reference`, `gradient_error`, `start_up_s`, `scaling_exponent`, `ratios` (those
-        of the target mesh, or of the last) and `targets`.
+        `hardware`, `plan`, `meshes`, `reference`, `gradient_error`, `start_up_s`, `scaling_exponent`, `device` (empty
+        without one), `ratios` (those of the target mesh, or of the last) and `targets`.
     """
     meshes = [measure_mesh(vertices, plan, done) for vertices in plan.vertices]
+    beside = measure_beside(meshes, plan, done)
     size = TARGET_SIZE if TARGET_SIZE in plan.vertices else plan.vertices[-1]
     reference = Comparison(size, plan.reference_steps).measure(min(plan.rounds, 3))
     done("plain autograd")
@@ -141,6 +177,7 @@ def benchmark(plan: Plan, done: Callable[[str], None] = lambda name: None) -> di
         "gradient_error": errors,
         "start_up_s": start_up(),
         "scaling_exponent": scaling(meshes),
+        "device": beside,
         "ratios": {
             **{name: ratio["median"] for name, ratio in target["ratios"].items()},
             "plain autograd / engine, time": reference["times_faster"]["median"],  # pyright: ignore[reportIndexIssue]

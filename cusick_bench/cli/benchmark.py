@@ -26,6 +26,10 @@ def benchmark(
     ] = False,
     reference_steps: Annotated[int, typer.Option(min=1, help="Steps compared with plain autograd.")] = 10,
     gradient_vertices: Annotated[int, typer.Option(help="Mesh size of the gradient check.")] = 1205,
+    device: Annotated[
+        str | None,
+        typer.Option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="File for the JSON document.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
@@ -33,7 +37,7 @@ def benchmark(
     plan = Plan(
         vertices=tuple(vertices or Plan.vertices), rounds=rounds, batches=tuple(batch or Plan.batches),
         support="springs" if springs else "fixed", reference_steps=reference_steps,
-        gradient_vertices=gradient_vertices,
+        gradient_vertices=gradient_vertices, device=device, device_batches=tuple(batch or Plan.device_batches),
     )  # fmt: skip
     columns = (SpinnerColumn(), "{task.description}", TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -47,6 +51,8 @@ def benchmark(
         return
     for mesh in document["meshes"]:
         _print_mesh(mesh)
+    for mesh in document["device"].get("meshes", []):
+        print_device(mesh, document["device"])
     _print_gradients(document["gradient_error"])
     _print_targets(document["targets"])
 
@@ -63,6 +69,33 @@ def _print_mesh(mesh: dict[str, Any]) -> None:
         ratio = f"{ratios[name]['median']:.2f}" if name in ratios else ""
         table.add_row(name, f"{1e3 * timing['median_s']:.2f}", f"{low:.2f} - {high:.2f}", ratio)
     output.print(table)
+
+
+def print_device(mesh: dict[str, Any], device: dict[str, Any]) -> None:
+    """One mesh on a device.
+
+    Args:
+        mesh: An entry of the document's `device`.
+        device: That `device`.
+    """
+    name = device.get("name", device["device"])
+    table = Table("case", title=f"{mesh['vertices']} vertices, torch engine on {name}")
+    for column in ("median ms", "range ms", "peak MB"):
+        table.add_column(column, justify="right")
+    for case, timing in mesh["cases"].items():
+        low, high, peak = 1e3 * timing["low_s"], 1e3 * timing["high_s"], mesh["peak_memory_bytes"][case]
+        held = "-" if peak is None else f"{peak / 1e6:.0f}"
+        table.add_row(case, f"{1e3 * timing['median_s']:.1f}", f"{low:.1f} - {high:.1f}", held)
+    for case, reason in mesh["left_out"].items():
+        table.add_row(case, "left out", reason, "")
+    output.print(table)
+    for what, rate in mesh["drapes_per_second"].items():
+        output.print(
+            f"{what}: {rate['device']:.3g} drapes/s, the CPU's engine {rate['cpu']:.3g}: "
+            f"{mesh['times_faster'][what]:.3g} times as fast"
+        )
+    worst = max(mesh["agreement"]["gradient"].values())
+    output.print(f"engines differ by {mesh['agreement']['positions_m']:.1e} m, gradients by {worst:.1e} of the largest")
 
 
 def _print_gradients(rows: list[dict[str, Any]]) -> None:

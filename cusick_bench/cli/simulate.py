@@ -1,6 +1,10 @@
 """`cusick-bench simulate`: one or many drapes of a cloth given by a few numbers."""
 
-from dataclasses import dataclass
+import itertools
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +13,7 @@ import numpy as np
 import torch
 import typer
 from PIL import Image
-from rich.progress import Progress, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 from rich.table import Table
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
@@ -21,15 +25,17 @@ from cusick_bench.datasets.profile import (
     profile_from_image,
 )
 from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
-from cusick_bench.sim.drape import Drape, DrapeSimulator
-from cusick_bench.sim.errors import CusickError, DrapeDiverged
+from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
+from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.heterogeneity import random_heterogeneity
-from cusick_bench.sim.material import PUBLISHED_BENDING_FACTOR, uniform_material
+from cusick_bench.sim.material import PUBLISHED_BENDING_FACTOR, Material, uniform_material
 from cusick_bench.sim.mesh import disc_mesh, mesh_from_obj, write_obj
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.silhouette import render
 
 app = typer.Typer()
+
+_MOST_ROWS = 40  # draws that the table shows one by one
 
 
 class Mode(StrEnum):
@@ -85,6 +91,45 @@ def _write(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None
     )
 
 
+@dataclass(frozen=True)
+class Draws:
+    """Random variants of one cloth; each draw depends on the seed and its number only.
+
+    Attributes:
+        simulator: How they are draped.
+        cloth: Their mean.
+        heterogeneity: Spread of log stiffness.
+        seed: Of the first.
+    """
+
+    simulator: DrapeSimulator
+    cloth: Material
+    heterogeneity: float
+    seed: int
+
+    def batches(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
+        """Drapes `count` draws in batches of like size that fit the memory: their numbers, and they, on the CPU."""
+        batches = -(-count // self.simulator.at_once())
+        ends = [round(count * part / batches) for part in range(batches + 1)]
+        for first, end in itertools.pairwise(ends):
+            yield range(first, end), self._batch(range(first, end))
+
+    def _batch(self, numbers: range) -> DrapeBatch:
+        laid = np.stack([self.simulator.laid_down(self.seed + number) for number in numbers])
+        batch = self.simulator.drape_batch(
+            [self._drawn(number) for number in numbers],
+            initial=torch.from_numpy(laid),
+            rest_angle=torch.stack([self.simulator.rest_angles(self.seed + number) for number in numbers]),
+        )
+        return replace(batch, vertices=batch.vertices.cpu())
+
+    def _drawn(self, number: int) -> Material:
+        if self.heterogeneity == 0:
+            return self.cloth  # its tables are shared by all elements and all draws
+        generator = np.random.default_rng([self.seed, number, 2])
+        return random_heterogeneity(self.cloth, self.simulator.mesh, self.heterogeneity, generator)
+
+
 @app.command()
 @user_errors
 def simulate(
@@ -98,12 +143,18 @@ def simulate(
     laying: Annotated[float, typer.Option(help="Sd of the height in which the cloth is laid down [m].")] = 1e-3,
     rest: Annotated[float, typer.Option(help="Sd of the rest shape's height [m].")] = 0.0,
     self_contact: Annotated[float, typer.Option(help="Distance that folds keep from each other [m]; 0: none.")] = 0.0,
-    draws: Annotated[int, typer.Option(min=1, help="Number of drapes; each has its own random shapes.")] = 1,
+    draws: Annotated[
+        int, typer.Option(min=1, help="Number of drapes, each with its own random shapes; draped in batches.")
+    ] = 1,
     mode: Annotated[Mode, typer.Option()] = Mode.drop,
     law: Annotated[LawName, typer.Option()] = LawName.paper,
     camera: Annotated[CameraName, typer.Option()] = CameraName.parallel,
     steps: Annotated[int, typer.Option(help="Steps of 0.05 s of the drop.")] = 100,
     seed: Annotated[int, typer.Option()] = 0,
+    device: Annotated[
+        str,
+        typer.Option(help="cpu, cuda or cuda:N (mode drop, big batches), or cpu:torch (the GPU's code on the CPU)."),
+    ] = "cpu",
     out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes and profiles.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
@@ -130,28 +181,39 @@ def simulate(
         seed=seed,
         self_contact=self_contact,
     )
-    simulator = DrapeSimulator(sheet, settings)
+    drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed)
     view: Camera = ParallelCamera() if camera is CameraName.parallel else PinholeCamera()
+    clock = time.perf_counter()
+    results = _simulated(drawn, draws, view, out)
+    _report(
+        results, as_json,
+        {
+            "vertices": sheet.vertices, "faces": len(sheet.faces), "out": out, "device": device,
+            "wall_seconds": time.perf_counter() - clock,
+        },
+    )  # fmt: skip
+
+
+def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list[dict[str, Any]]:
+    """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
     results: list[dict[str, Any]] = []
-    columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn())
+    faces = drawn.simulator.mesh.faces
+    columns = (*Progress.get_default_columns()[:-1], MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        for draw in progress.track(range(draws), description="draping"):
-            drawn = random_heterogeneity(cloth, sheet, heterogeneity, np.random.default_rng([seed, draw, 2]))
-            try:
-                drape = simulator.drape(
-                    drawn,
-                    initial=torch.from_numpy(simulator.laid_down(seed + draw)),
-                    rest_angle=simulator.rest_angles(seed + draw),
-                )
-            except DrapeDiverged as error:
-                results.append({"draw": draw, "converged": False, "failure": str(error)})
-                continue
-            image = render(drape.vertices, sheet.faces, view)
-            outcome = Outcome(drape, image, profile_from_image(image))
-            results.append({"draw": draw, **outcome.summary()})
-            if out is not None:
-                _write(out, f"drape_{draw:04d}", outcome, sheet.faces)
-    _report(results, as_json, {"vertices": sheet.vertices, "faces": len(sheet.faces), "out": out})
+        task = progress.add_task("draping", total=count)
+        for numbers, batch in drawn.batches(count):
+            for place, number in enumerate(numbers):
+                progress.advance(task)
+                if batch.failures[place] is not None:
+                    results.append({"draw": number, "converged": False, "failure": batch.failures[place]})
+                    continue
+                drape = batch.member(place)
+                image = render(drape.vertices, faces, view)
+                outcome = Outcome(drape, image, profile_from_image(image))
+                results.append({"draw": number, **outcome.summary()})
+                if out is not None:
+                    _write(out, f"drape_{number:04d}", outcome, faces)
+    return results
 
 
 def _bending_rows(text: str) -> tuple[float, float, float]:
@@ -167,25 +229,52 @@ def _bending_rows(text: str) -> tuple[float, float, float]:
 def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:
     """Prints the drapes; the document's own keys are those of a single drape, or means over the draws."""
     done = [result for result in results if "failure" not in result]
-    failed = len(results) - len(done)
+    _report_failures(results)
     if as_json:
         keys = ("drape_coefficient", "folds", "residual", "seconds")
         means = {key: float(np.mean([result[key] for result in done])) if done else None for key in keys}
-        converged = failed == 0 and all(result["converged"] for result in done)
-        print_json({**means, "converged": converged, "failed": failed, **extra, "draws": results})
+        converged = len(done) == len(results) and all(result["converged"] for result in done)
+        print_json({**means, "converged": converged, "failed": len(results) - len(done), **extra, "draws": results})
     else:
-        table = Table(title=f"{len(results)} drape(s) of {extra['vertices']} vertices")
-        for name in ("draw", "drape coefficient", "folds", "at rest", "residual", "seconds"):
-            table.add_column(name, justify="right")
-        for r in results:
-            if "failure" in r:
-                table.add_row(str(r["draw"]), "-", "-", "failed", "-", "-")
-                console.print(f"draw {r['draw']}: {r['failure']}", markup=False)
-                continue
-            table.add_row(
-                str(r["draw"]), f"{r['drape_coefficient']:.4f}", str(r["folds"]), "yes" if r["converged"] else "no",
-                f"{r['residual']:.1e}", f"{r['seconds']:.2f}",
-            )  # fmt: skip
-        output.print(table)
+        _print_table(results, done, extra)
     if not done:
         raise typer.Exit(1)
+
+
+def _report_failures(results: list[dict[str, Any]]) -> None:
+    """Says on standard error which draws diverged, and why; draws with the same reason together."""
+    reasons: dict[str, list[int]] = defaultdict(list)
+    for result in results:
+        if "failure" in result:
+            reasons[result["failure"]].append(result["draw"])
+    if reasons:
+        console.print(f"{sum(map(len, reasons.values()))} of {len(results)} draws diverged:", highlight=False)
+    for reason, draws in reasons.items():
+        console.print(f"draw {', '.join(map(str, draws))}: {reason}", markup=False, highlight=False)
+
+
+def _print_table(results: list[dict[str, Any]], done: list[dict[str, Any]], extra: dict[str, Any]) -> None:
+    """The first draws one by one, and mean and standard deviation of all that have not diverged."""
+    title = (
+        f"{len(results)} drape(s) of {extra['vertices']} vertices, {extra['wall_seconds']:.1f} s on {extra['device']}"
+    )
+    table = Table(title=title)
+    for name in ("draw", "drape coefficient", "folds", "at rest", "residual", "seconds"):
+        table.add_column(name, justify="right")
+    for r in results[:_MOST_ROWS]:
+        if "failure" in r:
+            table.add_row(str(r["draw"]), "-", "-", "failed", "-", "-")
+            continue
+        table.add_row(
+            str(r["draw"]), f"{r['drape_coefficient']:.4f}", str(r["folds"]), "yes" if r["converged"] else "no",
+            f"{r['residual']:.1e}", f"{r['seconds']:.2f}",
+        )  # fmt: skip
+    if len(results) > _MOST_ROWS:
+        table.add_row("…", *[""] * 5)
+    if len(done) > 1:
+        table.add_section()
+        coefficient, folds = (np.array([r[key] for r in done]) for key in ("drape_coefficient", "folds"))
+        spreads = (f"{coefficient.mean():.4f} ± {coefficient.std():.4f}", f"{folds.mean():.1f} ± {folds.std():.1f}")
+        rest = np.mean([r["converged"] for r in done])
+        table.add_row("mean ± sd", *spreads, f"{100 * rest:.0f} %", "", f"{np.mean([r['seconds'] for r in done]):.3f}")
+    output.print(table)

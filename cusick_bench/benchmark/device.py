@@ -1,0 +1,224 @@
+"""The torch engine on a device, beside the compiled engine on the CPU: times, peak memory, and how well they agree.
+
+Positions, parameters and gradients stay on the device; a case ends when the device has finished it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from cusick_bench.benchmark.timing import time_in_turn
+from cusick_bench.benchmark.workload import STEPS, cloth
+from cusick_bench.sim.camera import ParallelCamera
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.material import Material
+from cusick_bench.sim.mesh import Mesh, disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.silhouette import Method, render
+from cusick_bench.sim.torch_engine import torch_device
+
+_MOST_BATCHED = 1_250_000  # vertices of a batch; larger ones are left out
+_COMPARED = 2  # cloths on which the engines are compared
+_SILHOUETTES = 16  # drawn at once
+
+Case = Callable[[], object]
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceWorkload:
+    """Everything that is timed on one mesh and one device.
+
+    Attributes:
+        vertices: Mesh size.
+        device: As `DrapeSimulator` takes it.
+        support: As in `DrapeSettings`.
+    """
+
+    vertices: int
+    device: str
+    support: str = "fixed"
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The mesh."""
+        return disc_mesh(self.vertices)
+
+    def simulator(self, device: str) -> DrapeSimulator:
+        """Mesh and settings on a device."""
+        return DrapeSimulator(self.mesh, DrapeSettings(support=self.support, steps=STEPS), device=device)  # pyright: ignore[reportArgumentType]
+
+    @cached_property
+    def there(self) -> DrapeSimulator:
+        """Simulator on the device."""
+        return self.simulator(self.device)
+
+    @cached_property
+    def place(self) -> torch.device:
+        """The device, for tensors."""
+        return torch.device(torch_device(self.device) or "cpu")
+
+    def finish(self) -> None:
+        """Waits for the device."""
+        if self.place.type == "cuda":
+            torch.cuda.synchronize(self.place)
+
+    def _cloths(self, members: int, *, track: bool, spread: float = 0.0) -> list[Material]:
+        """Cloths on the device; with gradients, every element has tables of its own."""
+        found = []
+        for seed in range(members):
+            made = cloth(self.mesh, spread=spread, seed=seed)
+            tables = (made.stretch, made.bending, made.density) if track else self._shared(made)
+            found.append(Material(*(table.to(self.place).requires_grad_(track) for table in tables)))
+        return found
+
+    @staticmethod
+    def _shared(made: Material) -> tuple[Tensor, Tensor, Tensor]:
+        return made.stretch[0], made.bending[0], made.density[0]
+
+    def _laid(self, members: int) -> Tensor:
+        shapes = np.stack([self.there.laid_down(seed) for seed in range(members)])
+        return torch.from_numpy(shapes).to(self.place)
+
+    def dropping(self, members: int, *, gradient: bool) -> Case:
+        """Drops so many cloths, each laid down in its own way; with the adjoint to all numbers of all elements."""
+        laid, cloths = self._laid(members), self._cloths(members, track=gradient)
+
+        def run() -> None:
+            vertices = self.there.drape_batch(cloths, initial=laid).vertices
+            if gradient:
+                vertices.sum().backward()
+            for material in cloths:
+                material.stretch.grad = material.bending.grad = material.density.grad = None
+            self.finish()
+
+        return run
+
+    def silhouettes(self, method: Method) -> Case:
+        """Draws the drapes that lie on the device, and goes back to their positions."""
+        with torch.no_grad():
+            draped = self.there.drape_batch(self._cloths(_SILHOUETTES, track=False), initial=self._laid(_SILHOUETTES))
+        vertices = draped.vertices.detach().requires_grad_()
+
+        def run() -> None:
+            render(vertices, self.mesh.faces, ParallelCamera(), method=method).square().mean().backward()
+            vertices.grad = None
+            self.finish()
+
+        return run
+
+    def makers(self, batches: list[int]) -> dict[str, Callable[[], Case]]:
+        """What gets each case ready, by the case's name."""
+        found: dict[str, Callable[[], Case]] = {}
+        for members in [1, *batches]:
+            name = "drop" if members == 1 else f"batch of {members}"
+            found[name] = lambda members=members: self.dropping(members, gradient=False)
+            found[f"{name}+gradient"] = lambda members=members: self.dropping(members, gradient=True)
+        found[f"{_SILHOUETTES} silhouettes+gradient, through the host"] = lambda: self.silhouettes("coverage")
+        found[f"{_SILHOUETTES} soft silhouettes+gradient"] = lambda: self.silhouettes("soft")
+        return found
+
+    def peak(self, case: Case) -> int | None:
+        """Most memory of the device that a case holds, with what it starts from [bytes]; None on the CPU."""
+        if self.place.type != "cuda":
+            case()
+            return None
+        torch.cuda.empty_cache()
+        torch.cuda.reset_peak_memory_stats(self.place)
+        case()
+        return torch.cuda.max_memory_allocated(self.place)
+
+    def agreement(self) -> dict[str, Any]:
+        """Largest difference of positions [m], and of gradients relative to the largest, between the two engines."""
+        weight = torch.from_numpy(np.random.default_rng(0).normal(size=(_COMPARED, self.mesh.vertices, 3)))
+        ours, theirs = (self._positions_and_gradients(name, weight) for name in (self.device, "cpu"))
+        errors = {name: _largest(ours[name] - theirs[name]) / _largest(theirs[name]) for name in theirs}
+        return {
+            "cloths": _COMPARED,
+            "positions_m": _largest(ours["positions"] - theirs["positions"]),
+            "gradient": {name: error for name, error in errors.items() if name != "positions"},
+        }
+
+    def _positions_and_gradients(self, device: str, weight: Tensor) -> dict[str, Tensor]:
+        cloths = [cloth(self.mesh, spread=0.1, seed=seed, track=True) for seed in range(_COMPARED)]
+        taut = torch.tensor([1.001, 1.001, 1.0], dtype=torch.float64)  # max(G, 0) has a kink where nothing is strained
+        laid = (self._laid(_COMPARED).cpu() * taut).requires_grad_()
+        vertices = self.simulator(device).drape_batch(cloths, initial=laid).vertices
+        (vertices * weight.to(vertices.device)).sum().backward()
+        assert laid.grad is not None
+        found = {"positions": vertices.detach().cpu(), "initial": laid.grad}
+        for name in ("stretch", "bending", "density"):
+            found[name] = torch.stack([getattr(one, name).grad for one in cloths])
+        return found
+
+
+def _largest(tensor: Tensor) -> float:
+    return float(tensor.abs().max())
+
+
+def measure_device(
+    vertices: int, device: str, batches: tuple[int, ...], rounds: int, support: str, done: Callable[[str], None]
+) -> dict[str, Any]:
+    """Everything about one mesh on one device.
+
+    Args:
+        vertices: Mesh size.
+        device: As `DrapeSimulator` takes it.
+        batches: Members of the batches; those of too many vertices are left out.
+        rounds: Times of each case.
+        support: As in `DrapeSettings`.
+        done: Called with the name of everything measured.
+
+    Returns:
+        `cases` (times), `peak_memory_bytes` (by case), `left_out` (why a case was not run), `agreement`.
+    """
+    workload = DeviceWorkload(vertices, device, support)
+    cases, peaks, left_out = {}, {}, {}
+    for name, ready in workload.makers([n for n in batches if n * vertices <= _MOST_BATCHED]).items():
+        try:
+            case = ready()
+            peak = workload.peak(case)
+        except (SimulationError, torch.OutOfMemoryError) as error:  # does not fit the device
+            left_out[name] = str(error)
+            continue
+        peaks[name] = peak
+        cases[name] = time_in_turn({name: case}, rounds)[name].summary()
+        done(f"{vertices} on {device}: {name}")
+    return {
+        "vertices": workload.mesh.vertices,
+        "cases": cases,
+        "peak_memory_bytes": peaks,
+        "left_out": left_out,
+        "agreement": workload.agreement(),
+    }
+
+
+def drapes_per_second(cases: dict[str, Any], suffix: str = "") -> float:
+    """Best rate over single drops and batches.
+
+    Args:
+        cases: Times by name, as in the document.
+        suffix: `+gradient` for drops with their adjoint.
+    """
+    rates = []
+    for name, timing in cases.items():
+        case = name.removesuffix(suffix) if name.endswith(suffix) else ""
+        members = "1" if case == "drop" else case.removeprefix("batch of ")
+        if members.isdecimal():
+            rates.append(int(members) / timing["median_s"])
+    return max(rates)
+
+
+def device_name(device: str) -> dict[str, Any]:
+    """The device, for the record."""
+    place = torch_device(device)
+    found = {"device": device, "torch": torch.__version__, "threads": torch.get_num_threads()}
+    if place is None or not place.startswith("cuda"):
+        return found
+    properties = torch.cuda.get_device_properties(place)
+    return found | {"name": properties.name, "memory_bytes": properties.total_memory, "cuda": torch.version.cuda}
