@@ -2,7 +2,8 @@
 
 Faces: with D = Dm^-1 the inverse of the material edge matrix, the deformation gradient columns are
 x_u = sum_a s_u[a] x_a and x_v = sum_a s_v[a] x_a. Hinges: material edge length l, sum A1 + A2 of the adjacent face
-areas, and the direction of the edge in the material frame, which selects between the warp, bias and weft samples.
+areas, and the direction of the edge in the material frame, which selects between the warp, bias and weft samples. At a
+seam the edge lies in two panels: its length and direction are the means of both, and the seam itself adds no stiffness.
 
 References:
     Volino, Magnenat-Thalmann, Faure. A simple approach to nonlinear tensile stiffness for accurate cloth simulation.
@@ -47,18 +48,18 @@ class Elements:
 
 def elements_of(mesh: Mesh) -> Elements:
     """Computes the element constants of a mesh from its material coordinates."""
-    corner = mesh.material[mesh.faces]
+    corner = mesh.corners
     edge_matrix = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]], axis=2)
     inverse = np.linalg.inv(edge_matrix)  # D = Dm^-1
     face_u = np.stack([-(inverse[:, 0, 0] + inverse[:, 1, 0]), inverse[:, 0, 0], inverse[:, 1, 0]], axis=1)
     face_v = np.stack([-(inverse[:, 0, 1] + inverse[:, 1, 1]), inverse[:, 0, 1], inverse[:, 1, 1]], axis=1)
 
-    start, end, opposite0, opposite1 = (mesh.material[mesh.hinges[:, k]] for k in range(4))
-    along = end - start
-    length = np.hypot(*along.T)
-    area = 0.5 * (np.abs(_cross(along, opposite0 - start)) + np.abs(_cross(along, opposite1 - start)))
-    direction = np.abs(4 * np.arctan2(along[:, 1], along[:, 0]) / np.pi)
-    direction = np.where(direction > 2, 4 - direction, direction)  # reflected into warp 0 .. weft 2
+    corners = mesh.hinge_corners
+    along, beside = (corners[:, :, k] - corners[:, :, 0] for k in (1, 2))
+    length = np.hypot(along[..., 0], along[..., 1]).mean(1)
+    area = 0.5 * np.abs(_cross(along, beside)).sum(1)
+    direction = np.abs(4 * np.arctan2(along[..., 1], along[..., 0]) / np.pi)
+    direction = np.where(direction > 2, 4 - direction, direction).mean(1)  # reflected into warp 0 .. weft 2
     low = np.minimum(direction.astype(np.int64), 1)
     return Elements(
         faces=mesh.faces,
@@ -74,4 +75,4 @@ def elements_of(mesh: Mesh) -> Elements:
 
 
 def _cross(first: ndarray, second: ndarray) -> ndarray:
-    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

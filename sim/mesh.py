@@ -35,6 +35,9 @@ class Mesh:
     Attributes:
         material: Material coordinates of the vertices [m].
         faces: Vertex indices, counter-clockwise seen from +z.
+        pattern: Material coordinates of every face's corners [m], where they are not those of its vertices: panels
+            that are sewn together share the vertices of a seam, and each has its own place and grain for them.
+            `material` is then any layout of the whole in the plane without folds.
 
     Raises:
         SimulationError: Not a manifold triangle mesh, unused vertices, degenerate or clockwise faces.
@@ -42,10 +45,13 @@ class Mesh:
 
     material: Float[ndarray, "vertices 2"]
     faces: Int[ndarray, "faces 3"]
+    pattern: Float[ndarray, "faces 3 2"] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "material", np.ascontiguousarray(self.material, dtype=np.float64))
         object.__setattr__(self, "faces", np.ascontiguousarray(self.faces, dtype=np.int64))
+        if self.pattern is not None:
+            object.__setattr__(self, "pattern", np.ascontiguousarray(self.pattern, dtype=np.float64))
         _check(self)
 
     @property
@@ -59,9 +65,14 @@ class Mesh:
         return np.column_stack([self.material, np.zeros(self.vertices)])
 
     @cached_property
+    def corners(self) -> Float[ndarray, "faces 3 2"]:
+        """Material coordinates of every face's corners [m]."""
+        return self.material[self.faces] if self.pattern is None else self.pattern
+
+    @cached_property
     def areas(self) -> Float[ndarray, "faces"]:
         """Material areas of the faces [m2]."""
-        return _signed_areas(self.material, self.faces)
+        return _corner_areas(self.corners)
 
     @cached_property
     def _half_edges(self) -> tuple[Int[ndarray, "sides 2"], Int[ndarray, "sides"], Int[ndarray, "sides"]]:
@@ -84,6 +95,20 @@ class Mesh:
         undirected = np.sort(sides, axis=1)
         first = np.flatnonzero((undirected[1:] == undirected[:-1]).all(1))
         return np.column_stack([sides[first], opposite[first], opposite[first + 1]])
+
+    @cached_property
+    def hinge_corners(self) -> Float[ndarray, "hinges 2 3 2"]:
+        """Material coordinates of (v0, v1, opposite) in either face of every hinge [m]; the two differ at seams."""
+        sides, face, _ = self._half_edges
+        undirected = np.sort(sides, axis=1)
+        first = np.flatnonzero((undirected[1:] == undirected[:-1]).all(1))
+        found = np.empty((len(first), 2, 3, 2))
+        for side in (0, 1):
+            own = face[first + side]
+            vertices = self.hinges[:, [0, 1, 2 + side]]
+            place = (self.faces[own][:, None, :] == vertices[:, :, None]).argmax(2)
+            found[:, side] = self.corners[own[:, None], place]
+        return found
 
     @cached_property
     def boundary(self) -> Int[ndarray, "rim"]:
@@ -109,8 +134,11 @@ class Mesh:
 
 
 def _signed_areas(material: ndarray, faces: ndarray) -> ndarray:
-    first = material[faces[:, 1]] - material[faces[:, 0]]
-    second = material[faces[:, 2]] - material[faces[:, 0]]
+    return _corner_areas(material[faces])
+
+
+def _corner_areas(corners: ndarray) -> ndarray:
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
 
@@ -124,11 +152,13 @@ def _check(mesh: Mesh) -> None:
         raise SimulationError(f"face indices must lie in [0, {len(material) - 1}], got {faces.min()} to {faces.max()}")
     if len(np.unique(faces)) != len(material):
         raise SimulationError("some vertices belong to no face; remove them from the mesh")
-    areas = _signed_areas(material, faces)
-    if (bad := int(np.argmin(areas))) >= 0 and areas[bad] <= 1e-12:
-        raise SimulationError(
-            f"face {bad} has area {areas[bad]:.3g} m2; faces must be counter-clockwise, not degenerate"
-        )
+    if mesh.corners.shape != (*faces.shape, 2) or not np.isfinite(mesh.corners).all():
+        raise SimulationError(f"pattern must be finite with shape {(*faces.shape, 2)}, got {mesh.corners.shape}")
+    for areas in (mesh.areas, _signed_areas(material, faces)):
+        if (bad := int(np.argmin(areas))) >= 0 and areas[bad] <= 1e-12:
+            raise SimulationError(
+                f"face {bad} has area {areas[bad]:.3g} m2; faces must be counter-clockwise, not degenerate"
+            )
     counts = np.unique(np.sort(mesh._half_edges[0], axis=1), axis=0, return_counts=True)[1]
     if counts.max() > 2:
         raise SimulationError("an edge belongs to more than two faces; the mesh must be a manifold sheet")

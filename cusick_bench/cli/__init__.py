@@ -9,6 +9,9 @@ from typer.main import get_command
 
 COMMANDS = (
     "data", "simulate", "run", "leaderboard", "report", "solvers", "convergence", "benchmark", "robustness",
+    "verify", "check", "submit", "paper",
+    "optimisers",
+    "garment",
 )  # fmt: skip
 """Commands, each the `app` of the module of its name; a module is imported when its command is called for."""
 

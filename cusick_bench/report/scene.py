@@ -66,6 +66,7 @@ def render_drape(
     faces: Int[ndarray, "faces 3"],
     colour: tuple[float, float, float] = _NEUTRAL,
     view: View | None = None,
+    stand: tuple[Float[ndarray, "points 3"], Int[ndarray, "triangles 3"]] | None = None,
 ) -> UInt8[ndarray, "height width 4"]:
     """Draws a drape from the side.
 
@@ -74,13 +75,14 @@ def render_drape(
         faces: Triangles.
         colour: Of the cloth, sRGB in [0, 1].
         view: Where from.
+        stand: Positions [m] and triangles of what the cloth lies on; the plate's pedestal by default.
 
     Returns:
         RGBA picture; where there is neither cloth nor shadow it is transparent.
     """
     view = view or View()
     cloth = _Part(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64), colour)
-    parts = [cloth, _pedestal()]
+    parts = [cloth, _pedestal() if stand is None else _Part(*stand, _PEDESTAL)]
     shadow = _ShadowMap.of(parts)
     canvas = _shade(parts, shadow, view)
     size = _SUPERSAMPLING

@@ -1,0 +1,232 @@
+"""The cloth of a garment: stiffness tables from a fit or given by numbers, and draws of them for every element.
+
+A drawn table is a median table times exp(sd N(0, 1)), independently for every entry and every element, as in the
+paper's posterior. Where the median and sd come from, in this order:
+
+- `posterior`: mean and sd of the logarithms of shared tables (`posterior_stretch_mean`, `posterior_stretch_sd` (6, 4),
+  `posterior_bending_mean`, `posterior_bending_sd` (3, 5) in `prediction.npz`);
+- `elements`: a fit with a table per element: every element of the garment gets the table of a random element of the
+  fit, since the disc's places have no counterpart on a skirt;
+- `spread`: a homogeneous cloth with a given sd.
+
+Tables are aligned with warp and weft, so they are the same numbers on any pattern.
+
+References:
+    Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Section 5.1.
+"""
+
+import json
+import zipfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.garment.errors import GarmentError
+from cusick_bench.sim.material import Material, uniform_material
+from cusick_bench.sim.mesh import Mesh
+from cusick_bench.sim.system import Law, Parameters
+
+SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
+_MAXIMUM_BYTES = 2**30  # of one array
+_COUPLING = 0.95  # most that |c12| / sqrt(c11 c22) may be: the tables stay positive definite
+
+
+@dataclass(frozen=True, eq=False)
+class Cloth:
+    """What a garment is made of.
+
+    Attributes:
+        name: For people.
+        source: `posterior`, `elements` or `spread`.
+        law: Material law that the tables are meant for.
+        density: Areal density [kg/m2].
+        stretch: Median C; of several, every element gets one at random [N/m].
+        bending: Median B, likewise [N m].
+        stretch_sd: Sd of log C between elements.
+        bending_sd: Sd of log B between elements.
+    """
+
+    name: str
+    source: str
+    law: Law
+    density: float
+    stretch: Float[ndarray, "tables 6 4"]
+    bending: Float[ndarray, "tables 3 5"]
+    stretch_sd: Float[ndarray, "6 4"]
+    bending_sd: Float[ndarray, "3 5"]
+
+    def draw(self, mesh: Mesh, members: int, generator: np.random.Generator) -> Parameters:
+        """Draws tables for every element of a garment.
+
+        Args:
+            mesh: The garment.
+            members: Number of draws.
+            generator: Source of randomness.
+
+        Raises:
+            GarmentError: No draws.
+        """
+        if members < 1:
+            raise GarmentError(f"the number of draws must be at least 1, got {members}")
+        stretch = _scattered(self.stretch, self.stretch_sd, (members, len(mesh.faces)), generator)
+        limit = _COUPLING * np.sqrt(stretch[..., 0] * stretch[..., 2])
+        stretch[..., 1] = np.clip(stretch[..., 1], -limit, limit)
+        bending = _scattered(self.bending, self.bending_sd, (members, len(mesh.hinges)), generator)
+        mass = np.bincount(mesh.faces.ravel(), np.repeat(self.density * mesh.areas / 3, 3), mesh.vertices)
+        return Parameters(stretch, bending, np.tile(mass, (members, 1)), np.zeros((members, len(mesh.hinges))))
+
+    def spread_by(self, spread: float) -> "Cloth":
+        """This cloth with one sd for all entries; a posterior keeps its own.
+
+        Raises:
+            GarmentError: A negative sd.
+        """
+        if not (np.isfinite(spread) and spread >= 0):
+            raise GarmentError(f"the spread of log stiffness must be >= 0 and finite, got {spread}")
+        if self.source != "spread":
+            return self
+        return replace(self, stretch_sd=np.full((6, 4), spread), bending_sd=np.full((3, 5), spread))
+
+
+def _scattered(tables: ndarray, sd: ndarray, shape: tuple[int, int], generator: np.random.Generator) -> ndarray:
+    chosen = generator.integers(len(tables), size=shape) if len(tables) > 1 else np.zeros(shape, np.int64)
+    return tables[chosen] * np.exp(sd * generator.standard_normal((*shape, *sd.shape)))
+
+
+def cloth_of_numbers(
+    *, density: float, bending: tuple[float, float, float], stretch: float = 300.0, shear: float = 60.0,
+    spread: float = 0.0,
+) -> Cloth:  # fmt: skip
+    """A cloth given by a few numbers, as `uniform_material` takes them.
+
+    Args:
+        density: Areal density [kg/m2].
+        bending: Bending stiffness of hinges at 0, 45, 90 degrees [N m].
+        stretch: Membrane stiffness [N/m].
+        shear: Shear stiffness [N/m].
+        spread: Sd of log stiffness between elements.
+
+    Raises:
+        CusickError: A value out of range.
+    """
+    material = uniform_material(density=density, bending=bending, stretch=stretch, shear=shear)
+    cloth = Cloth("cloth", "spread", "paper", density, *_tables(material), np.zeros((6, 4)), np.zeros((3, 5)))
+    return cloth.spread_by(spread)
+
+
+def _tables(material: Material) -> tuple[ndarray, ndarray]:
+    return material.stretch.numpy().reshape(-1, 6, 4), material.bending.numpy().reshape(-1, 3, 5)
+
+
+def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
+    """The cloth that a cell of a run has found.
+
+    Args:
+        folder: The cell's folder, with `cell.json` and `prediction.npz`.
+        spread: Sd of log stiffness between elements, where the fit has neither a posterior nor tables per element.
+
+    Raises:
+        GarmentError: No such folder, a damaged file, a predictor without stiffness, or tables of another problem.
+    """
+    record, arrays = _read_record(folder), _read_arrays(folder / "prediction.npz")
+    missing = [name for name in ("stretch", "bending", "density") if name not in arrays]
+    if missing:
+        raise GarmentError(
+            f"{folder} has no {', '.join(missing)}: its solver ({record.get('solver', 'unknown')}) predicts drapes "
+            "without simulating a cloth; give a cell of a solver that fits stiffness, such as homo"
+        )
+    law: Any = (record.get("settings") or {}).get("drape", {}).get("law", "paper")
+    if law not in ("paper", "published"):
+        raise GarmentError(f"{folder / 'cell.json'}: law must be paper or published, got {law!r}")
+    density = arrays["density"]
+    if not (np.isfinite(density).all() and density.size and (density > 0).all()):
+        raise GarmentError(f"{folder}: areal density must be > 0 kg/m2 everywhere; run the cell again")
+    name = str(record.get("cloth", "cloth"))
+    tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
+    source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
+    if any(key.startswith("posterior_") for key in arrays):
+        source = "posterior"
+        for key in SHAPES:
+            tables[key], sds[key] = _posterior(arrays, key, folder)
+    elif any(len(table) > 1 for table in tables.values()):
+        source = "elements"
+        _check_elements(arrays, tables, folder)
+    cloth = Cloth(
+        name, source, law, float(density.mean()), tables["stretch"], tables["bending"], sds["stretch"], sds["bending"]
+    )
+    return cloth.spread_by(spread)
+
+
+def _read_record(folder: Path) -> dict[str, Any]:
+    path = folder / "cell.json"
+    if not folder.is_dir():
+        raise GarmentError(f"no result at {folder}; give a cell's folder of a run, OUT/cells/HASH")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise GarmentError(
+            f"cannot read {path} ({error}); give a cell's folder of a run, OUT/cells/HASH, that has finished"
+        ) from error
+    if not isinstance(record, dict):
+        raise GarmentError(f"{path} is not the record of a cell; run the cell again")
+    return record
+
+
+def _read_arrays(path: Path) -> dict[str, ndarray]:
+    """The stiffness arrays of a prediction, read without trusting the file."""
+    if not path.is_file():
+        raise GarmentError(f"no prediction at {path}: the cell failed or has not finished; run it again")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if max((entry.file_size for entry in archive.infolist()), default=0) > _MAXIMUM_BYTES:
+                raise GarmentError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
+        with np.load(path, allow_pickle=False) as archive:
+            wanted = [name for name in archive if name in (*SHAPES, "density", "faces") or name.startswith("posterior")]
+            return {name: archive[name] for name in wanted}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, GarmentError):
+            raise
+        raise GarmentError(f"cannot read {path} ({error}); run the cell again") from error
+
+
+def _checked(array: ndarray, shape: tuple[int, int], name: str) -> Float[ndarray, "tables rows columns"]:
+    """Tables (n, *shape), finite, with positive stiffness."""
+    if array.shape[-2:] != shape or array.ndim > 3 or array.dtype.kind != "f" or array.size == 0:
+        raise GarmentError(
+            f"{name} must be tables of shape {shape}, got {array.dtype} {array.shape}; it belongs to another problem"
+        )
+    tables = np.asarray(array, dtype=np.float64).reshape(-1, *shape)
+    positive = tables if shape == SHAPES["bending"] else tables[..., [0, 2, 3]]
+    if not np.isfinite(tables).all() or not (positive > 0).all():
+        raise GarmentError(f"{name} must be finite, with positive stiffness; run the cell again")
+    return tables
+
+
+def _posterior(arrays: dict[str, ndarray], key: str, folder: Path) -> tuple[ndarray, ndarray]:
+    """Median tables (1, *shape) and sd of their logarithms."""
+    found = []
+    for part in ("mean", "sd"):
+        array = arrays.get(f"posterior_{key}_{part}")
+        if array is None or array.shape != SHAPES[key] or not np.isfinite(array).all():
+            shape = "nothing" if array is None else f"shape {array.shape}"
+            raise GarmentError(
+                f"{folder}: posterior_{key}_{part} must be finite with shape {SHAPES[key]}, got {shape}; the posterior "
+                "is of another problem, give a cell whose posterior is over shared tables"
+            )
+        found.append(np.asarray(array, dtype=np.float64))
+    if (found[1] < 0).any():
+        raise GarmentError(f"{folder}: posterior_{key}_sd must be >= 0, got {found[1].min():.3g}; run the cell again")
+    return np.exp(found[0])[None], found[1]
+
+
+def _check_elements(arrays: dict[str, ndarray], tables: dict[str, ndarray], folder: Path) -> None:
+    faces = len(arrays.get("faces", ()))
+    if faces and len(tables["stretch"]) not in (1, faces):
+        raise GarmentError(
+            f"{folder}: {len(tables['stretch'])} stretch tables for a mesh of {faces} faces: they belong to another "
+            "problem; run the cell again"
+        )

@@ -1,0 +1,213 @@
+"""A skirt on a waist, at rest and in motion: implicit Euler steps about the cloth carried along with the waist.
+
+Per step the waist moves rigidly, and w is the velocity that would carry the whole skirt along with it. About these
+carried positions g = x + h w one linear solve gives the rest of the motion, for a batch of cloths at a time:
+
+    (M + h^2 K(g)) u = M (v - w) + h F(g),    v' = w + u,    x' = g + h u.
+
+It is the step of `cusick_bench.sim.drop` where the waist is still, and it strains no cloth that moves along with the
+waist. Folds do not touch each other: they may pass through one another, as in the Cusick drapes of the paper.
+
+References:
+    Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from cusick_bench.garment.body import Body, contact_stiffness
+from cusick_bench.garment.errors import GarmentError
+from cusick_bench.garment.motion import STILL, WaistMotion
+from cusick_bench.garment.skirt import Skirt
+from cusick_bench.sim.errors import DrapeDiverged, SimulationError
+from cusick_bench.sim.linear import Factor
+from cusick_bench.sim.settings import GRAVITY
+from cusick_bench.sim.step_kernels import move, right_hand_side
+from cusick_bench.sim.system import DrapeSystem, Law, Parameters
+
+AT_REST = 0.01  # [m/s] root-mean-square speed below which a skirt counts as at rest
+_CHECKED = 10  # steps between looks whether it is
+_FITS = 0.005  # [m] most that the start may lie inside the body
+_FAR = 20.0  # a skirt that moves farther than so many times its size has blown up
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Skirts of a batch at one time.
+
+    Attributes:
+        positions: [m].
+        velocities: [m/s].
+        time: Of the waist's motion [s].
+    """
+
+    positions: Float[ndarray, "members vertices 3"]
+    velocities: Float[ndarray, "members vertices 3"]
+    time: float = 0.0
+
+    def speeds(self) -> Float[ndarray, "members"]:
+        """Root-mean-square speed of every skirt [m/s]."""
+        return np.sqrt((self.velocities**2).sum(-1).mean(-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitting:
+    """Skirts of one pattern, each of its own cloth, on the same body.
+
+    Attributes:
+        skirt: The pattern.
+        system: Its mechanics; the waist is held.
+        parameters: A batch of cloths.
+        body: What the skirt is worn on, or None.
+    """
+
+    skirt: Skirt
+    system: DrapeSystem
+    parameters: Parameters
+    body: Body | None
+
+    @classmethod
+    def of(
+        cls, skirt: Skirt, parameters: Parameters, *, law: Law = "paper", body: Body | None = None,
+        gravity: float = GRAVITY,
+    ) -> "Fitting":  # fmt: skip
+        """Puts a batch of skirts on a body.
+
+        Raises:
+            GarmentError: The body is too wide for the skirt.
+        """
+        if body is not None:
+            depth, _ = body.depth(skirt.start[~skirt.waist])
+            if depth.max() > _FITS:
+                raise GarmentError(
+                    f"the body must fit into the skirt, but it is {depth.max():.3f} m too wide (hip {body.hip} m); "
+                    "take a wider hem or narrower hips, or a hip of 0 for no body"
+                )
+        system = DrapeSystem(skirt.mesh, law, gravity, skirt.waist, np.zeros(skirt.mesh.vertices))
+        return cls(skirt, system, parameters, body)
+
+    def start(self, laid: Float[ndarray, "members vertices 3"]) -> State:
+        """The skirts as they are put on, at rest."""
+        return State(laid, np.zeros_like(laid))
+
+    def step(self, state: State, motion: WaistMotion, h: float, old: Factor | None = None) -> tuple[State, Factor]:
+        """One time step of h [s]; `old` is a factor whose storage is used again.
+
+        Raises:
+            DrapeDiverged: A skirt flies apart.
+        """
+        system, p, free = self.system, self.parameters, self.system.free
+        x, v = state.positions, state.velocities
+        after = motion.pose(state.time + h)
+        carried = _placed(_taken_back(x, motion.pose(state.time)), after)
+        w = (carried - x) / h
+        found = system.evaluate(carried, carried, p, exact=False)
+        right = np.empty((len(x), len(free), 3))
+        right_hand_side(free, p.mass, h, v - w, found.force(), right)
+        blocks = found.matrix(scale=h * h, diagonal=p.mass)
+        if self.body is not None:
+            self._press(carried, x + h * v, after, h, right, blocks)
+        factor = self._factor(blocks, old)
+        solution = factor.solve(right[0])[None] if factor.members is None else factor.solve(right)
+        moved, velocities = np.empty_like(x), np.zeros_like(x)
+        reached = move(free, h, solution, carried, velocities, moved)
+        if not (reached < _FAR * np.abs(self.skirt.start).max()).all():
+            raise DrapeDiverged(f"a skirt flies apart at {state.time:.2f} s; use a shorter step than {h} s")
+        return State(moved, velocities + w, state.time + h), factor
+
+    def _factor(self, blocks: ndarray, old: Factor | None) -> Factor:
+        linear = self.system.linear
+        try:
+            if len(blocks) == 1:
+                return linear.factorise(blocks[0], out=old)
+            return linear.factorise_batch(blocks, out=old)
+        except SimulationError as error:
+            raise DrapeDiverged(f"a skirt cannot take the next step ({error}); check stiffness and density") from error
+
+    def _press(
+        self, carried: ndarray, bound_for: ndarray, pose: tuple[ndarray, ndarray], h: float, right: ndarray,
+        blocks: ndarray,
+    ) -> None:  # fmt: skip
+        """Adds the body's pressure to the step, in place; see `cusick_bench.garment.body`."""
+        assert self.body is not None
+        free = self.system.free
+        ahead, _ = self.body.depth(_taken_back(bound_for[:, free], pose))
+        depth, normal = self.body.depth(_taken_back(carried[:, free], pose))
+        normal = normal @ pose[0].T
+        spring = np.where(
+            np.maximum(ahead, depth) > 0, contact_stiffness(self.parameters.mass[:, free], self.system.gravity), 0.0
+        )
+        right += (h * spring * depth)[..., None] * normal
+        blocks[:, self.system.layout.diagonal] += (h * h * spring)[..., None, None] * (
+            normal[..., :, None] * normal[..., None, :]
+        )
+
+
+def _taken_back(x: ndarray, pose: tuple[ndarray, ndarray]) -> ndarray:
+    """Positions in the waist's frame."""
+    rotation, shift = pose
+    return (x - shift) @ rotation
+
+
+def _placed(x: ndarray, pose: tuple[ndarray, ndarray]) -> ndarray:
+    """Positions in space of what is given in the waist's frame."""
+    rotation, shift = pose
+    return x @ rotation.T + shift
+
+
+def hang(
+    fitting: Fitting, laid: Float[ndarray, "members vertices 3"], *, seconds: float = 10.0, step_seconds: float = 0.05
+) -> tuple[State, Bool[ndarray, "members"]]:
+    """Lets skirts fall until they rest.
+
+    Args:
+        fitting: The skirts.
+        laid: How they are put on [m].
+        seconds: Longest fall [s].
+        step_seconds: Step [s].
+
+    Returns:
+        The last state, and which skirts rest: their root-mean-square speed is below `AT_REST`.
+
+    Raises:
+        DrapeDiverged: A skirt flies apart.
+    """
+    state, factor = fitting.start(laid), None
+    for step in range(max(round(seconds / step_seconds), 1)):
+        state, factor = fitting.step(state, STILL, step_seconds, factor)
+        if (step + 1) % _CHECKED == 0 and (state.speeds() < AT_REST).all():
+            break
+    return State(state.positions, state.velocities), state.speeds() < AT_REST
+
+
+def walk(
+    fitting: Fitting, rest: State, motion: WaistMotion, *, settle: float = 0.8, step_seconds: float = 0.02,
+    every: int = 2,
+) -> tuple[Float[ndarray, "frames"], Float[ndarray, "frames members vertices 3"]]:  # fmt: skip
+    """Moves the waist.
+
+    Args:
+        fitting: The skirts.
+        rest: Where they hang when the motion begins.
+        motion: Of the waist.
+        settle: How long to look on after the waist has stopped [s].
+        step_seconds: Step [s].
+        every: Steps between frames.
+
+    Returns:
+        Times [s] and positions [m] of the frames; the first is the start.
+
+    Raises:
+        DrapeDiverged: A skirt flies apart.
+    """
+    state, factor = State(rest.positions, rest.velocities), None
+    times, frames = [0.0], [state.positions]
+    for step in range(round((motion.seconds + settle) / step_seconds)):
+        state, factor = fitting.step(state, motion, step_seconds, factor)
+        if (step + 1) % every == 0:
+            times.append(state.time)
+            frames.append(state.positions)
+    return np.array(times), np.stack(frames)

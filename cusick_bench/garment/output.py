@@ -1,0 +1,73 @@
+"""The files of a fitting: meshes, silhouettes, pictures, frames of the motion.
+
+DIR/draw_0000.obj                   skirt at rest [m]
+DIR/draw_0000_{above,front}.png     its silhouettes
+DIR/draw_0000.png                   from the side
+DIR/turntable.gif, turntable.png    the first draw all the way round
+DIR/spread.png                      all draws, from the side
+DIR/motion.npz                      times [s] and positions [m] of the frames, all draws
+DIR/motion.gif, motion.png          the first draw in motion
+DIR/summary.json                    the numbers
+"""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from PIL import Image
+
+from cusick_bench.garment.body import Body
+from cusick_bench.garment.measure import seen_from_above, seen_from_front
+from cusick_bench.garment.motion import WaistMotion
+from cusick_bench.garment.pictures import draw_skirt, save_gif, strip, turntable
+from cusick_bench.garment.skirt import Skirt
+from cusick_bench.sim.mesh import write_obj
+
+_IN_ROW = 6
+_MOST_SHOWN = 12  # draws in one picture
+_MOVING_PICTURES = 36
+_ROUND_PICTURES = 18
+
+
+def _save(path: Path, picture: ndarray) -> None:
+    Image.fromarray(picture, "RGBA").save(path, "PNG", optimize=True)
+
+
+def _save_silhouette(path: Path, image: Float[ndarray, "size size"]) -> None:
+    """Dark cloth on white, as the release has it."""
+    Image.fromarray(np.round(255 * (1 - image)).astype(np.uint8)).save(path)
+
+
+def write_rest(
+    folder: Path, skirt: Skirt, positions: Float[ndarray, "draws vertices 3"], name: str, body: Body | None
+) -> None:
+    """Writes meshes, silhouettes and pictures of skirts at rest."""
+    shown = []
+    for number, x in enumerate(positions):
+        stem = f"draw_{number:04d}"
+        write_obj(folder / f"{stem}.obj", x, skirt.mesh.faces)
+        _save_silhouette(folder / f"{stem}_above.png", seen_from_above(skirt, x))
+        _save_silhouette(folder / f"{stem}_front.png", seen_from_front(skirt, x))
+        if number < _MOST_SHOWN:
+            shown.append(draw_skirt(skirt, x, name, body))
+            _save(folder / f"{stem}.png", shown[-1])
+    _save(folder / "spread.png", strip(shown, min(len(shown), _IN_ROW)))
+    round_about = turntable(skirt, positions[0], name, body, _ROUND_PICTURES)
+    save_gif(folder / "turntable.gif", round_about, 0.1)
+    _save(folder / "turntable.png", strip(round_about[:: len(round_about) // _IN_ROW], _IN_ROW))
+
+
+def write_motion(
+    folder: Path, skirt: Skirt, times: Float[ndarray, "frames"], frames: Float[ndarray, "frames draws vertices 3"],
+    motion: WaistMotion, name: str, body: Body | None,
+) -> None:  # fmt: skip
+    """Writes the frames of all draws, and pictures of the first in motion."""
+    np.savez_compressed(folder / "motion.npz", times=times, positions=frames.astype(np.float32), faces=skirt.mesh.faces)
+    every = max(1, -(-len(times) // _MOVING_PICTURES))
+    pictures = [
+        draw_skirt(skirt, x[0], name, body, pose=motion.pose(time))
+        for time, x in zip(times[::every], frames[::every], strict=True)
+    ]
+    save_gif(folder / "motion.gif", pictures, float(times[every] - times[0]))
+    _save(folder / "motion.png", strip(pictures[:: max(1, len(pictures) // (2 * _IN_ROW))], _IN_ROW))

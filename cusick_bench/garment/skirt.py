@@ -1,0 +1,172 @@
+"""Skirts: a circular one from a flat ring, an A-line one from two panels that are sewn together at their sides.
+
+The wearer looks along -y. The circular skirt is one piece with one grain: it hangs on the warp in front and behind, on
+the weft at the sides and on the bias in between. It starts flat at the height of the waist, as the cloth of a Cusick
+test does.
+
+An A-line panel is half the mantle of a truncated cone, unrolled: a sector of a ring, with its warp along the centre
+line. Front and back share the vertices of the side seams, which have a place and a grain in either panel
+(`Mesh.pattern`). The skirt starts as the cone, free of membrane strain.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from cusick_bench.garment.errors import GarmentError
+from cusick_bench.garment.panel import Panel, Sector, mesh_sector
+from cusick_bench.sim.mesh import Mesh
+from cusick_bench.sim.shape import SmoothField
+
+MINIMUM_VERTICES = 150
+_FRONT = -np.pi / 2  # [rad] azimuth of the front panel's centre line
+
+
+@dataclass(frozen=True)
+class SkirtSize:
+    """Measures of a skirt.
+
+    Attributes:
+        waist: Radius of the waist [m].
+        length: From waist to hem along the cloth [m].
+        hem: Radius of the hem of the A-line cone [m]; the circular skirt's is waist + length.
+
+    Raises:
+        GarmentError: A measure that is not positive and finite, or a hem that is not wider than the waist, or so wide
+            that the cone is flatter than a disc.
+    """
+
+    waist: float = 0.11
+    length: float = 0.35
+    hem: float = 0.22
+
+    def __post_init__(self) -> None:
+        for name in ("waist", "length", "hem"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise GarmentError(f"{name} must be > 0 m and finite, got {value}")
+        if not self.waist < self.hem < self.waist + self.length:
+            raise GarmentError(
+                f"the hem of an A-line skirt must be wider than its waist and narrower than waist + length, got waist "
+                f"{self.waist} m, hem {self.hem} m, length {self.length} m; give radii, not girths"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Skirt:
+    """A skirt before it falls.
+
+    Attributes:
+        kind: `circular` or `a-line`.
+        size: Its measures.
+        mesh: Cloth, with the material coordinates of its panels.
+        start: Positions [m]; the waist in the plane z = 0 about the z axis.
+        waist: Which vertices the waistband holds.
+        hem: Vertices of the hem, counter-clockwise seen from above.
+    """
+
+    kind: str
+    size: SkirtSize
+    mesh: Mesh
+    start: Float[ndarray, "vertices 3"]
+    waist: Bool[ndarray, "vertices"]
+    hem: Int[ndarray, "hem"]
+
+    def laid(self, field: SmoothField) -> Float[ndarray, "vertices 3"]:
+        """The start with the cloth undulating by `field` [m] across its surface; it fades in below the waist."""
+        fall = np.hypot(*(self.start[:, :2]).T) - self.size.waist
+        ramp = np.clip(fall / max(fall.max(), 1e-9) / 0.2, 0, 1)
+        return self.start + (field(self.mesh.material) * ramp * ramp * (3 - 2 * ramp))[:, None] * self._normal
+
+    @property
+    def _normal(self) -> Float[ndarray, "vertices 3"]:
+        """Unit normals of the start: up for the ring, outwards and up for the cone."""
+        if self.kind == "circular":
+            return np.broadcast_to([0.0, 0.0, 1.0], self.start.shape)
+        flare = (self.size.hem - self.size.waist) / self.size.length
+        outwards = self.start[:, :2] / np.hypot(*self.start[:, :2].T)[:, None]
+        return np.column_stack([np.sqrt(1 - flare**2) * outwards, np.full(len(self.start), flare)])
+
+
+def _spacing(area: float, vertices: int) -> float:
+    """Distance between the vertices of an equilateral mesh [m]."""
+    if vertices < MINIMUM_VERTICES:
+        raise GarmentError(f"a skirt needs at least {MINIMUM_VERTICES} vertices, got {vertices}")
+    return float(np.sqrt(2 / np.sqrt(3) * area / vertices))
+
+
+def circular_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Skirt:
+    """Cuts a circular skirt.
+
+    Args:
+        size: Its measures.
+        vertices: Size of the mesh, met within some percent.
+        seed: Of the mesh.
+
+    Raises:
+        GarmentError: Too few vertices.
+    """
+    ring = Sector(size.waist, size.waist + size.length, 2 * np.pi)
+    panel = mesh_sector(ring, _spacing(ring.area, vertices), np.random.default_rng([seed, vertices]))
+    mesh = Mesh(panel.points, panel.faces)
+    start = np.column_stack([mesh.material[:, 1], -mesh.material[:, 0], np.zeros(mesh.vertices)])  # warp to the front
+    return Skirt("circular", size, mesh, start, _marked(panel.inner, mesh.vertices), panel.outer)
+
+
+def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Skirt:
+    """Cuts and sews an A-line skirt of two panels.
+
+    Args:
+        size: Its measures.
+        vertices: Size of the mesh, met within some percent.
+        seed: Of the mesh.
+
+    Raises:
+        GarmentError: Too few vertices.
+    """
+    opening = np.pi * (size.hem - size.waist) / size.length
+    apex = size.waist * size.length / (size.hem - size.waist)  # slant from the cone's tip to the waist
+    sector = Sector(apex, apex + size.length, opening)
+    spacing = _spacing(2 * sector.area, vertices)
+    generator = np.random.default_rng([seed, vertices])
+    front, back = (mesh_sector(sector, spacing, generator) for _ in range(2))
+    numbers, count = _sew(front, back)
+    pattern = np.concatenate([front.points[front.faces], back.points[back.faces]])
+    faces = np.concatenate([front.faces, numbers[back.faces]])
+    start = np.empty((count, 3))
+    start[numbers] = _on_cone(back.points, sector, size, _FRONT + np.pi)
+    start[: len(front.points)] = _on_cone(front.points, sector, size, _FRONT)
+    mesh = Mesh(start[:, :2], faces, pattern)
+    waist = _marked(np.concatenate([front.inner, numbers[back.inner]]), count)
+    hem = np.concatenate([front.outer, numbers[back.outer[1:-1]]])
+    return Skirt("a-line", size, mesh, start, waist, hem)
+
+
+KINDS: dict[str, Callable[..., Skirt]] = {"circular": circular_skirt, "a-line": a_line_skirt}
+
+
+def _marked(chosen: ndarray, count: int) -> Bool[ndarray, "vertices"]:
+    mark = np.zeros(count, bool)
+    mark[chosen] = True
+    return mark
+
+
+def _sew(front: Panel, back: Panel) -> tuple[Int[ndarray, "back"], int]:
+    """Numbers of the back's vertices in the whole skirt, left sides to right sides, and how many there are in all."""
+    numbers = np.full(len(back.points), -1)
+    numbers[back.right], numbers[back.left] = front.left, front.right
+    own = np.flatnonzero(numbers < 0)
+    numbers[own] = len(front.points) + np.arange(len(own))
+    return numbers, len(front.points) + len(own)
+
+
+def _on_cone(points: ndarray, sector: Sector, size: SkirtSize, centre: float) -> Float[ndarray, "vertices 3"]:
+    """A panel rolled up to half a cone, its centre line at azimuth `centre` [rad]."""
+    flare = (size.hem - size.waist) / size.length
+    slant = np.hypot(*points.T) - sector.inner
+    azimuth = centre + np.arctan2(points[:, 1], points[:, 0]) * np.pi / sector.opening
+    radius = size.waist + flare * slant
+    return np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), -np.sqrt(1 - flare**2) * slant])
