@@ -19,9 +19,9 @@ _LATEX = str.maketrans(
 )
 
 
-def terminal(board: Leaderboard, width: int = 120) -> Table:
+def terminal(board: Leaderboard | TextTable, width: int = 120) -> Table:
     """A table for a terminal of that many characters; the rarer columns are left out where it is narrow."""
-    text = text_table(board).within(width)
+    text = _text(board).within(width)
     table = Table(title=text.title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, title_justify="left")
     for column in text.columns:
         table.add_column(
@@ -35,9 +35,9 @@ def terminal(board: Leaderboard, width: int = 120) -> Table:
     return table
 
 
-def markdown(board: Leaderboard) -> str:
+def markdown(board: Leaderboard | TextTable) -> str:
     """A Markdown table with its notes."""
-    text = text_table(board)
+    text = _text(board)
     heads = [f"{column.head} {column.unit}".strip() for column in text.columns]
     lines = [f"**{_escaped(text.title)}**", "", _line(heads)]
     lines.append(_line([":---" if column.left else "---:" for column in text.columns]))
@@ -45,9 +45,9 @@ def markdown(board: Leaderboard) -> str:
     return "\n".join([*lines, "", *(f"- {_escaped(note)}" for note in text.notes)]) + "\n"
 
 
-def latex(board: Leaderboard) -> str:
+def latex(board: Leaderboard | TextTable) -> str:
     """A LaTeX `tabular` (booktabs) with its notes as comments."""
-    text = text_table(board)
+    text = _text(board)
     heads = [f"{column.head} {column.unit}".strip().translate(_LATEX) for column in text.columns]
     lines = [f"% {note}" for note in (text.title, *text.notes)]
     lines.append(r"\begin{tabular}{" + "".join("l" if column.left else "r" for column in text.columns) + "}")
@@ -98,6 +98,10 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
         "code_version": board.run.get("code_version", ""),
         "hardware": " ".join(str(board.run.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
     }
+
+
+def _text(board: Leaderboard | TextTable) -> TextTable:
+    return board if isinstance(board, TextTable) else text_table(board)
 
 
 def _line(entries: list[str]) -> str:

@@ -1,0 +1,100 @@
+"""`cusick-bench verify`: cells done again from what they stored; exit status 1 where one does not come out again."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.datasets import load
+from cusick_bench.leaderboard.cells import load_cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.resimulate import METRIC, METRIC_ROUNDED, PIXEL, SHAPE
+from cusick_bench.leaderboard.verify import Verification, data_of, keep, verify_cells
+
+PIPED_WIDTH = 120
+_STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
+
+app = typer.Typer()
+
+
+@app.command("verify")
+@user_errors
+def verify_command(
+    target: Annotated[
+        Path, typer.Argument(help="Folder of `run --out`, or of one of its cells (RUN/cells/KEY).", metavar="RUN")
+    ],
+    solver: Annotated[list[str] | None, typer.Option(help="Only this solver's row; repeatable.")] = None,
+    cloth: Annotated[list[str] | None, typer.Option(help="Only this cloth; repeatable.")] = None,
+    data: Annotated[str | None, typer.Option(help="Data set; by default the run's own.")] = None,
+    fabrics_csv: Annotated[
+        Path | None, typer.Option(help="Table of areal densities; by default the run's own.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Drapes the stored parameters of finished cells again and scores them again: *reported* becomes *verified*.
+
+    What was found is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell does not come
+    out again.
+    """
+    run = target.parent.parent if (target / "cell.json").is_file() else target
+    cells = load_cells(run)
+    table = cells.table
+    if run != target:
+        table = table.loc[[folder.name == target.name for folder in table["folder"]]]
+    for name, wanted in (("solver", solver), ("cloth", cloth)):
+        if unknown := sorted(set(wanted or []) - set(table[name])):
+            known = ", ".join(sorted(set(table[name])))
+            raise LeaderboardError(f"{run} holds no {name} {', '.join(unknown)}; it holds {known}")
+        table = table.loc[table[name].isin(wanted)] if wanted else table
+    if table.empty:
+        raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
+    source, csv = data_of(cells)
+    dataset = load(data or source, fabrics_csv=fabrics_csv or csv)
+    with console.status("starting") as status:
+        verifications = verify_cells(
+            list(table["folder"]), dataset, lambda v: status.update(f"{v.solver} on {v.cloth}: {v.status}")
+        )
+    keep(run, verifications)
+    _show(run, verifications, as_json)
+    if any(verification.status in ("differs", "unreadable") for verification in verifications):
+        raise typer.Exit(1)
+
+
+def _show(run: Path, verifications: list[Verification], as_json: bool) -> None:
+    rows = _rows(verifications)
+    if as_json:
+        print_json({"run": run, "rows": rows, "cells": [verification.record() for verification in verifications]})
+        return
+    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
+    table = Table("status", "solver", "cloth", "seed", "what does not hold, by how much (tolerance)")
+    for found in verifications:
+        worst = [f"{c.name} {c.difference:.2g} ({c.tolerance:.2g}): {c.detail}" for c in found.broken[:3]]
+        more = [f"and {len(found.broken) - 3} more"] if len(found.broken) > 3 else []
+        reasons = "\n".join([*worst, *more, *(found.notes if found.status == "unreadable" else ())])
+        table.add_row(
+            found.status, found.solver, found.cloth, str(found.seed), reasons, style=_STYLES.get(found.status, "")
+        )
+    screen.print(table)
+    for note in sorted({note for found in verifications if found.status != "unreadable" for note in found.notes}):
+        screen.print(note, markup=False, highlight=False, style="dim")
+    screen.print(
+        f"Tolerances: {1e3 * SHAPE:g} mm of a vertex, {PIXEL:g} of a pixel, {100 * METRIC:g} % of a metric "
+        f"({100 * METRIC_ROUNDED:g} % where rounded draws are scored).",
+        style="dim",
+    )
+    for row in rows:
+        screen.print(f"{row['solver']}: {row['status']}, {row['verified']} of {row['cells']} cells", highlight=False)
+
+
+def _rows(verifications: list[Verification]) -> list[dict[str, str | int]]:
+    """A line a solver: verified where all of its cells are."""
+    rows = []
+    for solver in sorted({found.solver for found in verifications}):
+        own = [found for found in verifications if found.solver == solver]
+        verified = sum(found.status == "verified" for found in own)
+        status = "verified" if verified == len(own) else "reported"
+        rows.append({"solver": solver, "status": status, "verified": verified, "cells": len(own)})
+    return rows

@@ -1,0 +1,123 @@
+"""Anytime curves: how good the best fit is after so many drapes, or so many seconds, from the traces of cells."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.leaderboard.board import variants
+from cusick_bench.problem.journal import read_trace
+
+COSTS = {"forward_equivalents": "drapes", "wall_seconds": "seconds"}
+POINTS = 60  # of a curve
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Best training loss of one method over its cost, mean over its cells.
+
+    Attributes:
+        label: Name of the method.
+        cost: Values of the cost.
+        loss: Mean best loss; NaN until every cell has a drape that came to rest.
+        low: Smallest over cells.
+        high: Largest over cells.
+        end: Mean cost at which its cells had ended.
+    """
+
+    label: str
+    cost: Float[ndarray, " points"]
+    loss: Float[ndarray, " points"]
+    low: Float[ndarray, " points"]
+    high: Float[ndarray, " points"]
+    end: float
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Best loss of one cell as a step function of its cost."""
+
+    cost: Float[ndarray, " evaluations"]
+    loss: Float[ndarray, " evaluations"]
+
+    def at(self, cost: Float[ndarray, " points"]) -> Float[ndarray, " points"]:
+        """Best loss when so much was spent; infinite before the first success."""
+        place = np.searchsorted(self.cost, cost, side="right") - 1
+        return np.where(place >= 0, self.loss[np.maximum(place, 0)], inf)
+
+
+def traces(table: pd.DataFrame, cost: str) -> dict[tuple[str, str], list[Steps]]:
+    """Traces of the cells of each (solver, variant) that has any.
+
+    Args:
+        table: Of `load_cells`.
+        cost: One of `COSTS`.
+    """
+    found = {}
+    for name, group in variants(table):
+        steps = [_steps(Path(folder), cost) for folder in group["folder"]]
+        if steps and all(len(step.cost) for step in steps):
+            found[name] = steps
+    return found
+
+
+def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
+    """Anytime curves of all methods that simulate, best at the end first."""
+    found = traces(table, cost)
+    if not found:
+        return []
+    start = min(step.cost[0] for steps in found.values() for step in steps)
+    stop = max(step.cost[-1] for steps in found.values() for step in steps)
+    points = np.geomspace(max(start, 1e-3 * stop), stop, POINTS)
+    made = [_curve(_label(name), steps, points) for name, steps in found.items()]
+    return sorted(made, key=lambda curve: float(np.nan_to_num(curve.loss[-1], nan=inf)))
+
+
+def loss_at_equal_time(table: pd.DataFrame) -> tuple[float, dict[tuple[str, str], float]]:
+    """Mean best loss of each method once the first of them had ended.
+
+    Returns:
+        That wall time [s], and the losses; infinite for who had no drape by then.
+    """
+    found = traces(table, "wall_seconds")
+    if not found:
+        return inf, {}
+    shortest = min(float(np.mean([step.cost[-1] for step in steps])) for steps in found.values())
+    point = np.array([shortest])
+    return shortest, {name: float(np.mean([step.at(point)[0] for step in steps])) for name, steps in found.items()}
+
+
+def documents(table: pd.DataFrame) -> dict[str, dict[str, Mapping[str, object]]]:
+    """Curves over every cost as plain numbers."""
+    return {
+        cost: {
+            curve.label: {"cost": curve.cost, "loss": curve.loss, "low": curve.low, "high": curve.high}
+            | {"end": curve.end}
+            for curve in curves(table, cost)
+        }
+        for cost in COSTS
+    }
+
+
+def _label(name: tuple[str, str]) -> str:
+    solver, variant = name
+    return f"{solver} ({variant})" if variant else solver
+
+
+def _steps(folder: Path, cost: str) -> Steps:
+    """Draws from a posterior are no search, so they stand in no curve."""
+    lines = [line for line in read_trace(folder) if line["kind"] != "draw"]
+    losses = [inf if line["best_loss"] is None else float(line["best_loss"]) for line in lines]
+    return Steps(np.array([float(line[cost]) for line in lines]), np.array(losses))
+
+
+def _curve(label: str, steps: list[Steps], points: Float[ndarray, " points"]) -> Curve:
+    losses = np.stack([step.at(points) for step in steps])
+    losses[:, ~np.isfinite(losses).all(0)] = np.nan
+    end = float(np.mean([step.cost[-1] for step in steps]))
+    return Curve(label, points, losses.mean(0), losses.min(0), losses.max(0), end)

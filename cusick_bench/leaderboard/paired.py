@@ -1,0 +1,187 @@
+"""Has a solver become worse? A paired test of two runs over the cells that they share.
+
+Cells are paired by cloth, and by seed where both runs have it. Where they have other seeds, or a solver's seeds are
+only partly shared, what is left is the cloth. For a cloth with values b (before) and a (after) the change is
+
+    d = (mean a - mean b) / mean of all of them,
+
+relative, bounded by 2 in size, and of either sign equally often if nothing has changed. The change of a solver is the
+mean over cloths; the statement is about these cloths.
+
+Two tests, chosen by the number of cells and never by their values. With many: the labels "before" and "after" are
+permuted within each cloth (for a shared seed: their sign flipped), which is exact whatever the noise. With so few that
+permutations cannot reach the level after correction for all comparisons: Student's t over the paired changes.
+
+References:
+    B. Phipson, G. K. Smyth. Permutation p-values should never be zero. Stat. Appl. Genet. Mol. Biol. 9, 2010.
+    S. Holm. A simple sequentially rejective multiple test procedure. Scand. J. Stat. 6, 1979.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import comb, inf, isnan, log, nan
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy import stats
+
+from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
+
+PERMUTATIONS = 20_000
+POWER = 0.8  # at which a change counts as detectable
+_SPARE = 10  # permutations needed, in multiples of those that reach the level at all
+_ROUNDING = 1e-6  # relative changes that a baseline's digits and a machine's arithmetic can make
+
+
+@dataclass(frozen=True)
+class Block:
+    """Values whose labels may be exchanged: those of one shared seed, or all of a cloth.
+
+    Attributes:
+        before: Values of the baseline.
+        after: Values of the run.
+    """
+
+    before: Float[ndarray, " b"]
+    after: Float[ndarray, " a"]
+
+    @property
+    def arrangements(self) -> int:
+        """Ways to give out the labels."""
+        return comb(len(self.before) + len(self.after), len(self.before))
+
+
+Blocks = Mapping[str, Sequence[Block]]  # by cloth
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Change of one metric of one solver.
+
+    Attributes:
+        change: Mean relative change over the cloths with its 95 % interval; positive is worse.
+        p: Probability of as great a change if nothing has changed; NaN where cells are too few for any test.
+        test: "permutation", "t" or "none".
+        units: Paired values behind it.
+        detectable: Change that would be found in four of five cases; NaN where no test can be made.
+    """
+
+    change: Estimate
+    p: float
+    test: str
+    units: int
+    detectable: float
+
+
+def blocks(before: Values, after: Values) -> dict[str, list[Block]]:
+    """Pairs the values of two runs, cloth by cloth.
+
+    Seeds that change nothing within a cloth, in either run, are one value, not many.
+    """
+    found: dict[str, list[Block]] = {}
+    for cloth in sorted({cloth for cloth, _ in before} & {cloth for cloth, _ in after}):
+        old = {seed: value for (name, seed), value in before.items() if name == cloth}
+        new = {seed: value for (name, seed), value in after.items() if name == cloth}
+        if _constant(old) and _constant(new):
+            found[cloth] = [_block([next(iter(old.values()))], [next(iter(new.values()))])]
+        elif shared := sorted(old.keys() & new.keys()):
+            found[cloth] = [_block([old[seed]], [new[seed]]) for seed in shared]
+        else:
+            found[cloth] = [_block(list(old.values()), list(new.values()))]
+    return found
+
+
+def compare(before: Values, after: Values, *, level: float, generator: np.random.Generator) -> Comparison:
+    """Compares two runs of one solver in one metric, of which smaller is better.
+
+    Args:
+        before: Values of the baseline by (cloth, seed).
+        after: Values of the run.
+        level: One-sided level that the p-value has to be able to reach.
+        generator: Source of permutations and of resamples.
+    """
+    pairs = blocks(before, after)
+    changes = _changes(pairs)
+    change = estimate(changes, mean, generator)
+    units = len(changes)
+    observed = _statistic(pairs)
+    if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
+        null = _permuted(pairs, generator)
+        p = (1 + np.count_nonzero(null >= observed - _ROUNDING)) / (1 + PERMUTATIONS)
+        spread = float(np.std(null))
+        return Comparison(change, float(p), "permutation", units, spread * float(_reach(level, inf)))
+    if units < 2:
+        return Comparison(change, nan, "none", units, nan)
+    values = np.array(list(changes.values()))
+    error = float(values.std(ddof=1)) / np.sqrt(units)
+    return Comparison(change, _student(values, error), "t", units, error * float(_reach(level, units - 1)))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Holm's adjusted p-values; NaN, a comparison that could not be made, stays NaN and does not count."""
+    made = [place for place, p in enumerate(p_values) if not isnan(p)]
+    adjusted, running = [nan] * len(p_values), 0.0
+    for rank, place in enumerate(sorted(made, key=lambda place: p_values[place])):
+        running = max(running, min(1.0, (len(made) - rank) * p_values[place]))
+        adjusted[place] = running
+    return adjusted
+
+
+def _block(before: list[float], after: list[float]) -> Block:
+    return Block(np.array(before, dtype=np.float64), np.array(after, dtype=np.float64))
+
+
+def _constant(values: Mapping[int, float]) -> bool:
+    numbers = list(values.values())
+    return bool(np.allclose(numbers, numbers[0], rtol=1e-6, atol=0))
+
+
+def _scale(cloth: Sequence[Block]) -> float:
+    """Mean of all values of a cloth, which no exchange of labels alters."""
+    values = np.concatenate([np.concatenate([block.before, block.after]) for block in cloth])
+    return float(np.abs(values).mean()) or 1.0
+
+
+def _statistic(pairs: Blocks) -> float:
+    means = [np.mean([_change(block, _scale(cloth)) for block in cloth]) for cloth in pairs.values()]
+    return float(np.mean(means)) if means else nan
+
+
+def _changes(pairs: Blocks) -> dict[tuple[str, int], float]:
+    """Relative change of every block, by cloth and place."""
+    return {
+        (cloth, place): _change(block, _scale(group))
+        for cloth, group in pairs.items()
+        for place, block in enumerate(group)
+    }
+
+
+def _change(block: Block, scale: float) -> float:
+    change = float(block.after.mean() - block.before.mean()) / scale
+    return 0.0 if abs(change) < _ROUNDING else change
+
+
+def _permuted(pairs: Blocks, generator: np.random.Generator) -> Float[ndarray, " permutations"]:
+    """The statistic under random exchanges of labels."""
+    total = np.zeros(PERMUTATIONS)
+    for cloth in pairs.values():
+        for block in cloth:
+            weight = 1 / (_scale(cloth) * len(cloth) * len(pairs))
+            values, count = np.concatenate([block.before, block.after]), len(block.before)
+            order = generator.random((PERMUTATIONS, len(values))).argsort(axis=1)
+            shuffled = values[order]
+            total += weight * (shuffled[:, count:].mean(1) - shuffled[:, :count].mean(1))
+    return total
+
+
+def _student(values: Float[ndarray, " units"], error: float) -> float:
+    """One-sided p-value; changes that are all alike, up to rounding, are no chance."""
+    if error <= _ROUNDING:
+        return 0.0 if values.mean() > _ROUNDING else 1.0
+    return float(stats.t.sf(values.mean() / error, len(values) - 1))
+
+
+def _reach(level: float, freedom: float) -> float:
+    """How many standard errors a change must have to be found with probability `POWER`."""
+    return float(stats.t.isf(level, freedom) + stats.t.ppf(POWER, freedom))
