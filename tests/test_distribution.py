@@ -31,12 +31,11 @@ from cusick_bench.metrics import (
     fold_test,
     hausdorff,
     image_statistics,
-    leave_one_out,
+    learn,
     profile_statistics,
     ranks,
     score,
     standardised,
-    train,
     variogram_score,
 )
 from cusick_bench.solvers.base import Prediction
@@ -374,34 +373,50 @@ def test_best_hausdorff_of_n_is_that_of_sets_of_n_draws():
 
 def test_cloths_that_lie_apart_are_told_apart_and_equal_ones_are_not():
     generator = np.random.default_rng(10)
-    names = ["a"] * 12 + ["b"] * 12 + ["c"] * 12
-    apart = generator.normal(size=(36, 6)) + np.repeat([0.0, 6.0, 12.0], 12)[:, None]
-    assert leave_one_out(apart, names, list(range(12)) * 3).accuracy == 1
-    alike = [leave_one_out(generator.normal(size=(36, 6)), names, list(range(12)) * 3).accuracy for _ in range(40)]
-    assert np.mean(alike) == pytest.approx(1 / 3, abs=0.08)
+    names, samples = ["a"] * 12 + ["b"] * 12 + ["c"] * 12, list(range(12)) * 3
+
+    def share(offset: float) -> float:
+        cloths = generator.normal(size=(36, 6)) + offset * np.repeat([0, 1, 2], 12)[:, None]
+        return learn(cloths, names, samples)[1].accuracy
+
+    assert share(6.0) == pytest.approx(35 / 36)  # the one that lies furthest out is taken for none
+    assert np.mean([share(0.0) for _ in range(40)]) == pytest.approx(1 / 3, abs=0.08)
 
 
 def test_captures_of_a_sample_are_left_out_together():
     """With three of the four captures at 10 still in, the fourth would be recognised."""
     values = np.array([[0.0], [10.0], [10.0], [10.0], [10.0], [6.0], [6.1]])
-    confusion = leave_one_out(values, ["a"] * 5 + ["b"] * 2, [1, 2, 2, 2, 2, 1, 2])
-    np.testing.assert_array_equal(confusion.counts, [[0, 5], [0, 2]])
+    confusion = learn(values, ["a"] * 5 + ["b"] * 2, [1, 2, 2, 2, 2, 1, 2])[1]
+    np.testing.assert_array_equal(confusion.counts.sum(1), [5, 2])
     np.testing.assert_allclose(confusion.accuracies, [0, 1])
     assert confusion.accuracy == 0.5
 
 
 def test_each_statistic_counts_in_units_of_its_spread_within_cloths():
     values = np.array([[0.0, -100.0], [0.1, 100.0], [1.0, -100.0], [1.1, 140.0]])
-    judge = train(values, ["a", "a", "b", "b"])
+    judge, _ = learn(values, list("aabb"), [1, 2, 1, 2])
     np.testing.assert_array_equal(judge.assign(np.array([[0.1, 60.0], [1.0, -60.0]])), [0, 1])
-    assert judge.confusion(np.zeros((0, 2)), []).accuracy != judge.confusion(values, list("aabb")).accuracy == 1
+    assert np.isnan(judge.confusion(np.zeros((0, 2)), []).accuracy)
+    assert judge.confusion(values, list("aabb")).accuracy == 1
+
+
+def test_what_is_like_no_cloth_is_taken_for_none():
+    generator = np.random.default_rng(11)
+    values = generator.normal(size=(200, 8)) + np.repeat([0.0, 9.0], 100)[:, None]
+    judge, confusion = learn(values, ["a"] * 100 + ["b"] * 100, list(range(200)))
+    assert confusion.strangers == pytest.approx(0.045)
+    fresh = judge.confusion(generator.normal(size=(2000, 8)), ["a"] * 2000)
+    assert fresh.strangers == pytest.approx(0.05, abs=0.025)
+    between = judge.confusion(np.full((3, 8), 4.0), ["a"] * 3)
+    np.testing.assert_array_equal(between.counts, [[0, 0, 3], [0, 0, 0]])
+    assert between.strangers == 1
 
 
 def test_classification_refuses_what_cannot_be_told_apart():
     with pytest.raises(MetricError, match="2 cloths"):
-        train(np.zeros((5, 2)), ["a"] * 5)
+        learn(np.zeros((5, 2)), ["a"] * 5, list(range(5)))
     with pytest.raises(MetricError, match="at least 2 samples"):
-        leave_one_out(np.zeros((4, 1)), list("aabb"), [1, 1, 1, 2])
-    judge = train(np.arange(4.0)[:, None], list("aabb"))
+        learn(np.arange(4.0)[:, None], list("aabb"), [1, 1, 1, 2])
+    judge, _ = learn(np.arange(4.0)[:, None], list("aabb"), [1, 2, 1, 2])
     with pytest.raises(MetricError, match="unknown cloth c"):
         judge.confusion(np.zeros((1, 1)), ["c"])

@@ -1,7 +1,7 @@
 """Metrics of drapes: images, surfaces, profiles, and the score of a whole prediction."""
 
 from cusick_bench.metrics.calibration import coverage, fold_test, ranks
-from cusick_bench.metrics.classification import Classifier, Confusion, leave_one_out, train
+from cusick_bench.metrics.classification import Classifier, Confusion, learn
 from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.hausdorff import hausdorff
@@ -51,7 +51,7 @@ __all__ = [
     "image_statistics",
     "iou",
     "iou_pairs",
-    "leave_one_out",
+    "learn",
     "mse",
     "mse_pairs",
     "profile_rms",
@@ -63,6 +63,5 @@ __all__ = [
     "score",
     "spectrum_distance",
     "standardised",
-    "train",
     "variogram_score",
 ]

@@ -2,7 +2,8 @@
 
 Diagonal linear discriminant analysis: a drape belongs to the cloth whose mean is nearest, with each statistic in
 units of its spread within cloths (pooled). With a dozen samples a cloth and more statistics than that, correlations
-cannot be estimated, and rules that try do worse.
+cannot be estimated, and rules that try do worse. A choice among cloths alone would give a disc to one of them. So a
+drape that lies further from every cloth than 95 % of real samples lie from their own is taken for none.
 
 References:
     S. Dudoit, J. Fridlyand, T. P. Speed. Comparison of discrimination methods for the classification of tumors
@@ -10,13 +11,17 @@ References:
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf, nan
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.metrics.errors import MetricError
+
+LIKELY = 0.95  # of real samples, or more, lie within the reach of their cloth
+NONE = -1  # index of the cloth of drapes that lie beyond every reach; the last column of a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +30,17 @@ class Confusion:
 
     Attributes:
         cloths: Names, in the order of rows and columns.
-        counts: Drapes of the row's cloth that were taken for the column's.
+        counts: Drapes of the row's cloth that were taken for the column's, in the last column for none.
     """
 
     cloths: tuple[str, ...]
-    counts: Int[ndarray, "cloths cloths"]
+    counts: Int[ndarray, "cloths choices"]
 
     @property
     def accuracy(self) -> float:
         """Share of drapes that are taken for their own cloth, each cloth counting alike; NaN without drapes."""
         shares = self.accuracies
-        return float(np.nanmean(shares)) if np.isfinite(shares).any() else float("nan")
+        return float(np.nanmean(shares)) if np.isfinite(shares).any() else nan
 
     @property
     def accuracies(self) -> Float[ndarray, " cloths"]:
@@ -43,19 +48,37 @@ class Confusion:
         total = self.counts.sum(1)
         return np.where(total > 0, np.diag(self.counts) / np.maximum(total, 1), np.nan)
 
+    @property
+    def strangers(self) -> float:
+        """Share of drapes that are taken for no cloth, each cloth counting alike; NaN without drapes."""
+        total = self.counts.sum(1)
+        return float((self.counts[total > 0, NONE] / total[total > 0]).mean()) if total.any() else nan
+
 
 @dataclass(frozen=True, eq=False)
 class Classifier:
-    """Means and pooled spread of the cloths' statistics; made by `train`."""
+    """What cloths look like; made by `learn`.
+
+    Attributes:
+        cloths: Names.
+        means: Of their statistics.
+        spread: Standard deviation within cloths, pooled.
+        reach: Distance from a cloth's mean beyond which a drape is none of it.
+    """
 
     cloths: tuple[str, ...]
     means: Float[ndarray, "cloths statistics"]
     spread: Float[ndarray, " statistics"]
+    reach: float = inf
+
+    def distances(self, statistics: Float[ndarray, "drapes statistics"]) -> Float[ndarray, "drapes cloths"]:
+        """Root-mean-square distance of drapes from the means, in units of the spread."""
+        apart = (statistics[:, None] - self.means) / self.spread
+        return np.sqrt((apart**2).mean(2))
 
     def assign(self, statistics: Float[ndarray, "drapes statistics"]) -> Int[ndarray, " drapes"]:
-        """Index of the cloth that each drape is taken for."""
-        apart = (statistics[:, None] - self.means) / self.spread
-        return (apart**2).sum(2).argmin(1)
+        """Index of the cloth that each drape is taken for, or `NONE`."""
+        return _nearest(self.distances(statistics), self.reach)
 
     def confusion(self, statistics: Float[ndarray, "drapes statistics"], cloths: Sequence[str]) -> Confusion:
         """Takes drapes of known cloths for what they look like.
@@ -67,16 +90,37 @@ class Classifier:
         return _confusion(self.cloths, truth, self.assign(statistics))
 
 
-def train(statistics: Float[ndarray, "drapes statistics"], cloths: Sequence[str]) -> Classifier:
-    """Learns cloths from real drapes.
+def learn(
+    statistics: Float[ndarray, "drapes statistics"], cloths: Sequence[str], samples: Sequence[Hashable]
+) -> tuple[Classifier, Confusion]:
+    """Learns cloths from real drapes, and how well a drape of an unseen sample is recognised.
 
     Args:
         statistics: Of the drapes.
         cloths: Their cloths.
+        samples: Which drapes are of one sample of a cloth, and so left out together.
+
+    Returns:
+        The classifier, and what every drape is taken for by one that has not seen its sample.
 
     Raises:
-        MetricError: Fewer than two cloths, or none with two drapes.
+        MetricError: Fewer than two cloths, too few drapes, or a cloth with only one sample.
     """
+    judge = _train(statistics, cloths)
+    owner, groups = _indices(judge.cloths, cloths), list(zip(cloths, samples, strict=True))
+    distances = np.zeros((len(owner), len(judge.cloths)))
+    for group in dict.fromkeys(groups):
+        own = np.array([other == group for other in groups])
+        kept = [cloth for cloth, out in zip(cloths, own, strict=True) if not out]
+        if group[0] not in kept:
+            raise MetricError(f"{group[0]} must have at least 2 samples to leave one out; give a split with more")
+        unseen = _train(statistics[~own], kept)
+        distances[np.ix_(own, _indices(judge.cloths, unseen.cloths))] = unseen.distances(statistics[own])
+    reach = float(np.quantile(distances[np.arange(len(owner)), owner], LIKELY, method="higher"))
+    return replace(judge, reach=reach), _confusion(judge.cloths, owner, _nearest(distances, reach))
+
+
+def _train(statistics: ndarray, cloths: Sequence[str]) -> Classifier:
     names = tuple(dict.fromkeys(cloths))
     owner = _indices(names, cloths)
     if len(names) < 2 or len(owner) <= len(names):
@@ -91,31 +135,8 @@ def train(statistics: Float[ndarray, "drapes statistics"], cloths: Sequence[str]
     return Classifier(names, means, np.maximum(spread, 1e-9 * np.abs(statistics).max(0) + 1e-300))
 
 
-def leave_one_out(
-    statistics: Float[ndarray, "drapes statistics"], cloths: Sequence[str], samples: Sequence[Hashable]
-) -> Confusion:
-    """Takes every real drape for what it looks like to a classifier that has not seen its sample.
-
-    Args:
-        statistics: Of the drapes.
-        cloths: Their cloths.
-        samples: Which drapes are of one sample of a cloth, and so left out together.
-
-    Raises:
-        MetricError: Too few drapes, or a cloth with only one sample.
-    """
-    names = tuple(dict.fromkeys(cloths))
-    owner = _indices(names, cloths)
-    groups = list(zip(cloths, samples, strict=True))
-    taken = np.zeros(len(owner), dtype=int)
-    for group in dict.fromkeys(groups):
-        own = np.array([other == group for other in groups])
-        kept = [cloth for cloth, out in zip(cloths, own, strict=True) if not out]
-        if group[0] not in kept:
-            raise MetricError(f"{group[0]} must have at least 2 samples to leave one out; give a split with more")
-        judge = train(statistics[~own], kept)
-        taken[own] = _indices(names, judge.cloths)[judge.assign(statistics[own])]
-    return _confusion(names, owner, taken)
+def _nearest(distances: Float[ndarray, "drapes cloths"], reach: float) -> Int[ndarray, " drapes"]:
+    return np.where(distances.min(1) > reach, NONE, distances.argmin(1))
 
 
 def _indices(names: Sequence[str], cloths: Sequence[str]) -> Int[ndarray, " drapes"]:
@@ -127,6 +148,6 @@ def _indices(names: Sequence[str], cloths: Sequence[str]) -> Int[ndarray, " drap
 
 
 def _confusion(names: tuple[str, ...], truth: ndarray, taken: ndarray) -> Confusion:
-    counts = np.zeros((len(names), len(names)), dtype=int)
+    counts = np.zeros((len(names), len(names) + 1), dtype=int)
     np.add.at(counts, (truth, taken), 1)
     return Confusion(names, counts)
