@@ -71,10 +71,20 @@ def laid_down(mesh: Mesh, height: SmoothField, held_radius: float) -> Float[ndar
         height: Undulation [m].
         held_radius: Radius of the plate [m].
     """
-    ramp = np.clip((np.hypot(*mesh.material.T) - held_radius) / 0.01, 0, 1)
     shape = mesh.flat.copy()
-    shape[:, 2] = height(mesh.material) * ramp * ramp * (3 - 2 * ramp)
+    shape[:, 2] = height(mesh.material) * fade_in(mesh, held_radius)
     return shape
+
+
+def fade_in(mesh: Mesh, held_radius: float) -> Float[ndarray, "vertices"]:
+    """0 on the plate, 1 from 1 cm beyond its edge, smooth between.
+
+    Args:
+        mesh: The cloth.
+        held_radius: Radius of the plate [m].
+    """
+    ramp = np.clip((np.hypot(*mesh.material.T) - held_radius) / 0.01, 0, 1)
+    return ramp * ramp * (3 - 2 * ramp)
 
 
 def dihedral_angles(vertices: Float[Tensor, "vertices 3"], hinges: Int[ndarray, "hinges 4"]) -> Float[Tensor, "hinges"]:

@@ -43,6 +43,7 @@ class Prediction:
         paired: Draw i was made for held-out image i (oracles), rather than all draws for all images.
         finished: Whether the solver ended by itself rather than by its budget.
         notes: What else it found out, as it goes into the result's JSON.
+        posterior: What a distribution over parameters is made of, with which `Solver.redraw` makes each draw again.
     """
 
     train_image: Float[np.ndarray, "256 256"]
@@ -54,6 +55,7 @@ class Prediction:
     paired: bool = False
     finished: bool = True
     notes: dict[str, Any] = field(default_factory=dict)
+    posterior: dict[str, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
         if np.shape(self.train_image) != (256, 256):
@@ -110,6 +112,21 @@ class Solver(ABC):
                 f"pose it with space={self.space!r}"
             )
         return self._solve(problem, generator, progress)
+
+    def redraw(
+        self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
+    ) -> Float[np.ndarray, " dimension"]:
+        """Parameters of one draw, from the posterior alone: what a stored prediction is verified with.
+
+        Args:
+            problem: The problem that was answered.
+            posterior: From the prediction.
+            index: Number of the draw; `posterior["draws"]` has those of the predicted draws.
+
+        Raises:
+            SolverError: The solver learns no distribution.
+        """
+        raise SolverError(f"{self.name} learns no distribution to draw from")
 
     @abstractmethod
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:

@@ -12,15 +12,33 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from cusick_bench.solvers.base import Solver, SolverError
+from cusick_bench.solvers.baxus import Baxus
+from cusick_bench.solvers.bdp import Bdp
+from cusick_bench.solvers.bdp_field import BdpField
+from cusick_bench.solvers.cmaes import CmaEs
+from cusick_bench.solvers.hesbo import Hesbo
 from cusick_bench.solvers.homo import Homo
 from cusick_bench.solvers.nlopt_family import BENCHMARKED, nlopt_solver
 from cusick_bench.solvers.null import NullCopy, NullDisc, NullRandomPhase, NullRotation
 from cusick_bench.solvers.oracle import OracleBestOther, OracleMean, OracleRepeat
+from cusick_bench.solvers.rembo import Rembo
+from cusick_bench.solvers.sobol import Sobol
+from cusick_bench.solvers.turbo import Turbo
+from cusick_bench.solvers.vanilla_bo import VanillaBo
 
 ENTRY_POINTS = "cusick_bench.solvers"
 
 _BUILT_IN: tuple[type[Solver], ...] = (
     Homo,
+    Bdp,
+    BdpField,
+    Rembo,
+    Hesbo,
+    VanillaBo,
+    Turbo,
+    Baxus,
+    CmaEs,
+    Sobol,
     NullDisc,
     NullCopy,
     NullRotation,

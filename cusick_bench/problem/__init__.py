@@ -3,11 +3,13 @@
 from cusick_bench.problem.budget import Budget, Evaluation, Meter
 from cusick_bench.problem.drape_problem import DrapeProblem, Observation
 from cusick_bench.problem.errors import BudgetExceeded, ProblemError
+from cusick_bench.problem.field_space import FieldSpace
 from cusick_bench.problem.journal import Checkpoint, Journal
 from cusick_bench.problem.laying import laid_like
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.priors import StiffnessPrior
-from cusick_bench.problem.space import SPACES, HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
+from cusick_bench.problem.space import HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
+from cusick_bench.problem.spaces import SPACES
 from cusick_bench.problem.train_mesh import TrainMesh
 
 __all__ = [
@@ -18,6 +20,7 @@ __all__ = [
     "Checkpoint",
     "DrapeProblem",
     "Evaluation",
+    "FieldSpace",
     "HeterogeneousSpace",
     "HomogeneousSpace",
     "Journal",

@@ -45,7 +45,7 @@ class Evaluation:
         kind: "loss", "gradient", "drape" or "draw".
         digest: Fingerprint of the parameter vector.
         loss: Loss at the vector; inf where the drape failed.
-        best_loss: Smallest loss so far.
+        best_loss: Smallest loss so far, of the search.
         forward_equivalents: Drapes spent.
         wall_seconds: Time since the solver began, its own work included [s].
         seconds: Time of this evaluation [s].

@@ -11,6 +11,7 @@ Newton steps; `follow=False` starts each one anew.
 import hashlib
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,6 +33,8 @@ from cusick_bench.sim.silhouette import Method, render
 
 Vector = Float[np.ndarray, " dimension"]
 Vectors = Float[np.ndarray, "members dimension"]
+Measure = Callable[[dict[int, Tensor]], Tensor]
+"""From the silhouettes of a batch, by member and without those whose drape failed, to a number."""
 
 
 @dataclass(frozen=True)
@@ -158,11 +161,18 @@ class DrapeProblem:
         """Losses of several vectors, draped together, which is faster than one by one; raises as `evaluate`."""
         return np.array([entry.evaluation.loss for entry in self._metered("loss", taus)])
 
-    def evaluate_and_gradient_batch(self, taus: Vectors) -> tuple[Float[np.ndarray, " members"], Vectors]:
-        """Losses and gradients of several vectors, draped together; raises as `evaluate_and_gradient`."""
+    def evaluate_and_gradient_batch(
+        self, taus: Vectors, measure: Measure | None = None
+    ) -> tuple[Float[np.ndarray, " members"], Vectors]:
+        """Losses and gradients of several vectors, draped together; raises as `evaluate_and_gradient`.
+
+        Args:
+            taus: Parameter vectors.
+            measure: What to take the gradients of, instead of the sum of the losses.
+        """
         if not self.space.differentiable:
             raise ProblemError(f"the space {self.space.name!r} has no gradients; use a gradient-free solver")
-        entries = self._metered("gradient", taus)
+        entries = self._metered("gradient", taus, measure)
         losses = np.array([entry.evaluation.loss for entry in entries])
         nothing = np.zeros(self.dimension)
         return losses, np.stack([entry.arrays.get("gradient", nothing) for entry in entries])
@@ -222,7 +232,7 @@ class DrapeProblem:
             image = self.render(torch.as_tensor(vertices)).numpy()
         return Observation(vertices, image, entry.evaluation.loss)
 
-    def _metered(self, kind: str, taus: Vectors) -> list[Entry]:
+    def _metered(self, kind: str, taus: Vectors, measure: Measure | None = None) -> list[Entry]:
         """Evaluations, from the journal as far as it goes, and computed together from there on."""
         taus = self._checked(taus)
         digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
@@ -232,7 +242,8 @@ class DrapeProblem:
             entries.append(entry)
         if rest := digests[len(entries) :]:
             self.meter.admit(kind, len(rest))
-            for entry in self._computed(kind, rest, taus[len(entries) :]):
+            first = len(entries) if measure is None else 0  # a measure has to see all members
+            for entry in self._computed(kind, rest, taus[first:], measure):
                 self.journal.append(entry)
                 self.meter.record(entry.evaluation)
                 entries.append(entry)
@@ -265,14 +276,14 @@ class DrapeProblem:
         vertices = self._branch.vertices
         return vertices.expand(members, -1, -1) if self._follows and vertices is not None else None
 
-    def _computed(self, kind: str, digests: list[str], taus: Vectors) -> list[Entry]:
-        """Evaluates together what the journal does not hold; totals run on from one member to the next."""
+    def _computed(self, kind: str, digests: list[str], taus: Vectors, measure: Measure | None) -> list[Entry]:
+        """Evaluates vectors together; keeps the last ones, which have digests, and runs the totals on over them."""
         start, before = time.perf_counter(), self.meter.wall_seconds
-        results = self._simulate(taus, gradient=kind == "gradient")
+        results = self._simulate(taus, kind == "gradient", measure)[-len(digests) :]
         seconds = (time.perf_counter() - start) / len(taus)
         best, spent, entries = self.meter.best_loss, self.meter.forward_equivalents, []
         for digest, result in zip(digests, results, strict=True):
-            best, spent = min(best, result.loss), spent + COST[kind]
+            best, spent = best if kind == "draw" else min(best, result.loss), spent + COST[kind]
             if kind not in ("drape", "draw") and not (self._follows and result.loss < self._branch.loss):
                 result.arrays.pop("vertices", None)
             evaluation = Evaluation(
@@ -294,17 +305,19 @@ class DrapeProblem:
     def _static(self) -> bool:
         return self.simulator.settings.mode == "equilibrium"
 
-    def _simulate(self, taus: Vectors, *, gradient: bool) -> list[_Simulated]:
+    def _simulate(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[_Simulated]:
         """Drapes (and their adjoints), measured against the training image."""
         parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
         target = torch.as_tensor(self.train_image)
         with torch.set_grad_enabled(gradient):
             batch = self.simulate(parameters)
             alive = [member for member, failure in enumerate(batch.failures) if failure is None]
-            losses = {member: LOSSES[self.loss](self.render(batch.vertices[member]), target) for member in alive}
+            images = {member: self.render(batch.vertices[member]) for member in alive}
+            losses = {member: LOSSES[self.loss](images[member], target) for member in alive}
         slopes = np.zeros_like(taus)
         if gradient and alive:
-            slopes = torch.autograd.grad(torch.stack(list(losses.values())).sum(), parameters)[0].numpy()
+            total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)
+            slopes = torch.autograd.grad(total, parameters)[0].numpy()
         results = [_Simulated(failure=failure or "") for failure in batch.failures]
         for member in alive:
             arrays = {"vertices": batch.vertices[member].detach().numpy()}

@@ -13,6 +13,7 @@ import json
 import math
 import os
 from dataclasses import asdict, dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
@@ -143,15 +144,17 @@ class Journal:
         return entry
 
     def rewind(self, evaluations: int) -> list[Entry]:
-        """Keeps the first `evaluations` entries of the earlier run, forgets the others, and replays nothing.
+        """Keeps the first `evaluations` entries of the earlier run, without replaying them.
 
-        For solvers that go on from their own checkpoint instead of being fed from the journal.
+        For solvers that go on from their own checkpoint instead of being fed from the journal. Drapes that follow
+        are replayed, if there is a checkpoint; whatever else follows is forgotten.
         """
-        kept = self._past[:evaluations]
-        self._past, self._position = kept, len(kept)
+        done, rest = self._past[:evaluations], self._past[evaluations:]
+        drapes = takewhile(lambda entry: entry.evaluation.kind in ("drape", "draw"), rest if done else [])
+        self._past, self._position = done + list(drapes), len(done)
         if self.folder is not None:
-            self._open(kept)
-        return kept
+            self._open(self._past)
+        return done
 
     def append(self, entry: Entry) -> None:
         """Keeps an evaluation; once this returns, a kill of the process does not lose it."""

@@ -1,6 +1,6 @@
 """What a solver's numbers mean: a parameter space turns an unconstrained vector tau into a cloth to drape.
 
-A new space is one file with one subclass of `ParameterSpace` and one line in `SPACES`.
+A new space is one file with one subclass of `ParameterSpace` and one line in `spaces.py`.
 """
 
 from abc import ABC, abstractmethod
@@ -123,6 +123,3 @@ class HeterogeneousSpace(ParameterSpace):
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
         bending = np.tile(self.prior.bending_level(factor), len(self.mesh.hinges))
         return np.concatenate([np.zeros(STRETCH_SIZE * len(self.mesh.faces)), bending])
-
-
-SPACES: dict[str, type[ParameterSpace]] = {space.name: space for space in (HomogeneousSpace, HeterogeneousSpace)}

@@ -12,7 +12,9 @@ from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.journal import Checkpoint, Journal
 from cusick_bench.problem.laying import laid_like
 from cusick_bench.problem.priors import StiffnessPrior
-from cusick_bench.problem.space import SPACES, HomogeneousSpace
+from cusick_bench.problem.space import HomogeneousSpace
+from cusick_bench.problem.spaces import SPACES
+from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.camera import ParallelCamera
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.mesh import disc_mesh
@@ -29,13 +31,18 @@ def _simulator(vertices: int, mode: str, seed: int) -> DrapeSimulator:
 
 
 @lru_cache(maxsize=8)
-def _image(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
+def _drape(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
     simulator = _simulator(vertices, mode, seed)
     space = HomogeneousSpace(simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY))
     with torch.no_grad():
         specimen = space.specimen(torch.as_tensor(space.bending_level(bending)))
-        drape = simulator.drape(specimen.material)
-        return render(drape.vertices, simulator.mesh.faces, ParallelCamera()).numpy()
+        return simulator.drape(specimen.material).vertices.numpy()
+
+
+def _image(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
+    drape, faces = _drape(vertices, mode, bending, seed), _simulator(vertices, mode, seed).mesh.faces
+    with torch.no_grad():
+        return render(torch.as_tensor(drape), faces, ParallelCamera()).numpy()
 
 
 def toy_problem(
@@ -63,6 +70,7 @@ def toy_problem(
     """
     image = _image(vertices, mode, bending, sample)
     simulator = _simulator(vertices, mode, sample if laid_as_true else 0)
+    mesh = simulator.mesh
     return DrapeProblem(
         train_image=image,
         simulator=simulator,
@@ -71,6 +79,7 @@ def toy_problem(
         meter=Meter(budget or Budget(20)),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
+        train_mesh=TrainMesh(_drape(vertices, mode, bending, sample), mesh.faces, mesh.material),
     )
 
 

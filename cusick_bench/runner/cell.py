@@ -182,6 +182,8 @@ def _write_prediction(path: Path, prediction: Prediction, problem: DrapeProblem)
         value = getattr(prediction, name)
         if value is not None:
             arrays[name] = np.asarray(value)
+    if prediction.posterior is not None:
+        arrays |= {f"posterior_{name}": value for name, value in prediction.posterior.items()}
     if prediction.tau is not None:
         with torch.no_grad():
             material = problem.space.specimen(torch.as_tensor(prediction.tau)).material

@@ -1,0 +1,134 @@
+"""Smooth random fields around a homogeneous cloth: of stiffness, of the shape it is laid down in, of its rest shape.
+
+Draws of stiffness that are independent from element to element average out over a fold and cannot move it; undulations
+of a millimetre in the shape in which the cloth is laid down, or in its rest shape, can. So tau holds, all with prior
+N(0, 1):
+
+    the 39 numbers of the homogeneous space,
+    logarithms of amplitude and correlation length of every field, around the medians below,
+    weights w of every field's modes (see `cusick_bench.sim.matern`).
+
+The first two belong to the cloth, the weights to the specimen: another one of the same cloth has them drawn anew.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
+from cusick_bench.problem.space import ParameterSpace, Specimen
+from cusick_bench.sim.heterogeneity import face_centres, hinge_centres
+from cusick_bench.sim.material import Material
+from cusick_bench.sim.matern import disc_modes, matern_root
+from cusick_bench.sim.shape import dihedral_angles, fade_in
+
+MODES = 300  # of each field: waves of 3.5 cm and longer
+HOMOGENEOUS = STRETCH_SIZE + BENDING_SIZE
+
+
+@dataclass(frozen=True)
+class FieldPrior:
+    """Log-normal prior of one field's amplitude and correlation length.
+
+    Attributes:
+        amplitude: Median, in the field's unit.
+        length: Median [m].
+        amplitude_sd: Standard deviation of the logarithm of the amplitude.
+        length_sd: Of the length.
+    """
+
+    amplitude: float
+    length: float
+    amplitude_sd: float = 0.5
+    length_sd: float = 0.3
+
+
+# Medians are of the size that gives simulated samples of one cloth the variability of real ones: undulations of 1 mm
+# over 3 cm in the laid shape, or half of that in the rest shape; stiffness is uneven by 15 %. Assumed, wide.
+FIELDS = {
+    "stiffness": FieldPrior(0.15, 0.02),  # [log]
+    "laying": FieldPrior(1.0e-3, 0.03),  # [m]
+    "rest": FieldPrior(0.3e-3, 0.03),  # [m]
+}
+
+
+@dataclass(frozen=True)
+class FieldSpace(ParameterSpace):
+    """A homogeneous cloth with random fields: 39 + 6 + 900 numbers on any mesh."""
+
+    name: ClassVar[str] = "field"
+
+    @property
+    def dimension(self) -> int:
+        return HOMOGENEOUS + len(FIELDS) * (2 + MODES)
+
+    @property
+    def specimen_level(self) -> slice:
+        return slice(HOMOGENEOUS + 2 * len(FIELDS), self.dimension)
+
+    def weights(self, name: str) -> slice:
+        """Entries of tau that are the weights of a field."""
+        begin = self.specimen_level.start + MODES * list(FIELDS).index(name)
+        return slice(begin, begin + MODES)
+
+    def root(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " modes"]:
+        """Standard deviations of a field's coefficients, in the field's unit times metres."""
+        prior, index = FIELDS[name], HOMOGENEOUS + 2 * list(FIELDS).index(name)
+        amplitude = prior.amplitude * (prior.amplitude_sd * tau[index]).exp()
+        length = prior.length * (prior.length_sd * tau[index + 1]).exp()
+        return matern_root(disc_modes(MODES), amplitude, length)
+
+    def field(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " points"]:
+        """Values of a field: of stiffness on the hinges, of the others on the vertices."""
+        return self._basis[name] @ (self.root(tau, name) * tau[self.weights(name)])
+
+    def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        stretch, bending = tau[:HOMOGENEOUS].split([STRETCH_SIZE, BENDING_SIZE])
+        coefficients = self.root(tau, "stiffness") * tau[self.weights("stiffness")]
+        on_hinges, on_faces = (self._basis[name] @ coefficients for name in ("stiffness", "faces"))
+        material = Material(
+            self.prior.stretch(stretch) * on_faces.exp()[:, None, None],
+            self.prior.bending(bending) * on_hinges.exp()[:, None, None],
+            self.density(),
+        )
+        laid, rest = (self._raised(self.field(tau, name)) for name in ("laying", "rest"))
+        return Specimen(material, initial=laid, rest_angle=dihedral_angles(rest, self.mesh.hinges))
+
+    def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
+        level = np.zeros(self.dimension)
+        level[STRETCH_SIZE:HOMOGENEOUS] = self.prior.bending_level(factor)
+        return level
+
+    def laid_like(self, height: Float[np.ndarray, " vertices"]) -> Float[np.ndarray, " modes"]:
+        """Weights of the laying field, at its median amplitude and length, that undulate most nearly as `height`.
+
+        Of all weights that do, the most probable ones under noise of a tenth of the amplitude.
+
+        Args:
+            height: Undulation of the vertices [m]; what lies on the plate does not count.
+        """
+        prior = FIELDS["laying"]
+        ramp = fade_in(self.mesh, self.plate_radius)
+        root = self.root(torch.zeros(self.dimension, dtype=torch.float64), "laying").numpy()
+        design = ramp[:, None] * self._basis["laying"].numpy() * root
+        noise = 0.1 * prior.amplitude
+        normal = design.T @ design / noise**2 + np.eye(MODES)
+        return np.linalg.solve(normal, design.T @ (ramp * height) / noise**2)
+
+    @cached_property
+    def _basis(self) -> dict[str, Float[Tensor, "points modes"]]:
+        modes, mesh = disc_modes(MODES), self.mesh
+        points = {"stiffness": hinge_centres(mesh), "faces": face_centres(mesh), "laying": mesh.material}
+        basis = {name: torch.from_numpy(modes(where)) for name, where in points.items()}
+        return basis | {"rest": basis["laying"]}
+
+    def _raised(self, height: Float[Tensor, " vertices"]) -> Float[Tensor, "vertices 3"]:
+        """The flat cloth with its overhang at a height; on the plate it is flat."""
+        ramp = torch.from_numpy(fade_in(self.mesh, self.plate_radius))
+        flat = torch.from_numpy(self.mesh.flat)
+        return torch.cat([flat[:, :2], (ramp * height)[:, None]], 1)

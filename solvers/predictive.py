@@ -1,0 +1,45 @@
+"""Posterior-predictive drapes: cloths drawn from what a solver has learned, draped in batches."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from cusick_bench.problem import DrapeProblem, Observation
+from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.solvers.base import Prediction, Progress
+
+TOGETHER = 8  # draped at once; also what a kill can lose
+
+
+def predictive_draws(
+    problem: DrapeProblem, tau: Callable[[int], Float[np.ndarray, " dimension"]], count: int, progress: Progress
+) -> dict[int, Observation]:
+    """Drapes the draws 0 .. count - 1; those whose drape fails are left out.
+
+    Args:
+        problem: Who drapes; it keeps what is done, so a killed run goes on.
+        tau: Parameters of a draw, always the same for the same number.
+        count: Number of draws.
+        progress: Told how far it is.
+
+    Raises:
+        DrapeDiverged: Every one of them fails.
+    """
+    seen: dict[int, Observation] = {}
+    for begin in range(0, count, TOGETHER):
+        chosen = range(begin, min(begin + TOGETHER, count))
+        drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]))
+        seen |= {index: one for index, one in zip(chosen, drapes, strict=True) if one is not None}
+        progress(f"draping draws, {chosen.stop} of {count}", chosen.stop / count)
+    if not seen:
+        raise DrapeDiverged(f"none of {count} drawn cloths came to rest: {problem.meter.trace[-1].failure}")
+    return seen
+
+
+def with_draws(best: Prediction, seen: dict[int, Observation], posterior: dict[str, np.ndarray]) -> Prediction:
+    """A fit of the training image with its posterior and what was drawn from that."""
+    images, vertices = (np.stack([getattr(one, name) for one in seen.values()]) for name in ("image", "vertices"))
+    posterior = posterior | {"draws": np.array(list(seen))}
+    return replace(best, draws=images, draw_vertices=vertices, posterior=posterior)
