@@ -1,19 +1,28 @@
 """The regression gate: it sees a planted 5 % degradation, and cries wolf no more often than it says."""
 
 import json
+import shutil
 from pathlib import Path
 
+import numba
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.datasets import load
 from cusick_bench.leaderboard import paired
 from cusick_bench.leaderboard.baseline import read_cells, write_baseline
 from cusick_bench.leaderboard.check import Gate, check
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.paired import compare, holm
+from cusick_bench.problem import Budget
+from cusick_bench.problem.toy import toy_image
+from cusick_bench.runner import ProblemSettings, Source, plan, run
+from cusick_bench.runner.environment import code_version
+from cusick_bench.sim.settings import DrapeSettings
 
 CLOTHS = ("a", "b", "c", "d", "e")
 METRICS = ("train_mse", "test_mse")
@@ -143,6 +152,73 @@ class TestCells:
     def test_metrics_of_which_more_may_be_better_are_refused(self, metric):
         with pytest.raises(LeaderboardError, match="smaller is not better"):
             Gate((metric,))
+
+
+CLOTHS_RUN = 4
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory) -> Path:
+    """Small cloths of four stiffnesses, two samples each."""
+    root = tmp_path_factory.mktemp("lab")
+    weights = ["fabric,areal_density_kg_m2,thickness_m"]
+    for fabric in range(1, CLOTHS_RUN + 1):
+        folder = root / "data" / f"Fabric {fabric}" / "silhouettes"
+        folder.mkdir(parents=True)
+        weights.append(f"{fabric},0.2,0.0004")
+        for sample in (1, 2):
+            grey = np.round(255 * (1 - toy_image(sample, bending=0.7 * fabric))).astype(np.uint8)
+            Image.fromarray(grey).save(folder / f"Fabric_{fabric}_Sample_{sample}_Capture_1.jpg", quality=95)
+    (root / "fabrics.csv").write_text("\n".join(weights) + "\n")
+    return root
+
+
+def solve(lab: Path, out: Path, seeds: list[int], solvers=("homo,search=2", "null:random-phase,draws=10")) -> Path:
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    settings = ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(4))
+    run(Source(str(lab)), plan(load(lab), solvers=list(solvers), seeds=seeds, settings=settings), out)
+    numba.set_num_threads(before)
+    return out
+
+
+@pytest.fixture(scope="module")
+def first(lab, tmp_path_factory) -> Path:
+    return solve(lab, tmp_path_factory.mktemp("first"), [0])
+
+
+class TestRun:
+    """The gate on runs of real solvers on small cloths."""
+
+    def test_a_rerun_with_another_seed_passes_and_five_per_cent_do_not(self, lab, first, tmp_path):
+        other = solve(lab, tmp_path / "other", [7])
+        baseline = read_cells(first)
+        assert not check(read_cells(other), baseline).regressions
+        for path in other.glob("cells/*/result.json"):
+            result = json.loads(path.read_text())
+            if result["solver"].startswith("homo"):
+                result["metrics"]["train_mse"] *= 1.05
+                path.write_text(json.dumps(result))
+        found = check(read_cells(other), baseline).regressions
+        assert [(finding.solver, finding.metric) for finding in found] == [("homo,search=2", "train_mse")]
+
+    def test_failures_now_are_regressions(self, first, tmp_path):
+        failing = Path(shutil.copytree(first, tmp_path / "failing"))
+        for path in failing.glob("cells/*/result.json"):
+            result = json.loads(path.read_text())
+            if (result["solver"], result["cloth"]) == ("homo,search=2", "fabric_2"):
+                path.write_text(json.dumps(result | {"status": "failed", "failure": "boom", "metrics": {}}))
+                (path.parent / "done").unlink()
+        (finding,) = check(read_cells(failing), read_cells(first)).regressions
+        assert (finding.solver, finding.metric) == ("homo,search=2", "cells")
+
+    def test_cells_of_older_code_in_the_same_folder_do_not_count(self, lab, tmp_path, monkeypatch):
+        monkeypatch.setattr("cusick_bench.runner.grid.code_version", lambda: "0.0+old")
+        folder = solve(lab, tmp_path / "both", [0], ["null:disc"])
+        monkeypatch.undo()
+        solve(lab, folder, [0], ["null:disc"])
+        assert len(list(folder.glob("cells/*"))) == 2 * CLOTHS_RUN
+        assert set(read_cells(folder)["code_version"]) == {code_version()}
 
 
 class TestCommand:

@@ -121,17 +121,17 @@ def table_2(
         (board,) = leaderboards(cells, by="train_mse")
         shortest, equal = loss_at_equal_time(cells.table)
         note = f"Equal time is {shortest:.1f} s a cell, when the fastest method had ended." if equal else ""
-        notes = [_limit(limit), *left_out, *([note] if note else [])]
+        notes = [f"Budget: {_limit(limit)}.", *left_out, *([note] if note else [])]
         table = make_table("table-2", cells, board, at_equal_time=equal, notes=notes)
-        _write(table, out, _anytime(cells, f"{board.dataset}, {_limit(limit)}", out, suffix), suffix)
+        _write(table, out, _anytime(cells, f"{board.dataset}: {_limit(limit)}", out, suffix), suffix)
         tables.append(table)
     _finish(tables, replace(everything[0], skipped=tuple(s for cells in everything for s in cells.skipped)), as_json)
 
 
 def _limit(budget: Budget) -> str:
     if budget.seconds is not None:
-        return f"Budget: {budget.seconds:g} s of wall time a cell."
-    return f"Budget: {budget.forward_equivalents:g} drapes a cell."
+        return f"{budget.seconds:g} s of wall time a cell"
+    return f"{budget.forward_equivalents:g} drapes a cell"
 
 
 def _settings(vertices: int, mode: str, steps: int, budget: Budget) -> ProblemSettings:

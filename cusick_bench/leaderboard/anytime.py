@@ -27,7 +27,7 @@ class Curve:
         loss: Mean best loss; NaN until every cell has a drape that came to rest.
         low: Smallest over cells.
         high: Largest over cells.
-        end: Mean cost at which its cells had ended.
+        end: Cost at which the last of its cells had ended.
     """
 
     label: str
@@ -119,5 +119,5 @@ def _steps(folder: Path, cost: str) -> Steps:
 def _curve(label: str, steps: list[Steps], points: Float[ndarray, " points"]) -> Curve:
     losses = np.stack([step.at(points) for step in steps])
     losses[:, ~np.isfinite(losses).all(0)] = np.nan
-    end = float(np.mean([step.cost[-1] for step in steps]))
+    end = max(float(step.cost[-1]) for step in steps)
     return Curve(label, points, losses.mean(0), losses.min(0), losses.max(0), end)
