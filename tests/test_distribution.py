@@ -4,6 +4,7 @@ Distributions are simulated, so their truth is known; expectations are compared 
 """
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from cusick_bench.metrics import (
     drape_statistics,
     energy_distance,
     energy_score,
+    expected_best,
     fold_test,
     hausdorff,
     image_statistics,
@@ -354,17 +356,33 @@ def sample(shape: Shape) -> DrapeSample:
     return DrapeSample(torch.from_numpy(shape.pixels), profile_from_image(shape.pixels), pd.Series(dtype=object), None)
 
 
-def test_best_hausdorff_of_n_is_that_of_sets_of_n_draws():
+def test_best_hausdorff_of_n_is_that_of_n_draws(monkeypatch):
     draws, tests = shapes(23, 6), shapes(2, 7)
     table = np.array([[hausdorff(draw.surface, test.surface) for test in tests] for draw in draws])
     prediction = Prediction(draws[0].pixels, np.stack([draw.pixels for draw in draws]))
-    scores = score(prediction, sample(tests[0]), [sample(test) for test in tests])
+
+    def scores() -> dict[str, float]:
+        return score(prediction, sample(tests[0]), [sample(test) for test in tests])
+
+    whole = scores()
+    assert whole["test_hausdorff_best_m"] == pytest.approx(table.min(0).mean(), abs=1e-4)
+    twenty = table[np.linspace(0, 22, 20).astype(int)]
+    assert whole["test_hausdorff_best_of_10_m"] == pytest.approx(expected_best(twenty, 10), abs=1e-4)
+    assert "test_hausdorff_best_of_100_m" not in whole
+    assert set(DISTRIBUTION_METRICS) <= set(whole)
+    module = import_module("cusick_bench.metrics.score")
+    monkeypatch.setattr(module, "_MEAN_DRAWS", 5)
+    monkeypatch.setattr(module, "SUBSETS", (5, 10, 23))
+    in_sets = scores()
     sets = np.stack([table[:20:2].min(0), table[1:21:2].min(0)])
-    assert scores["test_hausdorff_best_of_10_m"] == pytest.approx(sets.mean(), abs=1e-4)
-    assert scores["test_hausdorff_best_m"] == pytest.approx(table.min(0).mean(), abs=1e-4)
-    assert "test_hausdorff_best_of_100_m" not in scores
-    assert set(DISTRIBUTION_METRICS) <= set(scores)
-    nothing = score(prediction, sample(tests[0]), [])
+    assert in_sets["test_hausdorff_best_of_10_m"] == pytest.approx(sets.mean(), abs=1e-4)
+    assert in_sets["test_hausdorff_best_of_23_m"] == in_sets["test_hausdorff_best_m"]
+    assert in_sets["test_hausdorff_best_m"] == pytest.approx(table.min(0).mean(), abs=1e-4)
+
+
+def test_nothing_held_out_leaves_every_score_of_distributions_open():
+    (only,) = shapes(1, 8)
+    nothing = score(Prediction(only.pixels, only.pixels[None]), sample(only), [])
     assert np.isnan([nothing[name] for name in DISTRIBUTION_METRICS]).all()
 
 

@@ -5,8 +5,8 @@ unseen sample; a `paired` prediction (an oracle's) offers draw i for sample i on
 twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that fits it best.
 The latter rewards N whatever the draws are, so it must be read beside random draws of equal number:
 `test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average, and
-`test_hausdorff_best_of_<n>_m` what sets of n draws, evenly spaced among all, reach. Whether the draws are distributed
-as the samples are is told by the proper scores of `distribution.py`, which reward nothing else.
+`test_hausdorff_best_of_<n>_m` the same from fewer tries, since it costs more: n of 20 draws, or ten sets of n.
+Whether draws are distributed as the samples are is told by the scores of `distribution.py`, whatever their number.
 """
 
 from collections.abc import Callable, Sequence
@@ -144,8 +144,7 @@ def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample]) -> dict
         "test_mse_best": squared.min(0).mean(),
         **{f"test_mse_best_of_{n}": expected_best(squared, n) for n in SUBSETS if n <= len(squared)},
         "test_iou": _paired(iou_pairs(images, targets), paired).mean(),
-        "test_hausdorff_m": mean(_hausdorff),
-        **_best_hausdorff(draws, tests, paired),
+        **_hausdorff_scores(draws, few, tests, paired),
         "test_profile_rms_m": mean(_radial(profile_rms)),
         "test_profile_rms_rotated_m": mean(_radial(profile_rms_rotated)),
         "test_quantile_m": mean(_radial(quantile_distance)),
@@ -194,23 +193,29 @@ def _table(draws: Sequence[Shape], tests: Sequence[Shape], distance: Distance, p
     return np.array([[distance(draw, test) for test in tests] for draw in draws])
 
 
-def _best_hausdorff(draws: Sequence[Shape], tests: Sequence[Shape], paired: bool) -> dict[str, float]:
-    """Mean over the samples of the smallest distance: of all draws, and of sets of n evenly spaced ones."""
-    if paired:
-        return {"test_hausdorff_best_m": float(np.mean([_hausdorff(*pair) for pair in zip(draws, tests, strict=True)]))}
-    best, waiting, scores = np.full(len(tests), np.inf), set(range(len(draws))), {}
+def _hausdorff_scores(
+    draws: Sequence[Shape], few: Sequence[Shape], tests: Sequence[Shape], paired: bool
+) -> dict[str, float]:
+    """Mean distance of a few draws, the smallest of all, and the smallest of n, picked from the few or in sets."""
+    table = _table(few, tests, _hausdorff, paired)
+    scores = {"test_hausdorff_m": table.mean(), "test_hausdorff_best_m": table.min(0).mean()}
+    if len(draws) == len(few):
+        counts = [] if paired else [count for count in SUBSETS if count <= len(few)]
+        return scores | {f"test_hausdorff_best_of_{count}_m": expected_best(table, count) for count in counts}
+    best, rest = table.min(0), set(range(len(draws)))
     for count in (count for count in SUBSETS if count < len(draws)):
+        name = f"test_hausdorff_best_of_{count}_m"
+        if count <= len(few):
+            scores[name] = expected_best(table, count)
+            continue
         stride = len(draws) // count
-        sets = [range(start, start + stride * count, stride) for start in range(min(stride, _SETS))]
-        table = np.array([[_least([draws[i] for i in chosen], test) for test in tests] for chosen in sets])
-        scores[f"test_hausdorff_best_of_{count}_m"] = float(table.mean())
-        best = np.minimum(best, table.min(0))
-        waiting.difference_update(*sets)
-    rest = [draws[i] for i in sorted(waiting)]
-    best = np.array([_least(rest, test, bound) for test, bound in zip(tests, best, strict=True)])
-    if len(draws) in SUBSETS:
-        scores[f"test_hausdorff_best_of_{len(draws)}_m"] = float(best.mean())
-    return {"test_hausdorff_best_m": float(best.mean())} | scores
+        sets = [range(start, stride * count, stride) for start in range(min(stride, _SETS))]
+        smallest = np.array([[_least([draws[i] for i in chosen], test) for test in tests] for chosen in sets])
+        scores[name], best = smallest.mean(), np.minimum(best, smallest.min(0))
+        rest.difference_update(*sets)
+    least = [_least([draws[i] for i in sorted(rest)], test, bound) for test, bound in zip(tests, best, strict=True)]
+    all_draws = {f"test_hausdorff_best_of_{len(draws)}_m": np.mean(least)} if len(draws) in SUBSETS else {}
+    return scores | {"test_hausdorff_best_m": np.mean(least)} | all_draws
 
 
 def _least(draws: Sequence[Shape], test: Shape, bound: float = np.inf) -> float:
