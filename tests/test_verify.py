@@ -167,9 +167,20 @@ class TestCells:
         change_json(folder / "result.json", lambda result: result.update(metrics=metrics))
         found = verify_cell(folder, dataset)
         assert (found.status, found.broken) == ("verified", [])
-        assert any("2 draws were scored again" in note and "not simulated" in note for note in found.notes)
+        assert any(
+            "2 draws were scored again" in note and "none of them was simulated again" in note for note in found.notes
+        )
         change_arrays(folder, draws=lambda draws: np.stack([draws[0], np.roll(draws[1], 2, axis=0)]))
         assert "pictures of draws" in {check.name for check in verify_cell(folder, dataset).broken}
+
+    def test_draws_of_a_posterior_are_drawn_again(self, data, dataset, tmp_path):
+        solver = "bdp,draws=3,steps=1,samples=2,search=2"
+        folder = folder_of(grid(data, tmp_path / "bdp", [solver]), "bdp")
+        found = verify_cell(folder, dataset, redrawn=2)
+        assert (found.status, found.broken) == ("verified", [])
+        assert any("3 draws were scored again; 2 of them" in note for note in found.notes)
+        change_arrays(folder, posterior_mean=lambda mean: mean + 0.1)
+        assert "shapes of redraws [m]" in {check.name for check in verify_cell(folder, dataset).broken}
 
     @pytest.mark.parametrize("damage", [b"", b"no archive", None])
     def test_damage_is_no_crash(self, copy, dataset, damage):

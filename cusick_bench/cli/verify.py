@@ -11,8 +11,8 @@ from cusick_bench.cli.common import console, output, print_json, user_errors
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.resimulate import METRIC, METRIC_ROUNDED, PIXEL, SHAPE
-from cusick_bench.leaderboard.verify import Verification, data_of, keep, verify_cells
+from cusick_bench.leaderboard.resimulate import METRIC, METRIC_ROUNDED, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.verify import Verification, data_of, keep, verify_cell
 
 PIPED_WIDTH = 120
 _STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
@@ -32,6 +32,8 @@ def verify_command(
     fabrics_csv: Annotated[
         Path | None, typer.Option(help="Table of areal densities; by default the run's own.")
     ] = None,
+    redraws: Annotated[int, typer.Option(min=0, help="Draws of a posterior to drape again, of each cell.")] = REDRAWN,
+    seed: Annotated[int, typer.Option(min=0, help="Of the choice of these draws.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Drapes the stored parameters of finished cells again and scores them again: *reported* becomes *verified*.
@@ -53,10 +55,11 @@ def verify_command(
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     source, csv = data_of(cells)
     dataset = load(data or source, fabrics_csv=fabrics_csv or csv)
+    verifications = []
     with console.status("starting") as status:
-        verifications = verify_cells(
-            list(table["folder"]), dataset, lambda v: status.update(f"{v.solver} on {v.cloth}: {v.status}")
-        )
+        for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
+            status.update(f"{name} on {where}")
+            verifications.append(verify_cell(folder, dataset, redrawn=redraws, seed=seed))
     keep(run, verifications)
     _show(run, verifications, as_json)
     if any(verification.status in ("differs", "unreadable") for verification in verifications):

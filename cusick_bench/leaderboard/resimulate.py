@@ -2,8 +2,8 @@
 
 A row without physics, or an oracle's, is made again as a whole. Of a simulation the stored parameters are draped
 again with the code at hand: a drop from the start, an equilibrium from the stored shape, which Newton's method must
-leave where it is. Draws that are the fit itself are made again with it. Draws from a posterior are not: their pictures
-are rendered again from their stored shapes and scored again, and the verification says so.
+leave where it is. Draws that are the fit itself are made again with it. Of draws from a stored posterior a random few
+are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
 """
 
 import hashlib
@@ -27,8 +27,10 @@ from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.drape import Drape
+from cusick_bench.sim.material import Material
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.base import Prediction
+from cusick_bench.solvers.registry import make_solver
 
 # What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
 MATERIAL = 1e-9  # stiffness, of its largest
@@ -38,7 +40,8 @@ ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
 METRIC = 1e-3  # of a metric's size: 0.1 %
 METRIC_ROUNDED = 1e-2  # of one over stored draws, whose pixels are rounded
 SLACK = 2e-5  # of metrics near 0, in their own unit
-_RERENDERED = 20  # draws of a posterior whose pictures are made again
+REDRAWN = 8  # draws of a posterior that are draped again
+_RERENDERED = 20  # draws whose pictures are made again from stored shapes
 
 _NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}
 
@@ -124,7 +127,9 @@ def cell_of(record: dict[str, Any]) -> Cell:
         raise LeaderboardError(f"cell.json is of another version of this program: {error!r}") from error
 
 
-def repeat(folder: Path, cell: Cell, kind: str, dataset: DrapeDataset) -> Repetition:
+def repeat(
+    folder: Path, cell: Cell, kind: str, dataset: DrapeDataset, *, redrawn: int = REDRAWN, seed: int = 0
+) -> Repetition:
     """Does a cell again.
 
     Args:
@@ -132,6 +137,8 @@ def repeat(folder: Path, cell: Cell, kind: str, dataset: DrapeDataset) -> Repeti
         cell: From `cell_of`.
         kind: "solver", "null" or "oracle".
         dataset: Data to do it on.
+        redrawn: Draws of a posterior to drape again.
+        seed: Of their choice.
 
     Raises:
         LeaderboardError: The stored prediction is damaged, or cannot be made again.
@@ -144,7 +151,11 @@ def repeat(folder: Path, cell: Cell, kind: str, dataset: DrapeDataset) -> Repeti
     if "tau" not in stored or "vertices" not in stored:
         note = "not simulated again: no parameters are stored; the stored pictures were scored again"
         return Repetition(_as_stored(stored), (target,), (note,), simulated=False, rounded=True)
-    return _simulated(stored, problem, (target,))
+    repetition = _simulated(stored, problem, (target,))
+    if _is_the_fit(stored):
+        return repetition
+    generator = np.random.default_rng([seed, int(folder.name[:8], 16)])
+    return _with_draws(repetition, stored, problem, cell, _chosen(stored, redrawn, generator))
 
 
 def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[str, float]:
@@ -216,37 +227,65 @@ def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[
             f"the stored prediction must have {problem.dimension} parameters on {problem.simulator.mesh.vertices} "
             f"vertices, got {stored['tau'].size}; it belongs to another problem"
         )
-    tau = torch.as_tensor(stored["tau"])
+    material, vertices, image = _draped(problem, stored["tau"], stored["vertices"])
+    checks += tuple(
+        _relative(name, stored[name], getattr(material, name).numpy())
+        for name in ("stretch", "bending", "density")
+        if name in stored
+    )
+    checks += (_moved("shape [m]", stored["vertices"], vertices), _largest("fit", stored["train_image"], image, PIXEL))
+    if _is_the_fit(stored):
+        checks += (_largest("draws", stored["draws"][0] / 255, image, PIXEL + ROUNDED),)
+    return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
+
+
+def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Material, ndarray, ndarray]:
+    """Material, shape [m] and silhouette of the drape at tau; `start` is where an equilibrium is said to be.
+
+    Raises:
+        DrapeDiverged: The drape fails.
+    """
     with torch.no_grad():
-        specimen = problem.space.specimen(tau)
+        specimen = problem.space.specimen(torch.as_tensor(tau))
         drape = problem.simulator.drape(
             specimen.material,
             initial=problem.initial if specimen.initial is None else specimen.initial,
             rest_angle=specimen.rest_angle,
-            warm=_start(stored["vertices"], problem),
+            warm=_start(start, problem),
         )
-        image = problem.render(drape.vertices).numpy()
-    vertices = drape.vertices.numpy()
-    checks += tuple(
-        _relative(name, stored[name], getattr(specimen.material, name).numpy())
-        for name in ("stretch", "bending", "density")
-        if name in stored
+        return specimen.material, drape.vertices.numpy(), problem.render(drape.vertices).numpy()
+
+
+def _with_draws(
+    fit: Repetition, stored: dict[str, ndarray], problem: DrapeProblem, cell: Cell, chosen: list[int]
+) -> Repetition:
+    """A repeated fit with the stored draws, of which the chosen ones are drawn and draped again."""
+    again, shapes = fit.prediction, stored.get("draw_vertices")
+    drawn = replace(
+        _as_stored(stored), train_image=again.train_image, tau=again.tau, vertices=again.vertices, faces=again.faces
     )
-    shift = float(np.linalg.norm(stored["vertices"] - vertices, axis=1).max(initial=0.0))
-    checks += (
-        Check("shape [m]", shift, SHAPE, f"a vertex moves by {shift:.2g} m"),
-        _largest("fit", stored["train_image"], image, PIXEL),
-    )
-    again = Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None])
-    if _is_the_fit(stored):
-        return Repetition(again, (*checks, _largest("draws", stored["draws"][0] / 255, image, PIXEL + ROUNDED)))
-    drawn = replace(_as_stored(stored), train_image=image, tau=stored["tau"], vertices=vertices, faces=faces)
-    pictures = tuple(_rendered(stored, problem))
-    note = (
-        f"{len(stored['draws'])} draws were scored again, and {_RERENDERED if pictures else 0} of their pictures "
-        "rendered again from stored shapes, but not simulated again"
-    )
-    return Repetition(drawn, (*checks, *pictures), (note,), rounded=True)
+    checks, told = list(_rendered(stored, problem)), "none of them was simulated again"
+    if shapes is not None and chosen and all(check.holds for check in checks):
+        solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
+        posterior = {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
+        pairs = []
+        for place in chosen:
+            tau = solver.redraw(problem, posterior, int(numbers[place]))
+            _, vertices, image = _draped(problem, tau, shapes[place])
+            moved = _moved("shapes of redraws [m]", shapes[place], vertices)
+            pairs.append((moved, _largest("redraws", stored["draws"][place] / 255, image, PIXEL + ROUNDED)))
+        checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
+        told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
+    note = f"{len(stored['draws'])} draws were scored again; {told}"
+    return Repetition(drawn, (*fit.checks, *checks), (note,), rounded=True)
+
+
+def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generator) -> list[int]:
+    """Places of draws to make again; none where no posterior is stored, or it does not number the draws."""
+    numbers = stored.get("posterior_draws", np.zeros(0))
+    if len(numbers) != len(stored["draws"]):
+        return []
+    return sorted(generator.choice(len(numbers), min(count, len(numbers)), replace=False).tolist())
 
 
 def _start(vertices: ndarray, problem: DrapeProblem) -> Drape | None:
@@ -277,6 +316,11 @@ def _rendered(stored: dict[str, ndarray], problem: DrapeProblem) -> Iterator[Che
         worst = max(worst, float(np.abs(stored["draws"][place] / 255 - image).max()))
     tolerance = ROUNDED if shapes.dtype == np.float64 else PIXEL
     yield Check("pictures of draws", worst, tolerance, f"a pixel differs by {worst:.2g}")
+
+
+def _moved(name: str, stored: ndarray, again: ndarray) -> Check:
+    shift = float(np.linalg.norm(stored - again, axis=1).max(initial=0.0)) if stored.shape == again.shape else inf
+    return Check(name, shift, SHAPE, f"a vertex moves by {shift:.2g} m")
 
 
 def _largest(name: str, stored: ndarray, again: ndarray, tolerance: float) -> Check:

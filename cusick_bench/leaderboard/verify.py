@@ -8,7 +8,7 @@ is kept in `verified.json` of the results folder, with hashes of the files that 
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.resimulate import (
+    REDRAWN,
     Check,
     cell_of,
     metric_checks,
@@ -74,31 +75,22 @@ class Verification:
         }
 
 
-def verify_cell(folder: Path, dataset: DrapeDataset) -> Verification:
+def verify_cell(folder: Path, dataset: DrapeDataset, *, redrawn: int = REDRAWN, seed: int = 0) -> Verification:
     """Does one finished cell again.
 
     Args:
         folder: The cell's.
         dataset: The data that it was run on.
+        redrawn: Draws of a posterior to drape again.
+        seed: Of their choice.
     """
     record: dict[str, Any] = {}
     try:
         record = read_record(folder)
-        return _verified(folder, record, dataset)
+        return _verified(folder, record, dataset, redrawn, seed)
     except (CusickError, OSError, ValueError, KeyError, TypeError) as error:
         identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")), int(record.get("seed", -1)))
         return Verification(folder.name, *identity, "unreadable", (), (f"{type(error).__name__}: {error}",))
-
-
-def verify_cells(
-    folders: list[Path], dataset: DrapeDataset, progress: Callable[[Verification], None] = lambda verification: None
-) -> list[Verification]:
-    """Does cells again, one after the other; `progress` is told of each."""
-    verifications = []
-    for folder in folders:
-        verifications.append(verify_cell(folder, dataset))
-        progress(verifications[-1])
-    return verifications
 
 
 def keep(run: Path, verifications: list[Verification]) -> None:
@@ -138,7 +130,7 @@ def data_of(cells: Cells) -> tuple[str, str | None]:
     return given.get("--data", str(cells.table["dataset"].iloc[0])), given.get("--fabrics-csv")
 
 
-def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset) -> Verification:
+def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redrawn: int, seed: int) -> Verification:
     result, cell = read_json(folder / "result.json"), cell_of(record)
     checks, notes = list(_identity_checks(folder, record, result, dataset)), []
     identity = (folder.name, cell.solver, cell.cloth, cell.seed)
@@ -148,7 +140,7 @@ def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset) -> Ve
         notes.append(f"the cell was run by code {cell.code_version}, verified by {code_version()}")
     if not all(check.holds for check in checks):
         return Verification(*identity, "differs", tuple(checks), tuple(notes))
-    repetition = repeat(folder, cell, str(record["kind"]), dataset)
+    repetition = repeat(folder, cell, str(record["kind"]), dataset, redrawn=redrawn, seed=seed)
     again = rescore(repetition, cell, dataset)
     lost = sorted(set(result["metrics"]) - set(again))
     notes += [*repetition.notes, *([f"no longer measured: {', '.join(lost)}"] if lost else [])]
