@@ -1,0 +1,116 @@
+"""Gradient-free minimisation in the box [-1, 1]^D, apart from what is minimised.
+
+A search is a generator: it yields a point and is sent that point's loss, inf where the point failed. So the same
+code minimises the misfit of a drape (`BoxSolver.solve`) and a test function (`run_search`).
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.incumbent import PENALTY, Incumbent
+
+Point = Float[np.ndarray, " dimension"]
+Points = Float[np.ndarray, "points dimension"]
+Search = Generator[Point, float, None]
+
+# What a method is told of a budget that is given in seconds, if it plans ahead by the number of evaluations.
+DEFAULT_EVALUATIONS = 500
+
+
+def run_search(search: Search, function: Callable[[Point], float], evaluations: float = math.inf) -> bool:
+    """Minimises a function by a search.
+
+    Args:
+        search: Yields points of [-1, 1]^D.
+        function: Gives the loss of a point, inf where there is none; may raise to end the search.
+        evaluations: Most points to ask for.
+
+    Returns:
+        Whether the search ended by itself.
+    """
+    asked = 0
+    try:
+        point = next(search)
+        while asked < evaluations:
+            loss = function(point)
+            asked += 1
+            if asked < evaluations:
+                point = search.send(loss)
+    except StopIteration:
+        return True
+    finally:
+        search.close()
+    return False
+
+
+def digestible(losses: Sequence[float]) -> Float[np.ndarray, " evaluations"]:
+    """Losses with failures set to the worst success: bad enough to stay away, and no outlier that flattens the rest."""
+    values = np.array(losses, dtype=np.float64)
+    known = np.isfinite(values)
+    return np.where(known, values, values[known].max() if known.any() else 0.0)
+
+
+@dataclass(frozen=True)
+class BoxSolver(Solver):
+    """A gradient-free method that searches the problem's box, scaled to [-1, 1]^D.
+
+    Attributes:
+        package: Import name of the optional package that it runs on, empty for none.
+    """
+
+    package: ClassVar[str] = ""
+
+    @abstractmethod
+    def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Starts a search.
+
+        Args:
+            dimension: D.
+            evaluations: How many it may expect to be granted.
+            generator: Source of all randomness.
+        """
+
+    def start(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Starts a search, if what it runs on is installed.
+
+        Raises:
+            SolverError: The optional package is missing.
+        """
+        if self.package and find_spec(self.package) is None:
+            raise SolverError(
+                f"{self.name} runs on the package {self.package}, which is not installed; "
+                "install it with: pip install 'cusick-bench[bo]'"
+            )
+        return self.search(dimension, evaluations, generator)
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        budget = problem.meter.budget
+        if budget.forward_equivalents is None and budget.seconds is None:
+            raise SolverError(f"{self.name} ends with its budget only: give --budget")
+        affordable = DEFAULT_EVALUATIONS
+        if budget.forward_equivalents is not None:
+            affordable = max(int(budget.forward_equivalents) - 1, 1)
+        search = self.start(problem.dimension, affordable, generator)
+        incumbent = Incumbent(problem)
+        lower, upper = problem.bounds
+        centre, half = (lower + upper) / 2, (upper - lower) / 2
+
+        def misfit(point: Point) -> float:
+            loss = incumbent.value(centre + half * point)
+            progress(f"choosing drape {problem.meter.forward + 1}", problem.meter.share)
+            return math.inf if loss >= PENALTY else loss
+
+        finished = False
+        with problem.meter.reserve(1), suppress(BudgetExceeded):
+            finished = run_search(search, misfit)
+        return prediction_at(problem, incumbent.tau, finished=finished)
