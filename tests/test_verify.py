@@ -258,6 +258,18 @@ class TestSubmission:
         lines[rows[0]["row"]]["test_mse"] = "0.001"
         assert altered(lines[rows[0]["row"]], rows[0])[0].startswith("test_mse 0.001, the run has")
 
+    def test_verify_finds_an_altered_line(self, copy, data, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        append(path, rows_of(load_cells(copy), "synthetic"))
+        words = ["verify", str(copy), "--data", str(data), "--solver", "null:disc", "--table", str(path)]
+        assert CliRunner().invoke(app, words).exit_code == 0
+        table = read_rows(path)
+        table.loc[table["solver"] == "null:disc", "test_mse"] = "0.001"
+        table.to_csv(path, index=False)
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 1
+        assert "null:disc's line in the table was altered: test_mse 0.001" in " ".join(result.output.split())
+
     def test_a_file_of_another_kind_is_left_alone(self, finished, tmp_path):
         path = tmp_path / "other.csv"
         pd.DataFrame({"solver": ["homo"]}).to_csv(path, index=False)

@@ -10,6 +10,7 @@ import pandas as pd
 import typer
 from rich.console import Console
 
+from cusick_bench.cli import paper_figures
 from cusick_bench.cli.common import console, output, plain, print_json, user_errors
 from cusick_bench.leaderboard import Cells, LeaderboardError, latex, leaderboards, load_cells, markdown, terminal
 from cusick_bench.leaderboard.anytime import COSTS, curves, documents, loss_at_equal_time
@@ -21,7 +22,8 @@ from cusick_bench.sim.settings import DrapeSettings
 
 PIPED_WIDTH = 200
 
-app = typer.Typer(help="The paper's tables and figures on given data.", no_args_is_help=True)
+app = typer.Typer(help="The paper's tables and figures on given data.", no_args_is_help=True, add_completion=False)
+paper_figures.register(app)
 
 Out = Annotated[Path, typer.Option(help="Folder for cells and tables; finished cells in it are kept.")]
 Data = Annotated[str, typer.Option(help="Name or folder of a data set; the release's folder for the paper's cloths.")]

@@ -9,9 +9,10 @@ from rich.table import Table
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
 from cusick_bench.datasets import load
-from cusick_bench.leaderboard.cells import load_cells
+from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.resimulate import METRIC, METRIC_ROUNDED, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.submit import altered, read_rows, rows_of
 from cusick_bench.leaderboard.verify import Verification, data_of, keep, verify_cell
 
 PIPED_WIDTH = 120
@@ -31,6 +32,9 @@ def verify_command(
     data: Annotated[str | None, typer.Option(help="Data set; by default the run's own.")] = None,
     fabrics_csv: Annotated[
         Path | None, typer.Option(help="Table of areal densities; by default the run's own.")
+    ] = None,
+    committed: Annotated[
+        Path | None, typer.Option("--table", help="Also compare the lines that this table of `submit` has of the run.")
     ] = None,
     redraws: Annotated[int, typer.Option(min=0, help="Draws of a posterior to drape again, of each cell.")] = REDRAWN,
     seed: Annotated[int, typer.Option(min=0, help="Of the choice of these draws.")] = 0,
@@ -61,15 +65,31 @@ def verify_command(
             status.update(f"{name} on {where}")
             verifications.append(verify_cell(folder, dataset, redrawn=redraws, seed=seed))
     keep(run, verifications)
-    _show(run, verifications, as_json)
-    if any(verification.status in ("differs", "unreadable") for verification in verifications):
+    wrong = _altered(committed, cells) if committed else {}
+    _show(run, verifications, wrong, as_json)
+    if wrong or any(verification.status in ("differs", "unreadable") for verification in verifications):
         raise typer.Exit(1)
 
 
-def _show(run: Path, verifications: list[Verification], as_json: bool) -> None:
+def _altered(path: Path, cells: Cells) -> dict[str, list[str]]:
+    """Lines of a committed table that do not say what the run says, by solver.
+
+    Raises:
+        LeaderboardError: No line of it is of this run.
+    """
+    lines = {str(line["row"]): line for line in read_rows(path).to_dict("records")}
+    rows = {row["row"]: row for row in rows_of(cells, "any")}
+    if not lines.keys() & rows.keys():
+        raise LeaderboardError(f"no line of {path} is of {cells.folder}; give the run that it was submitted from")
+    found = {row["solver"]: altered(lines[name], row) for name, row in rows.items() if name in lines}
+    return {solver: wrong for solver, wrong in found.items() if wrong}
+
+
+def _show(run: Path, verifications: list[Verification], wrong: dict[str, list[str]], as_json: bool) -> None:
     rows = _rows(verifications)
     if as_json:
-        print_json({"run": run, "rows": rows, "cells": [verification.record() for verification in verifications]})
+        found = [verification.record() for verification in verifications]
+        print_json({"run": run, "rows": rows, "altered": wrong, "cells": found})
         return
     screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
     table = Table("status", "solver", "cloth", "seed", "what does not hold, by how much (tolerance)")
@@ -90,6 +110,8 @@ def _show(run: Path, verifications: list[Verification], as_json: bool) -> None:
     )
     for row in rows:
         screen.print(f"{row['solver']}: {row['status']}, {row['verified']} of {row['cells']} cells", highlight=False)
+    for solver, numbers in wrong.items():
+        screen.print(f"{solver}'s line in the table was altered: {'; '.join(numbers)}", style="bold red", markup=False)
 
 
 def _rows(verifications: list[Verification]) -> list[dict[str, str | int]]:
