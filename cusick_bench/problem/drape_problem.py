@@ -236,12 +236,12 @@ class DrapeProblem:
         """Evaluations, from the journal as far as it goes, and computed together from there on."""
         taus = self._checked(taus)
         digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
+        self.meter.admit(kind, len(taus))
         entries: list[Entry] = []
         while len(entries) < len(taus) and (entry := self.journal.next(kind, digests[len(entries)])) is not None:
             self.meter.replay(entry.evaluation)
             entries.append(entry)
         if rest := digests[len(entries) :]:
-            self.meter.admit(kind, len(rest))
             first = len(entries) if measure is None else 0  # a measure has to see all members
             for entry in self._computed(kind, rest, taus[first:], measure):
                 self.journal.append(entry)
