@@ -16,7 +16,9 @@ from cusick_bench.solvers.baxus import Baxus
 from cusick_bench.solvers.bdp import Bdp
 from cusick_bench.solvers.bdp_field import BdpField
 from cusick_bench.solvers.cmaes import CmaEs
+from cusick_bench.solvers.equilibrium_gap import EquilibriumGap
 from cusick_bench.solvers.hesbo import Hesbo
+from cusick_bench.solvers.heter import Heter
 from cusick_bench.solvers.homo import Homo
 from cusick_bench.solvers.nlopt_family import BENCHMARKED, nlopt_solver
 from cusick_bench.solvers.null import NullCopy, NullDisc, NullRandomPhase, NullRotation
@@ -30,8 +32,10 @@ ENTRY_POINTS = "cusick_bench.solvers"
 
 _BUILT_IN: tuple[type[Solver], ...] = (
     Homo,
+    Heter,
     Bdp,
     BdpField,
+    EquilibriumGap,
     Rembo,
     Hesbo,
     VanillaBo,

@@ -22,7 +22,8 @@ from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.registry import make_solver, registered
 from cusick_bench.solvers.silhouettes import silhouette
 
-SOLVERS = [name for name, solver in registered().items() if solver.kind == "solver"]
+# those that search; one that reads the answer off a mesh has no search to interrupt
+SOLVERS = [name for name, solver in registered().items() if solver.kind == "solver" and not solver.needs_mesh]
 NULLS = [name for name, solver in registered().items() if solver.kind == "null"]
 ORACLES = [name for name, solver in registered().items() if solver.kind == "oracle"]
 
@@ -43,8 +44,10 @@ def heldout() -> HeldOut:
 
 
 def _posed(name: str, **settings) -> DrapeProblem:
-    """The toy problem in the space that a solver is about."""
-    return toy_problem(space=make_solver(name).space or "homo", **settings)
+    """The toy problem in the space that a solver is about, at rest where it needs the drape's shape."""
+    solver = make_solver(name)
+    mode = "equilibrium" if solver.needs_mesh else "drop"
+    return toy_problem(space=solver.space or "homo", mode=mode, **settings)
 
 
 def _answer(text: str, problem: DrapeProblem, heldout: HeldOut | None = None, seed: int = 0) -> Prediction:
