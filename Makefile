@@ -6,7 +6,11 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= runs/bench
 
-.PHONY: bench test slow lint types imports wheel clean
+# The grid that the regression gate watches: minutes, all five shipped cloths, solvers with and without chance in them.
+GATE := --data synthetic --solver homo --solver nlopt:LN_BOBYQA --solver nlopt:GN_ESCH --solver null:disc \
+  --solver null:random-phase,draws=50 --vertices 150 --steps 40 --budget 30 --seeds 2
+
+.PHONY: bench test slow check baseline lint types imports wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "cusick-bench needs Python 3.11 or newer; pass PYTHON=..."'
@@ -26,6 +30,14 @@ test: $(READY)  ## The default suite
 
 slow: $(READY)  ## Paper-size checks (minutes)
 	$(BIN)/python -m pytest -q -m slow
+
+check: $(READY)  ## The regression gate: have the solvers become worse than leaderboards/baseline.csv says?
+	-$(BIN)/cusick-bench run $(GATE) --workers 2 --out runs/check
+	$(BIN)/cusick-bench check runs/check --against leaderboards/baseline.csv
+
+baseline: $(READY)  ## Makes that baseline anew; commit it with the change that explains it
+	$(BIN)/cusick-bench run $(GATE) --workers 2 --out runs/check
+	$(BIN)/cusick-bench check runs/check --against leaderboards/baseline.csv --write
 
 lint: $(READY)
 	$(BIN)/ruff check .
