@@ -109,15 +109,16 @@ def test_single_drape_is_at_rest_where_the_compiled_one_is(device: str):
 def test_cloths_that_diverge_say_why_and_spoil_no_other(device: str):
     cloths = _cloths(4, per_element=False, track=True)
     cloths[1] = Material(-1e3 * cloths[1].stretch.detach(), cloths[1].bending, cloths[1].density)
-    cloths[2] = Material(cloths[2].stretch * 1e9, cloths[2].bending, cloths[2].density.detach() * 1e-9)
+    cloths[2] = uniform_material(density=0.2, bending=1e-12, stretch=1e-9, shear=1e-9)  # falls freely, 3 m in 16 steps
     batches = {
-        name: DrapeSimulator(MESH, DrapeSettings(steps=12), device=name).drape_batch(cloths) for name in (device, "cpu")
+        name: DrapeSimulator(MESH, DrapeSettings(steps=18), device=name).drape_batch(cloths) for name in (device, "cpu")
     }
     batch = batches[device]
     assert [failure is None for failure in batch.failures] == [failure is None for failure in batches["cpu"].failures]
     assert [failure is None for failure in batch.failures] == [True, False, False, True]
-    assert "step 1 of 12: the step matrix must be positive definite" in str(batch.failures[1])
-    assert "the cloth flies apart" in str(batch.failures[2])
+    assert "step 1 of 18: the step matrix must be positive definite" in str(batch.failures[1])
+    for failures in (batch.failures, batches["cpu"].failures):
+        assert "step 16 of 18: the cloth flies apart" in str(failures[2])
     assert np.isnan(batch.residual[1])
     assert batch.iterations.tolist() == batches["cpu"].iterations.tolist()
     assert torch.isnan(batch.vertices[1]).all()

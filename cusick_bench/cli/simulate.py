@@ -4,6 +4,7 @@ import itertools
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -115,11 +116,13 @@ class Draws:
             yield range(first, end), self._batch(range(first, end))
 
     def _batch(self, numbers: range) -> DrapeBatch:
-        laid = np.stack([self.simulator.laid_down(self.seed + number) for number in numbers])
+        seeds = [self.seed + number for number in numbers]
+        with ThreadPoolExecutor() as pool:  # a device would wait longer for a shape than it takes to drape it
+            laid = np.stack(list(pool.map(self.simulator.laid_down, seeds)))
         batch = self.simulator.drape_batch(
             [self._drawn(number) for number in numbers],
             initial=torch.from_numpy(laid),
-            rest_angle=torch.stack([self.simulator.rest_angles(self.seed + number) for number in numbers]),
+            rest_angle=torch.stack([self.simulator.rest_angles(seed) for seed in seeds]),
         )
         return replace(batch, vertices=batch.vertices.cpu())
 
