@@ -198,7 +198,7 @@ def _hausdorff_scores(
 ) -> dict[str, float]:
     """Mean distance of a few draws, the smallest of all, and the smallest of n, picked from the few or in sets."""
     table = _table(few, tests, _hausdorff, paired)
-    scores = {"test_hausdorff_m": table.mean(), "test_hausdorff_best_m": table.min(0).mean()}
+    scores = {"test_hausdorff_m": float(table.mean()), "test_hausdorff_best_m": float(table.min(0).mean())}
     if len(draws) == len(few):
         counts = [] if paired else [count for count in SUBSETS if count <= len(few)]
         return scores | {f"test_hausdorff_best_of_{count}_m": expected_best(table, count) for count in counts}
@@ -211,11 +211,13 @@ def _hausdorff_scores(
         stride = len(draws) // count
         sets = [range(start, stride * count, stride) for start in range(min(stride, _SETS))]
         smallest = np.array([[_least([draws[i] for i in chosen], test) for test in tests] for chosen in sets])
-        scores[name], best = smallest.mean(), np.minimum(best, smallest.min(0))
+        scores[name], best = float(smallest.mean()), np.minimum(best, smallest.min(0))
         rest.difference_update(*sets)
     least = [_least([draws[i] for i in sorted(rest)], test, bound) for test, bound in zip(tests, best, strict=True)]
-    all_draws = {f"test_hausdorff_best_of_{len(draws)}_m": np.mean(least)} if len(draws) in SUBSETS else {}
-    return scores | {"test_hausdorff_best_m": np.mean(least)} | all_draws
+    scores["test_hausdorff_best_m"] = float(np.mean(least))
+    if len(draws) in SUBSETS:
+        scores[f"test_hausdorff_best_of_{len(draws)}_m"] = float(np.mean(least))
+    return scores
 
 
 def _least(draws: Sequence[Shape], test: Shape, bound: float = np.inf) -> float:
