@@ -1,9 +1,32 @@
-"""Drape data: silhouettes, meshes and what is known of the cloths, from the public release or one's own lab."""
+"""Drape data: silhouettes, meshes and what is known of the cloths, from the public release or one's own lab.
 
-from cusick_bench.datasets.dataset import DrapeDataset, DrapeSample
-from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.profile import Profile
-from cusick_bench.datasets.registry import REGISTRY, load
-from cusick_bench.datasets.splits import Split
+Names are imported when they are first used: whoever only measures a profile does not wait for pandas.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cusick_bench.datasets.dataset import DrapeDataset, DrapeSample
+    from cusick_bench.datasets.errors import DataError
+    from cusick_bench.datasets.profile import Profile
+    from cusick_bench.datasets.registry import REGISTRY, load
+    from cusick_bench.datasets.splits import Split
+
+_MODULES = {
+    "REGISTRY": "registry",
+    "DataError": "errors",
+    "DrapeDataset": "dataset",
+    "DrapeSample": "dataset",
+    "Profile": "profile",
+    "Split": "splits",
+    "load": "registry",
+}
 
 __all__ = ["REGISTRY", "DataError", "DrapeDataset", "DrapeSample", "Profile", "Split", "load"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
