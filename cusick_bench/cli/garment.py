@@ -73,7 +73,7 @@ def skirt(
     stiffness_spread: Annotated[
         float, typer.Option("--spread", help="Sd of log stiffness between elements, where the fit has none.")
     ] = 0.1,
-    laying: Annotated[float, typer.Option(help="Sd of the height in which each skirt is put on [m].")] = 0.005,
+    laying: Annotated[float, typer.Option(help="Sd of the height in which each skirt is put on [m].")] = 0.01,
     vertices: Annotated[int, typer.Option(help="Mesh size, met within some percent.")] = 2500,
     waist: Annotated[float, typer.Option(help="Radius of the waist [m].")] = 0.11,
     length: Annotated[float, typer.Option(help="From waist to hem [m].")] = 0.35,

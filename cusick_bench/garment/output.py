@@ -70,4 +70,5 @@ def write_motion(
         for time, x in zip(times[::every], frames[::every], strict=True)
     ]
     save_gif(folder / "motion.gif", pictures, float(times[every] - times[0]))
-    _save(folder / "motion.png", strip(pictures[:: max(1, len(pictures) // (2 * _IN_ROW))], _IN_ROW))
+    shown = np.linspace(0, len(pictures) - 1, 2 * _IN_ROW).round().astype(int)
+    _save(folder / "motion.png", strip([pictures[i] for i in shown], _IN_ROW))

@@ -21,7 +21,7 @@ _DROP = 0.088  # [m] length of the skirt in the scene; the ground lies a little 
 _GROUND = 0.095  # [m] below the waist in the scene
 _THINNER = 0.93  # of the body's radius, or it would show through the cloth between its vertices
 _SIDES = 72
-SIDE = View(azimuth=-68.0, elevation=14.0, distance=0.80, width=320, height=320, fov=15.5, target=-0.05)
+SIDE = View(azimuth=-68.0, elevation=14.0, distance=0.80, width=320, height=256, fov=12.5, target=-0.051)
 
 
 def draw_skirt(
