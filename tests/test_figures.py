@@ -185,6 +185,18 @@ def test_the_best_draw_is_shown_for_every_held_out_sample(run, data, dataset, tm
     }
 
 
+def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(dataset, tmp_path):
+    """Its draws are the held-out samples in another order: the best one is not the one made for the sample."""
+    own = held_out_images(dataset, CLOTHS[0])
+    write_cell(tmp_path, dataset, "oracle:shifted", CLOTHS[0], np.roll(own, 1, axis=0))
+    strips = held_out(load_cells(tmp_path), dataset, samples=3)
+    for place, strip in enumerate(strips):
+        shown = strip.predicted["oracle:shifted"]
+        assert np.abs(shown.image - own[place - 1]).max() < 0.01
+        assert shown.mse == pytest.approx(np.mean((own[place] - own[place - 1]) ** 2), abs=1e-3)
+        assert shown.remark == ""
+
+
 def test_a_solver_that_lacks_a_cloth_leaves_its_place_empty(dataset, data, tmp_path):
     for cloth in CLOTHS:
         write_cell(tmp_path / "run", dataset, "right", cloth, held_out_images(dataset, cloth))

@@ -146,11 +146,13 @@ def held_out(
         rows = held_out_rows(cells, cloth)[:samples]
         reals = [_real(dataset, row) for row in rows]
         predicted: list[dict[str, Tile]] = [{} for _ in rows]
-        for label, folder in _first_folders(chosen, cloth).items():
-            draws = load_draws(folder)  # one at a time: a thousand drapes have 65 MB
+        for entrant in (entrant for entrant in chosen if entrant.folders(cloth)):
+            draws = load_draws(entrant.folders(cloth)[0])  # one at a time: a thousand drapes have 65 MB
             errors = mse_pairs(draws.images, np.stack([real.image for real in reals]))
-            for place, best in enumerate(errors.argmin(0)):
-                predicted[place][label] = _draw_tile(draws, int(best), float(errors[best, place]))
+            own = _made_for(entrant, cloth, rows, len(draws.images))
+            for place, best in enumerate(own or errors.argmin(0).tolist()):
+                words = "" if own else f"best of {len(draws.images)}" if len(draws.images) > 1 else "its only draw"
+                predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
         strips += [
             Strip(cloth, _sample(dataset, row), real, tiles)
             for row, real, tiles in zip(rows, reals, predicted, strict=True)
@@ -178,9 +180,14 @@ def _fit_tile(draws: Draws, real: ndarray) -> Tile:
     return Tile(draws.fit, draws.fit_surface(), draws.fit_vertices is None, mse(draws.fit, real))
 
 
-def _draw_tile(draws: Draws, best: int, error: float) -> Tile:
-    count = len(draws.images)
-    remark = f"best of {count}" if count > 1 else "its only draw"
+def _made_for(entrant: Entrant, cloth: str, rows: Sequence[int], count: int) -> list[int]:
+    """Which draws an oracle made for these held-out samples; none where draws are for all samples alike."""
+    cells = entrant.cells.loc[entrant.cells["cloth"] == cloth].sort_values(by="seed")
+    made = list(cells["test"].iloc[0])
+    return [made.index(row) for row in rows] if entrant.kind == "oracle" and count == len(made) else []
+
+
+def _draw_tile(draws: Draws, best: int, error: float, remark: str) -> Tile:
     return Tile(draws.images[best] / 255, draws.surface(best), draws.vertices is None, error, remark)
 
 
@@ -211,7 +218,8 @@ def save_strips(strips: Sequence[Strip], path: Path, title: str) -> None:
             if index == 0:
                 axes[0, column].set_title(label, fontsize=9)
         heading = f"{strip.cloth}\nsample {strip.sample}"
-        axes[2 * index, 0].text(0.0, 1.0, heading, transform=axes[2 * index, 0].transAxes, fontsize=8, va="top")
+        corner = axes[2 * index, 0]
+        corner.text(-0.05, 0.5, heading, transform=corner.transAxes, fontsize=8, ha="right", va="center", rotation=90)
     figure.suptitle(title, fontsize=10)
     figure.savefig(path)
 
@@ -233,5 +241,12 @@ def _from_side(axis: Axes, tile: Tile, cloth: str) -> None:
     axis.imshow(drape_picture(np.asarray(tile.surface.vertices), np.asarray(tile.surface.faces), cloth)[_SKY:])
     if tile.ruled:
         axis.text(
-            0.5, 0.0, "surface over the silhouette", transform=axis.transAxes, ha="center", fontsize=6, color="0.4"
+            0.5,
+            0,
+            "surface over the silhouette",
+            transform=axis.transAxes,
+            ha="center",
+            va="top",
+            fontsize=6,
+            color="0.4",
         )
