@@ -225,6 +225,9 @@ class TestBenchmark:
         assert result.exit_code == 0, result.output
         document = json.loads(result.stdout)
         assert json.loads((tmp_path / "b.json").read_text()) == document
+        table = (tmp_path / "b.md").read_text()
+        assert f"| drop / floor | {document['ratios']['drop / floor']:.3g} |" in table
+        assert f"{document['meshes'][0]['cases']['drop']['median_s']:.3f}" in table
         assert document["ratios"]["drop / floor"] > 0
         assert {row["target"] for row in document["targets"]} >= {"drop / floor", "gradient error", "start-up (s)"}
         assert len(document["gradient_error"]) == 12

@@ -1,6 +1,8 @@
 """`cusick-bench benchmark`: speed, memory, scaling and gradient accuracy of the simulator, in one run."""
 
 import json
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +12,7 @@ from rich.table import Table
 
 from cusick_bench.benchmark.suite import Plan
 from cusick_bench.benchmark.suite import benchmark as run_benchmark
+from cusick_bench.benchmark.text import markdown
 from cusick_bench.cli.common import console, output, plain, print_json, user_errors
 
 app = typer.Typer()
@@ -30,7 +33,7 @@ def benchmark(
         str | None,
         typer.Option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the JSON document.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the JSON document; Markdown tables go beside it.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd."""
@@ -46,6 +49,7 @@ def benchmark(
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(json.dumps(plain(document), indent=2) + "\n")
+        out.with_suffix(".md").write_text(markdown(document, shlex.join(["cusick-bench", *sys.argv[1:]])))
     if as_json:
         print_json(document)
         return

@@ -1,0 +1,103 @@
+"""A benchmark's document as Markdown: targets first, then time and memory over mesh size, then the phases of a step."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+_WORD = {True: "yes", False: "**no**", None: "-"}
+
+
+def markdown(document: dict[str, Any], command: str) -> str:
+    """The tables.
+
+    Args:
+        document: From `benchmark`.
+        command: What made it.
+    """
+    hardware = document["hardware"]
+    libraries = ", ".join(f"{name} {version}" for name, version in hardware["libraries"].items())
+    parts = [
+        "# Benchmark of the simulator",
+        f"`{command}`",
+        f"{hardware['cores']} cores, {hardware['processor']}, {hardware['platform']}; code {hardware['code_version']}; "
+        f"Python {hardware['python']}, {libraries}. Medians; a drop is 100 steps. The floor is 100 numeric "
+        "factorisations and solves with the fastest backend installed, and nothing else.",
+        *_targets(document),
+        *_sizes(document["meshes"]),
+        *_reference(document["reference"]),
+        *_gradients(document["gradient_error"]),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    header = list(header)
+    lines = [header, [":---"] + ["---:"] * (len(header) - 1), *map(list, rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _targets(document: dict[str, Any]) -> Iterator[str]:
+    yield "## Targets"
+    yield _table(
+        ("target", "measured", "limit", "met"),
+        (
+            (
+                row["target"],
+                "-" if row["measured"] is None else f"{row['measured']:.3g}",
+                row["limit"],
+                _WORD[row["met"]],
+            )
+            for row in document["targets"]
+        ),
+    )
+
+
+def _sizes(meshes: list[dict[str, Any]]) -> Iterator[str]:
+    names = [f"{mesh['vertices']} vertices" for mesh in meshes]
+    for title, group, scale, digits in (
+        ("Whole drapes [s] (ratio)", "cases", 1, 3),
+        ("Phases of a step [ms]", "phases", 1e3, 2),
+    ):
+        yield f"## {title}"
+        cases = list(dict.fromkeys(case for mesh in meshes for case in mesh[group]))
+        yield _table(
+            ("", *names), ((case, *(_cell(mesh, group, case, scale, digits) for mesh in meshes)) for case in cases)
+        )
+    yield "## Memory of a gradient [MB]"
+    rows = (
+        (name, *(f"{mesh['memory_bytes'][name] / 1e6:.0f}" for mesh in meshes)) for name in ("kept", "checkpointed")
+    )
+    yield _table(("factors", *names), rows)
+
+
+def _cell(mesh: dict[str, Any], group: str, case: str, scale: float, digits: int) -> str:
+    if case not in mesh[group]:
+        return ""
+    ratios = {name.split(" / ")[0]: ratio["median"] for name, ratio in mesh["ratios"].items()}
+    median = f"{scale * mesh[group][case]['median_s']:.{digits}f}"
+    return f"{median} ({ratios[case]:.2f})" if case in ratios else median
+
+
+def _reference(reference: dict[str, Any]) -> Iterator[str]:
+    faster, memory = reference["times_faster"], reference["memory_bytes"]
+    yield "## Against plain torch autograd"
+    yield (
+        f"{reference['vertices']} vertices, {reference['steps']} steps, forward and backward, the same gradient to "
+        f"{reference['gradient_difference']:.0e}: {faster['median']:.0f} times as fast ({faster['low']:.0f} to "
+        f"{faster['high']:.0f}), {memory['engine'] / 1e6:.0f} MB instead of {memory['autograd'] / 1e6:.0f}."
+    )
+
+
+def _gradients(rows: list[dict[str, Any]]) -> Iterator[str]:
+    yield "## Gradient of the whole pipeline against central differences"
+    yield _table(
+        ("mode, parameter", "direction", "relative error", "folds changed"),
+        (
+            (
+                f"{row['mode']}, {row['parameter']}",
+                "per element" if row["per_element"] else "all together",
+                f"{row['relative_error']:.1e}",
+                "yes" if row["branch_changed"] else "no",
+            )
+            for row in rows
+        ),
+    )
