@@ -15,7 +15,8 @@ from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.check import METRICS, Finding, Gate, Outcome, check
 from cusick_bench.leaderboard.errors import LeaderboardError
 
-PIPED_WIDTH = 120
+PIPED_WIDTH = 130
+_TESTS = {"permutation": "perm.", "t": "t", "none": "none"}
 _STYLES = {"regression": "bold red", "undecided": "yellow", "new": "cyan"}
 
 app = typer.Typer()
@@ -80,7 +81,7 @@ def _show(outcome: Outcome, as_json: bool) -> None:
     screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
     screen.print(_table(outcome))
     for note in outcome.notes:
-        screen.print(note, markup=False, highlight=False, style="dim")
+        screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
     word = f"{len(outcome.regressions)} regressions" if outcome.regressions else "no regression"
     screen.print(word, style="bold red" if outcome.regressions else "bold green")
 
@@ -88,7 +89,8 @@ def _show(outcome: Outcome, as_json: bool) -> None:
 def _table(outcome: Outcome) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for head in ("verdict", "solver", "metric", "before", "now", "change [95 %]", "p (Holm)", "test", "could see", ""):
-        table.add_column(head, no_wrap=head not in ("solver", ""), overflow="fold")
+        folded = head in ("solver", "")
+        table.add_column(head, no_wrap=not folded, overflow="fold", min_width=18 if head == "solver" else None)
     for finding in outcome.findings:
         test = finding.comparison
         table.add_row(
@@ -99,7 +101,7 @@ def _table(outcome: Outcome) -> Table:
             _number(finding.after),
             _change(finding),
             _p(finding.p),
-            f"{test.test}, n = {test.units}" if test else "",
+            f"{_TESTS[test.test]}, n = {test.units}" if test else "",
             _percent(test.detectable) if test else "",
             finding.detail,
             style=_STYLES.get(finding.verdict, ""),

@@ -148,7 +148,8 @@ def make_table(
         equal = (at_equal_time or {}).get((row.solver, row.variant), nan)
         lines.append(Line(row, published, margin, equal))
     question = {"table-1": "unseen samples predicted", "table-2": "training silhouette fitted"}[name]
-    title = f"{name}: {question}; {board.dataset}, {len(board.cloths)} cloths, mean over cells"
+    count = f"{len(board.cloths)} cloths" if len(board.cloths) > 1 else board.cloths[0]
+    title = f"{name}: {question}; {board.dataset}, {count}, mean over cells"
     return PaperTable(name, title, board, tuple(lines), (*_EXPLAINED[name], *_others(board), *notes, *board.notes))
 
 
@@ -273,7 +274,7 @@ _COLUMNS: dict[str, tuple[_PaperColumn, ...]] = {
             lambda line: short(1e3 * line.value("test_hausdorff_best_m"), 1) if line.row.draws > 1 else "",
         ),
         _PaperColumn("energy", "dist.", "energy distance, standardised", _metric("test_energy_distance", 1, 3)),
-        _PaperColumn("variogram", "score", "of the profile", _metric("test_variogram_score", 1, 3)),
+        _PaperColumn("variogram", "score", "of the profile", _metric("test_variogram_score", 1, 4)),
         _PaperColumn("CRPS", "DC points", "of the drape coefficient", _metric("test_dc_crps", 1e2, 2)),
         _PaperColumn("cover", "50 %", "held-out DC within the central interval", _metric("test_dc_cover_50", 1e2, 0)),
         _PaperColumn("cover", "90 %", "held-out DC within the central interval", _metric("test_dc_cover_90", 1e2, 0)),
