@@ -1,7 +1,9 @@
 """Gradient fit of one stretch and one bending table to the training silhouette, in log space.
 
-Three stages, each from the best point so far: the bending level by drape coefficient (`level_search`), Adam,
-which crosses the rough ground of folds that slip in and out of phase, and L-BFGS, which finishes.
+From the bending level that has the training drape coefficient (`level_search`), rounds of two optimisers, each from
+the best point so far: a few steps of Adam, which cross the rough ground of folds that slip in and out of phase, and
+L-BFGS, which goes down to the bottom of the valley it is in. Where a round gains nothing, Adam's next steps are half as
+long; the fit ends when they have become short. Few steps: Adam seldom gains after ten, and L-BFGS finishes faster.
 
 References:
     Kingma, Ba, Adam: A Method for Stochastic Optimization, ICLR 2015.
@@ -10,6 +12,7 @@ References:
     Table 1).
 """
 
+import contextlib
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -65,34 +68,53 @@ def lbfgs(incumbent: Incumbent, *, iterations: int) -> bool:
     return bool(result.success)
 
 
+SHORTEST = 1 / 30  # of the first step length: where Adam's rounds end
+GAIN = 0.02  # relative decrease of the loss below which a round gained nothing
+
+
+def rounds(incumbent: Incumbent, *, steps: int, rate: float, iterations: int) -> None:
+    """Adam and L-BFGS in turn, until neither gets lower.
+
+    Args:
+        incumbent: Search to go on with.
+        steps: Gradients for Adam in a round.
+        rate: Its first step length [prior standard deviations].
+        iterations: Most iterations of L-BFGS in a round.
+    """
+    length = rate
+    while length > SHORTEST * rate and incumbent.loss > 0:
+        before = incumbent.loss
+        adam(incumbent, steps=steps, rate=length)
+        lbfgs(incumbent, iterations=iterations)
+        if not incumbent.loss < (1 - GAIN) * before:  # nor where every drape failed
+            length /= 2
+
+
 @dataclass(frozen=True)
 class Homo(Solver):
-    """Level search, then Adam, then L-BFGS.
+    """Level search, then Adam and L-BFGS in turn.
 
     Attributes:
         search: Most drapes for the bending level.
-        adam_steps: Gradients for Adam.
-        adam_rate: Its step length [prior standard deviations].
-        lbfgs_iterations: Most iterations of L-BFGS.
+        adam_steps: Gradients for Adam in a round.
+        adam_rate: Its first step length [prior standard deviations].
+        lbfgs_iterations: Most iterations of L-BFGS in a round.
     """
 
     search: int = 8
-    adam_steps: int = 50
+    adam_steps: int = 10
     adam_rate: float = 0.6
     lbfgs_iterations: int = 60
     name: ClassVar[str] = "homo"
-    summary: ClassVar[str] = "gradient fit of one stretch and one bending table (Adam, then L-BFGS)"
+    summary: ClassVar[str] = "gradient fit of one stretch and one bending table (Adam and L-BFGS in turn)"
     reference: ClassVar[str] = "Gong, Mao, Wang, CVPR 2024, Table 1 HOMO; Kingma, Ba 2015; Liu, Nocedal 1989"
     needs_gradient: ClassVar[bool] = True
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         incumbent = Incumbent(problem)
         finished = False
-        with problem.meter.reserve(1):
-            try:
-                match_bending_level(incumbent, self.search)
-                adam(incumbent, steps=self.adam_steps, rate=self.adam_rate)
-                finished = lbfgs(incumbent, iterations=self.lbfgs_iterations)
-            except BudgetExceeded:
-                pass
+        with problem.meter.reserve(1), contextlib.suppress(BudgetExceeded):
+            match_bending_level(incumbent, self.search)
+            rounds(incumbent, steps=self.adam_steps, rate=self.adam_rate, iterations=self.lbfgs_iterations)
+            finished = True
         return prediction_at(problem, incumbent.tau, finished=finished)

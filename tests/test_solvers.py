@@ -218,11 +218,32 @@ class TestFits:
     def test_homo_recovers_bending_stiffness(self):
         problem = toy_problem(bending=2.0, budget=Budget(100), laid_as_true=True)
         start = problem.evaluate(np.zeros(39))
-        answer = _answer("homo,adam_steps=10", problem)
+        answer = _answer("homo", problem)
         assert answer.tau is not None
-        assert np.square(answer.train_image - problem.train_image).mean() < 1e-2 * start
+        assert np.square(answer.train_image - problem.train_image).mean() < 1e-3 * start
         level = (problem.space.prior.bending_root @ answer.tau[24:]).mean()
         assert math.exp(level) == pytest.approx(2.0, rel=0.1)
+
+    @pytest.mark.parametrize("sample", [0])
+    def test_homo_gets_below_the_level_search_on_rough_ground(self, sample):
+        """Where the cloth was laid down in another way, folds slip in and out of phase as its stiffness changes."""
+        problem = toy_problem(bending=2.0, budget=Budget(100), sample=sample)
+        _answer("homo", problem)
+        trace = problem.meter.trace
+        begun = next(index for index, evaluation in enumerate(trace) if evaluation.kind == "gradient")
+        level = trace[begun - 1].best_loss
+        assert problem.meter.best_loss < 0.3 * level
+
+    def test_homo_ends_where_neither_optimiser_gets_lower(self):
+        problem = toy_problem(bending=2.0, budget=Budget(), vertices=60, sample=1)
+        assert _answer("homo,lbfgs_iterations=2,adam_steps=1", problem).finished
+        lowest = [evaluation.best_loss for evaluation in problem.meter.trace]
+        assert lowest[-1] > 0.9 * lowest[-6]
+
+    def test_homo_ends_where_every_drape_fails(self, fail_drapes):
+        fail_drapes(lambda call: True)
+        with pytest.raises(DrapeDiverged):
+            _answer("homo", toy_problem(budget=Budget()))
 
     @pytest.mark.parametrize("name", ["nlopt:LD_LBFGS", "nlopt:LD_MMA", "nlopt:LD_SLSQP"])
     def test_gradient_algorithms_descend(self, name):
