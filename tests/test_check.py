@@ -89,7 +89,7 @@ class TestStatistics:
 
     def test_repeated_seeds_that_change_nothing_count_once(self):
         before = {("a", seed): 1.0 for seed in range(9)} | {("b", seed): 2.0 for seed in range(9)}
-        after = {("a", 0): 1.1, ("b", 0): 1.9}
+        after = {(cloth, seed): value for cloth, value in (("a", 1.1), ("b", 1.9)) for seed in range(9)}
         found = compare(before, after, level=0.01, generator=np.random.default_rng(0))
         assert (found.units, found.test) == (2, "t")
         assert found.p > 0.1

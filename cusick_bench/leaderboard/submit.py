@@ -131,7 +131,7 @@ def _line(
         "state": "verified" if verified.issuperset(keys) else "reported",
         "settings": json.dumps(settings, sort_keys=True),
         "budget": _budget(settings.get("budget") or {}),
-        "command": " ".join(map(str, made.get("command", []))),
+        "command": _typed(made.get("command", [])),
         "code_version": str(group["code_version"].iloc[0]),
         "hardware": " ".join(str(made.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
         "time": made.get("time", ""),
@@ -146,6 +146,12 @@ def _command_of(run: dict[str, Any], keys: list[str]) -> dict[str, Any]:
         if set(keys) <= set(made.get("cells", [])):
             return made
     return run
+
+
+def _typed(command: list[Any]) -> str:
+    """A command line as one types it, wherever the program lies."""
+    words = list(map(str, command))
+    return " ".join([Path(words[0]).name, *words[1:]]) if words else ""
 
 
 def _budget(budget: dict[str, Any]) -> str:
