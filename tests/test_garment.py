@@ -311,6 +311,15 @@ def test_a_flat_skirt_has_a_drape_coefficient_of_one_and_no_folds():
     assert (found.folds, found.hem_depth_m) == (0, 0)
 
 
+def test_a_skirt_that_hangs_straight_down_has_a_drape_coefficient_of_zero():
+    skirt = circular_skirt(SIZE, 1000)
+    radius = np.hypot(*skirt.start[:, :2].T)
+    x = np.column_stack([skirt.start[:, :2] * (0.11 / radius)[:, None], 0.11 - radius])
+    found = measure(skirt, x)
+    assert found.drape_coefficient == pytest.approx(0, abs=0.005)
+    assert (found.hem_radius_m, found.hem_depth_m) == pytest.approx((0.11, 0.4))
+
+
 @pytest.mark.parametrize("folds", [3, 11])
 def test_folds_of_a_waved_hem_are_counted(folds: int):
     skirt = circular_skirt(SIZE, 2000)
