@@ -118,11 +118,13 @@ class TorchEngine:
         return "multifrontal" if self.settings.backend == "auto" else self.settings.backend
 
     def _outcome(self, dropped: DroppedMembers, weight: Float[ndarray, "#members"]) -> TorchOutcome:
-        good, factored, steps = (each.cpu().numpy() for each in (dropped.good, dropped.factored, dropped.steps))
+        good = dropped.good.cpu().numpy()
         residual = np.where(good, dropped.force.cpu().numpy() / weight, np.nan)
         failures = [
-            flown_apart(self.settings, force) if sound else self._reason(had_factor, taken)
-            for sound, had_factor, taken, force in zip(good, factored, steps, residual, strict=True)
+            flown_apart(self.settings, force) if sound else self._reason(factored, steps)
+            for sound, factored, steps, force in zip(
+                good, dropped.factored.tolist(), dropped.steps.tolist(), residual.tolist(), strict=True
+            )
         ]
         return TorchOutcome(failures, residual, np.where(good, self.settings.steps, 0))
 

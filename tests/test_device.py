@@ -47,8 +47,8 @@ def _cloths(count: int, *, per_element: bool, track: bool = False) -> list[Mater
         stretch = base.stretch * torch.from_numpy(np.exp(generator.normal(0, 0.1, (faces, 6, 4))))
         bending = base.bending * torch.from_numpy(np.exp(generator.normal(0, 0.3, (hinges, 3, 5))))
         tables = (stretch, bending) if per_element else (stretch[0], bending[0])
-        tables = (*tables, base.density.expand(len(MESH.faces)))
-        cloths.append(Material(*(table.clone().requires_grad_(track) for table in tables)))
+        density = base.density.expand(faces) if per_element else base.density
+        cloths.append(Material(*(table.clone().requires_grad_(track) for table in (*tables, density))))
     return cloths
 
 
@@ -85,7 +85,8 @@ def test_engines_agree(device: str, settings: dict, per_element: bool):
     assert found.keys() == expected.keys()
     assert len(found) == 11
     for name, gradient in expected.items():
-        assert float((found[name].cpu() - gradient).abs().max()) < 1e-8 * float(gradient.abs().max()), name
+        limit = 1e-7 if gradient.ndim == 0 else 1e-8  # one density: a sum over the cloth that cancels
+        assert float((found[name].cpu() - gradient).abs().max()) < limit * float(gradient.abs().max()), name
     assert np.allclose(ours.residual, compiled.residual, rtol=1e-6)
     assert ours.failures == compiled.failures == [None] * 3
     assert (ours.iterations == 15).all()
