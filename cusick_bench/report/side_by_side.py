@@ -184,7 +184,8 @@ def _made_for(entrant: Entrant, cloth: str, rows: Sequence[int], count: int) -> 
     """Which draws an oracle made for these held-out samples; none where draws are for all samples alike."""
     cells = entrant.cells.loc[entrant.cells["cloth"] == cloth].sort_values(by="seed")
     made = list(cells["test"].iloc[0])
-    return [made.index(row) for row in rows] if entrant.kind == "oracle" and count == len(made) else []
+    paired = entrant.kind == "oracle" and count == len(made) and set(rows) <= set(made)
+    return [made.index(row) for row in rows] if paired else []
 
 
 def _draw_tile(draws: Draws, best: int, error: float, remark: str) -> Tile:
