@@ -222,6 +222,13 @@ class TestSearches:
         assert math.inf in values
         assert min(values) < 0.01
 
+    @pytest.mark.parametrize("name", ["vanilla-bo", "turbo"])
+    def test_thousands_of_coordinates(self, name):
+        solver = make_solver(f"{name},initial=6")
+        values = _values(solver, lambda point: float(np.square(point - 0.2).mean()), 2000, 9)
+        assert len(values) == 9
+        assert min(values[6:]) < min(values[:6])
+
     def test_a_process_of_failures_only_still_asks(self):
         assert _values(VanillaBo(initial=3), lambda point: math.inf, 4, 5) == [math.inf] * 5
 
