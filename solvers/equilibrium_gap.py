@@ -60,10 +60,14 @@ class EquilibriumGap(Solver):
     Attributes:
         position_error: Standard deviation of a mesh coordinate [m]; by default what rounding to 0.01 mm leaves.
         force_error: What the model leaves out, as a share of each vertex's weight.
+        rest_height: Standard deviation of the rest shape's height, which is not known [m].
+        unevenness: Standard deviation of log stiffness over the cloth.
     """
 
     position_error: float = 3e-6
     force_error: float = 0.02
+    rest_height: float = 4e-4
+    unevenness: float = 0.1
     name: ClassVar[str] = "equilibrium-gap"
     summary: ClassVar[str] = "convex fit of the tables whose forces balance gravity on the training drape's mesh"
     reference: ClassVar[str] = "Claire, Hild, Roux, Int. J. Numerical Methods in Engineering 61(2), 2004"
@@ -74,7 +78,8 @@ class EquilibriumGap(Solver):
         assert problem.train_mesh is not None
         progress("balancing forces", 0.1)
         shape, strain = self._shape(problem, problem.train_mesh)
-        found = balance([shape], problem.space.prior, Errors(self.position_error, self.force_error))
+        errors = Errors(self.position_error, self.force_error, rest_height=self.rest_height, unevenness=self.unevenness)
+        found = balance([shape], problem.space.prior, errors)
         self._check(found, strain)
         progress("draping the result", 0.9)
         return replace(prediction_at(problem, found.tau, finished=True), notes=notes(found, strain))
@@ -119,7 +124,7 @@ class EquilibriumGap(Solver):
         if found.misfit > MISFIT_LIMIT:
             reasons.append(
                 f"the gap that is left is {found.misfit**0.5:.0f} times what errors of {self.position_error:g} m and "
-                f"{self.force_error:.0%} of the weight explain (at most {MISFIT_LIMIT**0.5:.0f})"
+                f"an uneven cloth explain (at most {MISFIT_LIMIT**0.5:.0f})"
             )
         if reasons:
             raise SolverError(

@@ -3,8 +3,8 @@
 At rest elastic forces balance gravity, A(x) theta + b = 0 at every free vertex: linear in the tables theta = (C, B)
 (see `cusick_bench.sim.force_basis`), with gravity's b for a scale. Shapes are measured with errors, to which the stiff
 membrane answers with large forces, and no cloth is as uniform as its model. With displacement errors N(0, s_x^2) and
-force errors N(0, D), D the square of a share of each vertex's weight, the gap linearised at the corrected shape
-x_k = x + d_k is
+force errors N(0, D), D the square of a share of each vertex's weight plus the forces of an uneven cloth
+(`cusick_bench.sim.force_modes`), the gap linearised at the corrected shape x_k = x + d_k is
 
     A(x_k) theta + b + H_k d_k ~ N(0, s_x^2 H_k H_k^T + D),    H = -df/dx,
 
@@ -32,11 +32,13 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cusick_bench.problem.priors import BENDING_SIZE, COUPLING_SD, STRETCH_REFERENCE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.force_basis import STRETCH_NUMBERS, TABLE_NUMBERS, stiffness, unit_forces
+from cusick_bench.sim.force_modes import field_modes, uneven_forces
+from cusick_bench.sim.mesh import Mesh
 from cusick_bench.sim.system import DrapeSystem
 from cusick_bench.solvers.base import SolverError
 
 ROUNDS = 12
-SETTLED = 2e-3  # change of tau between rounds [prior standard deviations]
+SETTLED = 5e-3  # change of tau between rounds [prior standard deviations]
 REACH = 3.0  # largest factor on a table entry in one round
 MARGIN = 1e-3  # least eigenvalue of C over the mean of its diagonal
 KNOWN = 0.05  # relative standard deviation up to which a combination of entries counts as identifiable
@@ -78,16 +80,37 @@ class Errors:
     Attributes:
         position: Standard deviation of a vertex's coordinate [m].
         force: Standard deviation of the force on a vertex, as a share of its weight.
+        rest_height: Standard deviation of the rest shape's height, which is not known [m].
+        rest_length: Its correlation length [m].
+        unevenness: Standard deviation of log stiffness over the cloth, of which the tables are the mean.
+        unevenness_length: Its correlation length [m].
     """
 
     position: float
     force: float
+    rest_height: float = 0.0
+    rest_length: float = 0.03
+    unevenness: float = 0.0
+    unevenness_length: float = 0.02
 
     def __post_init__(self) -> None:
-        for name in ("position", "force"):
+        for name in ("position", "force", "rest_length", "unevenness_length"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise SolverError(f"the {name} error must be > 0 and finite, got {value}; give what the meshes have")
+        for name in ("rest_height", "unevenness"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise SolverError(f"the {name} error must be >= 0 and finite, got {value}; 0 for an even, flat cloth")
+
+    def modes(self, mesh: Mesh) -> tuple[Float[np.ndarray, "vertices rest"], Float[np.ndarray, "vertices uneven"]]:
+        """Modes of the rest shape's height [m] and of log stiffness; none where there is no spread."""
+        fields = ((self.rest_height, self.rest_length), (self.unevenness, self.unevenness_length))
+        rest, uneven = (
+            amplitude * field_modes(mesh, length) if amplitude > 0 else np.zeros((mesh.vertices, 0))
+            for amplitude, length in fields
+        )
+        return rest, uneven
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,13 +192,16 @@ class _Gap:
         return self.position**2 * self.hessian.T @ solve_triangular(self.factor, whitened, trans=1, lower=True)
 
 
-def _gap(shape: Shape, correction: np.ndarray, theta: Theta, errors: Errors) -> _Gap:
+def _gap(
+    shape: Shape, correction: np.ndarray, theta: Theta, errors: Errors, modes: tuple[np.ndarray, np.ndarray]
+) -> _Gap:
     system, rest = shape.system, np.zeros(len(shape.system.elements.hinges))
     x = shape.x.copy()
     x[system.free] += correction.reshape(-1, 3)
     hessian = stiffness(system, x, theta, rest).toarray()
     weight = np.repeat(system.gravity * shape.mass[system.free], 3)
-    covariance = errors.position**2 * (hessian @ hessian.T)
+    uneven = uneven_forces(system, x, theta, *modes)
+    covariance = errors.position**2 * (hessian @ hessian.T) + uneven @ uneven.T
     covariance[np.diag_indices_from(covariance)] += (errors.force * weight) ** 2
     factor = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
     sides = np.column_stack([unit_forces(system, x, rest), shape.gravity + hessian @ correction])
@@ -239,9 +265,10 @@ def balance(shapes: Sequence[Shape], prior: StiffnessPrior, errors: Errors) -> B
     law, tau = shapes[0].system.law, np.zeros(TABLE_NUMBERS)
     theta, slope = tables_at(prior, tau)
     corrections = [np.zeros(3 * len(shape.system.free)) for shape in shapes]
+    modes = [errors.modes(shape.system.mesh) for shape in shapes]
     gaps: list[_Gap] = []
     for _ in range(ROUNDS):
-        gaps = [_gap(shape, d, theta, errors) for shape, d in zip(shapes, corrections, strict=True)]
+        gaps = [_gap(s, d, theta, errors, m) for s, d, m in zip(shapes, corrections, modes, strict=True)]
         columns, offset = np.concatenate([g.columns for g in gaps]), np.concatenate([g.offset for g in gaps])
         found = _admissible_fit(columns, offset, tau, theta, slope, law)
         before, tau = tau, whitened(prior, found)
@@ -255,9 +282,11 @@ def balance(shapes: Sequence[Shape], prior: StiffnessPrior, errors: Errors) -> B
 def _summary(
     shapes: Sequence[Shape], gaps: list[_Gap], corrections: list[np.ndarray], theta: Theta, tau: Theta
 ) -> Balance:
-    relative = np.concatenate([gap.columns for gap in gaps]) * relative_scale(theta)
-    _, values, directions = np.linalg.svd(relative, full_matrices=False)
     gap = np.concatenate([gap.columns @ theta + gap.offset for gap in gaps])
+    misfit = float(np.mean(gap**2))
+    # where errors are larger than assumed, what is known is known less well
+    relative = np.concatenate([gap.columns for gap in gaps]) * relative_scale(theta) / max(misfit, 1.0) ** 0.5
+    _, values, directions = np.linalg.svd(relative, full_matrices=False)
     spread = 1 / np.maximum(values, 1 / UNKNOWN)
     return Balance(
         theta=theta,
@@ -265,7 +294,7 @@ def _summary(
         relative_sd=np.sqrt(((directions.T * spread) ** 2).sum(1)),
         singular_values=values,
         directions=directions,
-        misfit=float(np.mean(gap**2)),
+        misfit=misfit,
         correction=float(np.sqrt(np.mean(np.concatenate(corrections) ** 2))),
         unexplained=_unexplained(shapes),
     )
