@@ -184,4 +184,4 @@ def _draws(arrays: dict[str, ndarray]) -> Draws:
 def _is_sound(vertices: ndarray, faces: ndarray) -> bool:
     """Whether drapes are finite and their triangles exist."""
     shapes = vertices.shape[-1] == 3 and faces.ndim == 2 and faces.shape[1] == 3
-    return shapes and bool(np.isfinite(vertices).all()) and faces.min() >= 0 and faces.max() < vertices.shape[-2]
+    return bool(shapes and np.isfinite(vertices).all() and faces.min() >= 0 and faces.max() < vertices.shape[-2])
