@@ -148,7 +148,7 @@ def make_table(
         equal = (at_equal_time or {}).get((row.solver, row.variant), nan)
         lines.append(Line(row, published, margin, equal))
     question = {"table-1": "unseen samples predicted", "table-2": "training silhouette fitted"}[name]
-    count = f"{len(board.cloths)} cloths" if len(board.cloths) > 1 else board.cloths[0]
+    count = f"{len(board.cloths)} cloths" if len(board.cloths) > 1 else "".join(board.cloths)
     title = f"{name}: {question}; {board.dataset}, {count}, mean over cells"
     return PaperTable(name, title, board, tuple(lines), (*_EXPLAINED[name], *_others(board), *notes, *board.notes))
 
