@@ -264,7 +264,7 @@ def test_draws_that_vary_too_little_cover_too_little_and_a_single_one_nothing():
     assert coverage(generator.normal(0, 0.3, 500), samples, 0.9) < 0.5
     assert coverage(np.array([0.1]), samples, 0.9) == 0
     with pytest.raises(MetricError, match="between 0 and 1"):
-        coverage(samples, samples, 90)
+        coverage(samples, samples, 90.0)
 
 
 def test_ranks_are_uniform_among_equals_and_lean_where_draws_are_shifted():
