@@ -21,7 +21,7 @@ class Turbo(BoxSolver):
 
     Attributes:
         initial: Points of the quasi-random design that each region begins with.
-        candidates: Most points a Thompson sample chooses from; the paper's 5000 take ten times the time of 2000.
+        candidates: Most points a Thompson sample chooses from, in a time that grows with their cube; the paper takes 5000.
     """
 
     initial: int = 20
