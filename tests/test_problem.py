@@ -1,6 +1,7 @@
 """The problem: priors and spaces, losses, metering, budgets, and memory that survives a kill."""
 
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -303,6 +304,16 @@ class TestBudget:
                 problem.evaluate(np.zeros(39))
         problem.image(np.zeros(39))
         assert problem.meter.forward_equivalents == 3
+
+    def test_a_drape_kept_back_is_granted_however_late_it_is(self):
+        problem = toy_problem(budget=Budget(seconds=0.05))
+        with problem.meter.reserve(1), pytest.raises(BudgetExceeded):
+            while True:
+                problem.evaluate(np.zeros(39))
+        time.sleep(0.05)
+        problem.observe(np.zeros(39))
+        with pytest.raises(BudgetExceeded):
+            problem.observe(np.zeros(39))
 
     @pytest.mark.parametrize("options", [{"forward_equivalents": 0}, {"seconds": -1.0}, {"seconds": math.nan}])
     def test_budget_must_be_positive(self, options):

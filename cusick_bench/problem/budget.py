@@ -88,6 +88,7 @@ class Meter:
     trace: list[Evaluation] = field(default_factory=list)
     observers: list[Callable[[Evaluation], None]] = field(default_factory=list)
     _reserved: float = 0.0
+    _owed: float = 0.0
     _clock_zero: float = field(default_factory=time.perf_counter)
 
     @property
@@ -142,12 +143,16 @@ class Meter:
 
     @contextmanager
     def reserve(self, drapes: float) -> Iterator[None]:
-        """Keeps drapes back while a solver searches, so that it can still afford its prediction."""
+        """Keeps drapes back while a solver searches, so that it can still afford its prediction.
+
+        Their time is kept back, too, as far as it can be told; afterwards they are granted however late it is.
+        """
         self._reserved += drapes
         try:
             yield
         finally:
             self._reserved -= drapes
+            self._owed = drapes
 
     def admit(self, kind: str, count: int = 1) -> None:
         """Raises BudgetExceeded where so many evaluations of this kind are not affordable."""
@@ -161,7 +166,11 @@ class Meter:
         limit = self.budget.seconds
         if limit is None or not cost:
             return
-        expected = count * next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
+        if kind == "drape" and self._owed > 0 and not self._reserved:
+            self._owed -= 1
+            return
+        kept_back = self._reserved * (self.trace[-1].seconds if self.trace else 0.0)
+        expected = kept_back + count * next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
         if self.wall_seconds + expected > limit:
             raise BudgetExceeded(
                 f"{self.wall_seconds:.1f} of {limit:g} s are spent and {count} x {kind} takes about "
