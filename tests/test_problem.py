@@ -2,6 +2,7 @@
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -307,7 +308,7 @@ class TestBudget:
 
     def test_a_drape_kept_back_is_granted_however_late_it_is(self):
         problem = toy_problem(budget=Budget(seconds=0.05))
-        with problem.meter.reserve(1), pytest.raises(BudgetExceeded):
+        with problem.meter.reserve(1), suppress(BudgetExceeded):
             while True:
                 problem.evaluate(np.zeros(39))
         time.sleep(0.05)
