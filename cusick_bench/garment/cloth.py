@@ -54,8 +54,8 @@ class Cloth:
     source: str
     law: Law
     density: float
-    stretch: Float[ndarray, "tables 6 4"]
-    bending: Float[ndarray, "tables 3 5"]
+    stretch: Float[ndarray, "stretch_tables 6 4"]
+    bending: Float[ndarray, "bending_tables 3 5"]
     stretch_sd: Float[ndarray, "6 4"]
     bending_sd: Float[ndarray, "3 5"]
 
