@@ -21,7 +21,7 @@ class Turbo(BoxSolver):
 
     Attributes:
         initial: Points of the quasi-random design that each region begins with.
-        candidates: Most points a Thompson sample chooses from, in a time that grows with their cube; the paper takes 5000.
+        candidates: Most points a Thompson sample chooses from, in time that grows with their cube (paper: 5000).
     """
 
     initial: int = 20
