@@ -7,7 +7,7 @@ A new solver is one file with a frozen dataclass, whose fields are its options, 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -152,7 +152,7 @@ class Oracle(Solver):
     def options(self) -> dict[str, Any]:
         return {}
 
-    def revealing(self, heldout: HeldOut) -> Self:
+    def revealing(self, heldout: HeldOut) -> "Oracle":
         """The oracle with the held-out images before its eyes."""
         return replace(self, heldout=heldout)
 

@@ -31,6 +31,7 @@ from cusick_bench.garment import (
 )
 from cusick_bench.garment import output as files
 from cusick_bench.garment.fitting import AIR, State
+from cusick_bench.problem import StiffnessPrior
 from cusick_bench.sim.drop import drop
 from cusick_bench.sim.elements import elements_of
 from cusick_bench.sim.errors import SimulationError
@@ -373,13 +374,7 @@ def _cell(folder: Path, **arrays: ndarray) -> Path:
 
 
 def _posterior(**changes: ndarray) -> dict[str, ndarray]:
-    tables = {
-        "posterior_stretch_mean": np.log(np.tile([150.0, 1.0, 150.0, 30.0], (6, 1))),
-        "posterior_stretch_sd": np.full((6, 4), 0.05),
-        "posterior_bending_mean": np.log(np.full((3, 5), 4e-5)),
-        "posterior_bending_sd": np.full((3, 5), 0.4),
-    }
-    return tables | changes
+    return {"posterior_mean": np.zeros(39), "posterior_scale": np.full(39, 0.4)} | changes
 
 
 def test_a_fit_of_shared_tables_is_scattered_by_the_given_spread(tmp_path: Path):
@@ -392,9 +387,11 @@ def test_a_fit_of_shared_tables_is_scattered_by_the_given_spread(tmp_path: Path)
 def test_a_posterior_brings_its_own_median_and_spread(tmp_path: Path):
     cloth = cloth_of_cell(_cell(tmp_path / "a", **_posterior()), spread=0.2)
     assert cloth.source == "posterior"
-    logs = np.log(cloth.draw(circular_skirt(SIZE, 300).mesh, 1, np.random.default_rng(0)).bending)
-    assert logs.mean() == pytest.approx(np.log(4e-5), abs=0.03)
-    assert logs.std() == pytest.approx(0.4, rel=0.05)
+    prior = StiffnessPrior("paper", 0.27)
+    logs = np.log(cloth.draw(circular_skirt(SIZE, 600).mesh, 2, np.random.default_rng(0)).bending).reshape(-1, 15)
+    assert logs.mean(0) == pytest.approx(prior.bending_median.ravel(), abs=0.05)
+    expected = 0.4 * np.sqrt((prior.bending_root**2).sum(1))
+    assert logs.std(0) == pytest.approx(expected, rel=0.1)
 
 
 def test_tables_per_element_are_dealt_out_at_random(tmp_path: Path):
@@ -410,9 +407,8 @@ def test_tables_per_element_are_dealt_out_at_random(tmp_path: Path):
 
 BAD_CELLS = {
     "no stretch, bending": {"stretch": None, "bending": None},
-    "posterior is of another problem": _posterior(posterior_bending_mean=np.zeros((900, 3, 5))),
-    "got nothing": {"posterior_bending_sd": np.ones((3, 5))},
-    "must be >= 0": _posterior(posterior_stretch_sd=np.full((6, 4), -1.0)),
+    "posterior is of another problem": _posterior(posterior_scale=np.ones(15)),
+    "posterior_scale must be finite and >= 0": _posterior(posterior_scale=np.full(39, -1.0)),
     "belongs to another problem": {"bending": np.ones((5, 3))},
     "belong to another problem": {"stretch": np.ones((7, 6, 4)), "faces": np.zeros((9, 3), int)},
     "positive stiffness": {"bending": np.full((3, 5), np.nan)},

@@ -14,7 +14,7 @@ def markdown(document: dict[str, Any], command: str) -> str:
         command: What made it.
     """
     hardware = document["hardware"]
-    libraries = ", ".join(f"{name} {version}" for name, version in hardware["libraries"].items())
+    libraries = ", ".join(f"{name} {version}" for name, version in hardware["libraries"].items() if version)
     parts = [
         "# Benchmark of the simulator",
         f"`{command}`",

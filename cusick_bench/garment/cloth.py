@@ -1,13 +1,12 @@
 """The cloth of a garment: stiffness tables from a fit or given by numbers, and draws of them for every element.
 
-A drawn table is a median table times exp(sd N(0, 1)), independently for every entry and every element, as in the
-paper's posterior. Where the median and sd come from, in this order:
+Every element of a garment draws its own tables, as in the paper. Where they come from, in this order:
 
-- `posterior`: mean and sd of the logarithms of shared tables (`posterior_stretch_mean`, `posterior_stretch_sd` (6, 4),
-  `posterior_bending_mean`, `posterior_bending_sd` (3, 5) in `prediction.npz`);
+- `posterior`: the Gaussian over all elements that `bdp` has learned (`posterior_mean`, `posterior_scale` in
+  `prediction.npz`: whitened logarithms);
 - `elements`: a fit with a table per element: every element of the garment gets the table of a random element of the
   fit, since the disc's places have no counterpart on a skirt;
-- `spread`: a homogeneous cloth with a given sd.
+- `spread`: a homogeneous cloth, every entry times exp(sd N(0, 1)) with a given sd.
 
 Tables are aligned with warp and weft, so they are the same numbers on any pattern.
 
@@ -22,16 +21,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
+from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.material import Material, uniform_material
 from cusick_bench.sim.mesh import Mesh
 from cusick_bench.sim.system import Law, Parameters
 
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
 _MAXIMUM_BYTES = 2**30  # of one array
+_POOL = 4096  # tables drawn from a posterior, of which every element gets one
 _COUPLING = 0.95  # most that |c12| / sqrt(c11 c22) may be: the tables stay positive definite
 
 
@@ -148,10 +150,9 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
     source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
-    if any(key.startswith("posterior_") for key in arrays):
+    if "posterior_mean" in arrays and len(arrays["posterior_mean"]) == STRETCH_SIZE + BENDING_SIZE:
         source = "posterior"
-        for key in SHAPES:
-            tables[key], sds[key] = _posterior(arrays, key, folder)
+        tables = _pool(arrays, StiffnessPrior(law, float(density.mean())), folder)
     elif any(len(table) > 1 for table in tables.values()):
         source = "elements"
         _check_elements(arrays, tables, folder)
@@ -206,21 +207,17 @@ def _checked(array: ndarray, shape: tuple[int, int], name: str) -> Float[ndarray
     return tables
 
 
-def _posterior(arrays: dict[str, ndarray], key: str, folder: Path) -> tuple[ndarray, ndarray]:
-    """Median tables (1, *shape) and sd of their logarithms."""
-    found = []
-    for part in ("mean", "sd"):
-        array = arrays.get(f"posterior_{key}_{part}")
-        if array is None or array.shape != SHAPES[key] or not np.isfinite(array).all():
-            shape = "nothing" if array is None else f"shape {array.shape}"
-            raise GarmentError(
-                f"{folder}: posterior_{key}_{part} must be finite with shape {SHAPES[key]}, got {shape}; the posterior "
-                "is of another problem, give a cell whose posterior is over shared tables"
-            )
-        found.append(np.asarray(array, dtype=np.float64))
-    if (found[1] < 0).any():
-        raise GarmentError(f"{folder}: posterior_{key}_sd must be >= 0, got {found[1].min():.3g}; run the cell again")
-    return np.exp(found[0])[None], found[1]
+def _pool(arrays: dict[str, ndarray], prior: StiffnessPrior, folder: Path) -> dict[str, ndarray]:
+    """Tables drawn from a posterior over the elements of a cloth, always the same ones."""
+    mean, scale = arrays["posterior_mean"], arrays.get("posterior_scale")
+    if scale is None or scale.shape != mean.shape or not np.isfinite([mean, scale]).all() or (scale < 0).any():
+        raise GarmentError(
+            f"{folder}: posterior_scale must be finite and >= 0 with shape {mean.shape}, as posterior_mean; the "
+            "posterior is of another problem, or damaged: run the cell again"
+        )
+    noise = np.random.default_rng(0).standard_normal((_POOL, len(mean)))
+    stretch, bending = torch.as_tensor(mean + scale * noise).split([STRETCH_SIZE, BENDING_SIZE], -1)
+    return {"stretch": prior.stretch(stretch).numpy(), "bending": prior.bending(bending).numpy()}
 
 
 def _check_elements(arrays: dict[str, ndarray], tables: dict[str, ndarray], folder: Path) -> None:

@@ -14,7 +14,7 @@ import cusick_bench
 
 # Layers whose code decides the numbers of a cell.
 _DECISIVE = ("sim", "datasets", "problem", "solvers", "metrics")
-_LIBRARIES = ("numpy", "scipy", "torch", "numba", "nlopt", "cvxpy")
+_LIBRARIES = ("numpy", "scipy", "torch", "numba", "nlopt", "cvxpy", "botorch", "gpytorch", "cma")
 
 
 @lru_cache(maxsize=1)
