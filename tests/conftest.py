@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 import torch
@@ -35,6 +36,24 @@ def _no_global_seeds():
     assert torch.equal(torch.random.get_rng_state(), before_torch), (
         "a test or the code drew from torch's global generator"
     )
+
+
+@pytest.fixture(scope="module")
+def one_thread():
+    """One thread for compiled kernels: small meshes are done before a second thread has woken up."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def one_torch_thread():
+    """One thread for torch: small tensors gain nothing from more, and on busy cores threads wait for each other."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 @pytest.fixture

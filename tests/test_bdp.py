@@ -17,6 +17,8 @@ from cusick_bench.solvers.registry import make_solver
 from cusick_bench.solvers.silhouettes import silhouette
 from cusick_bench.solvers.variational import AdamSteps, Gaussian
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 
 def _solve(text, problem, seed=0):
     return make_solver(text).solve(problem, np.random.default_rng(seed))

@@ -30,13 +30,7 @@ CUDA = pytest.mark.skipif(not torch.cuda.is_available(), reason="torch sees no C
 DEVICES = ["cpu:torch", pytest.param("cuda", marks=CUDA)]
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    """Small tensors gain nothing from threads, and on busy cores threads wait for each other."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 def _cloths(count: int, *, per_element: bool, track: bool = False) -> list[Material]:

@@ -13,6 +13,8 @@ from cusick_bench.problem.toy import AREAL_DENSITY, toy_problem
 from cusick_bench.sim.matern import disc_modes, matern_root
 from cusick_bench.sim.mesh import disc_mesh
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 
 @pytest.fixture(scope="module")
 def space() -> FieldSpace:

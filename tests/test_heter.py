@@ -1,6 +1,5 @@
 """The heterogeneous fit: its smooth prior, its optimiser, and runs that are killed."""
 
-import numba
 import numpy as np
 import pytest
 from scipy.optimize import rosen, rosen_der
@@ -14,14 +13,7 @@ from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.quasi_newton import Search, descend
 from cusick_bench.solvers.smooth_field import FIELDS, StiffnessField, lumped_mass, stiffness_matrix
 
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    """Meshes this small are done before a second thread has woken up."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numba
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,12 +18,7 @@ from cusick_bench.problem.toy import toy_image
 CLOTHS = ("cotton_blue", "cotton_pink", "cotton_white", "viscose_white", "wool_red")
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -38,14 +37,7 @@ from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.mesh import disc_mesh
 from cusick_bench.solvers.silhouettes import silhouette
 
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    """Meshes this small are done before a second thread has woken up."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture

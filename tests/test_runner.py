@@ -10,7 +10,6 @@ from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from PIL import Image
@@ -43,13 +42,7 @@ DENSITY = 0.2
 SMALL = ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(8))
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    """Meshes this small are done before a second thread has woken up."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")

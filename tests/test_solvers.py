@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numba
 import numpy as np
 import pytest
 
@@ -28,13 +27,7 @@ NULLS = [name for name, solver in registered().items() if solver.kind == "null"]
 ORACLES = [name for name, solver in registered().items() if solver.kind == "oracle"]
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    """Meshes this small are done before a second thread has woken up."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")

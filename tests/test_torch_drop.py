@@ -37,13 +37,7 @@ LAWS = ["paper", "published"]
 STATES = {"flat": (1.0, 1e-9, 1e-9), "gentle": (1.01, 1e-4, 1e-3), "far": (1.5, 1e-3, 2e-2), "tight": (0.8, 5e-4, 5e-3)}
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    """Small tensors gain nothing from threads, and on busy cores threads wait for each other."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 def _system(law: str, support: str = "fixed", vertices: int = 80) -> DrapeSystem:

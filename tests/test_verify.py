@@ -4,7 +4,6 @@ import json
 import shutil
 from pathlib import Path
 
-import numba
 import numpy as np
 import pandas as pd
 import pytest
@@ -27,12 +26,7 @@ SOLVERS = ("homo,search=2", "null:disc", "null:random-phase,draws=12", "oracle:b
 DROP = DrapeSettings(steps=20)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
