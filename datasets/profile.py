@@ -15,6 +15,8 @@ import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.sim.folds import ring_folds
+
 PROFILE_ANGLES = 720
 PIXELS_PER_METRE = 723.0  # best fit of the release's images on its meshes in parallel projection
 CENTRE_PIXEL = (127.5, 127.5)  # column, row of the plate's axis, pixel centres at integers
@@ -172,13 +174,7 @@ def drape_coefficient(
 
 def fold_count(profile: Profile, *, prominence: float = FOLD_PROMINENCE, modes: int = FOLD_MODES) -> int:
     """Number of folds: peaks of the profile's harmonics 0..modes that stand out by `prominence` [m]."""
-    from scipy.signal import find_peaks  # slow to import, and few need it
-
-    harmonics = np.fft.rfft(profile.radii)
-    harmonics[modes + 1 :] = 0
-    smooth = np.fft.irfft(harmonics, len(profile.radii))
-    ring = np.roll(smooth, -int(np.argmin(smooth)))  # cut the circle at its lowest point: no peak is split
-    return len(find_peaks(np.append(ring, ring[0]), prominence=prominence)[0])
+    return ring_folds(profile.radii, prominence=prominence, modes=modes)
 
 
 def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_MODES) -> Float[ndarray, " modes"]:

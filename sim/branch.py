@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.sim.folds import ring_folds
 from cusick_bench.sim.mesh import Mesh
 
 _PROMINENCE = 2e-3  # [m] by which a fold stands out of the rim
@@ -55,17 +56,11 @@ def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
         mesh: The cloth, a disc.
         x: Its positions [m].
     """
-    from scipy.signal import find_peaks  # slow to import, and few need it
-
     rim, angle = _rim(mesh)
     radius = np.interp(
         np.linspace(-np.pi, np.pi, 256, endpoint=False), angle, np.hypot(*x[rim, :2].T), period=2 * np.pi
     )
-    harmonics = np.fft.rfft(radius)
-    harmonics[_MODES + 1 :] = 0
-    smooth = np.fft.irfft(harmonics, 256)
-    ring = np.roll(smooth, -int(np.argmin(smooth)))  # cut the circle at its lowest point: no peak is split
-    return len(find_peaks(np.append(ring, ring[0]), prominence=_PROMINENCE)[0])
+    return ring_folds(radius, prominence=_PROMINENCE, modes=_MODES)
 
 
 def follow(mesh: Mesh, before: Float[ndarray, "vertices 3"], after: Float[ndarray, "vertices 3"]) -> Branch:

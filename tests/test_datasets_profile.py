@@ -14,6 +14,7 @@ from cusick_bench.datasets.profile import (
     profile_from_mesh,
 )
 from cusick_bench.datasets.toy import draw, surface, wavy_profile
+from cusick_bench.sim.folds import ring_folds
 
 TENTH_OF_A_PIXEL = 0.1 / PIXELS_PER_METRE
 
@@ -91,3 +92,21 @@ def test_spectrum_holds_the_amplitudes():
     expected = np.zeros(11)
     expected[[0, 2, 8]] = 0.12, 0.003, 0.01
     assert spectrum == pytest.approx(expected, abs=1e-12)
+
+
+def test_folds_are_the_peaks_of_that_prominence():
+    """As scipy's find_peaks counts them on the circle cut open at its lowest point."""
+    from scipy.signal import find_peaks
+
+    generator = np.random.default_rng(0)
+    counts = []
+    for _ in range(300):
+        harmonics = np.zeros(181, complex)
+        harmonics[1:21] = generator.normal(size=(2, 20)).T @ [1, 1j] / generator.uniform(1, 20)
+        ring = np.fft.irfft(harmonics, 360)
+        prominence = generator.uniform(0.05, 4) * ring.std()
+        cut = np.roll(ring, -int(np.argmin(ring)))
+        expected = len(find_peaks(np.append(cut, cut[0]), prominence=prominence)[0])
+        assert ring_folds(ring, prominence=prominence, modes=20) == expected
+        counts.append(expected)
+    assert min(counts) < 3 < 10 < max(counts)
