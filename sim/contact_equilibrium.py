@@ -27,7 +27,7 @@ from numpy import ndarray
 from cusick_bench.sim.contact import ContactForces, SelfContact, smallest_distance
 from cusick_bench.sim.contact_drop import check_contact
 from cusick_bench.sim.contact_matrix import ContactMatrix
-from cusick_bench.sim.equilibrium import FALLING
+from cusick_bench.sim.equilibrium import FALLING, equilibrium_adjoint
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.intersections import checked_positions
 from cusick_bench.sim.linear import Factor, NotPositiveDefinite
@@ -266,14 +266,4 @@ def contact_equilibrium_adjoint(
     Raises:
         DrapeDiverged: The rest has not converged.
     """
-    if rest.factor is None:
-        raise DrapeDiverged(f"no gradient: the drape has not converged (residual {rest.residual:.2g} of the weight)")
-    gradient = ParameterGradient.zeros(system)
-    multiplier = np.zeros_like(g_x)
-    multiplier[system.free] = rest.factor.solve(g_x[system.free])
-    by_x, by_anchor = system.adjoint(
-        rest.positions, multiplier, np.zeros_like(g_x), parameters, gradient, force_factor=1.0, stiffness_factor=0.0
-    )
-    by_x -= (rest.contacts.hessian() @ multiplier.ravel()).reshape(-1, 3)
-    g_held = np.where(system.fixed[:, None], g_x + by_x, 0.0)
-    return gradient, g_held + by_anchor
+    return equilibrium_adjoint(system, parameters, rest, g_x, rest.contacts.hessian())

@@ -12,10 +12,12 @@ References:
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.sparse import csr_array
 
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear import Factor, NotPositiveDefinite
@@ -173,8 +175,23 @@ def equilibrium(
     return Equilibrium(point.x, residual, False, taken, bifurcations, energies, None)
 
 
+class Rest(Protocol):
+    """What the adjoint needs of a rest, with or without contacts."""
+
+    @property
+    def positions(self) -> Float[ndarray, "vertices 3"]: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def factor(self) -> Factor | None: ...
+
+
 def equilibrium_adjoint(
-    system: DrapeSystem, parameters: Parameters, rest: Equilibrium, g_x: Float[ndarray, "vertices 3"]
+    system: DrapeSystem,
+    parameters: Parameters,
+    rest: Rest,
+    g_x: Float[ndarray, "vertices 3"],
+    hessian: csr_array | None = None,
 ) -> tuple[ParameterGradient, Float[ndarray, "vertices 3"]]:
     """Gradient of a function of the rest positions to all parameters and to the held vertices.
 
@@ -183,6 +200,7 @@ def equilibrium_adjoint(
         parameters: As in `equilibrium`.
         rest: A converged rest.
         g_x: Derivative to the rest positions.
+        hessian: Of other energies that act on the cloth, (3 vertices, 3 vertices) [N/m]; of contacts, for one.
 
     Returns:
         Parameter gradient, and derivative to the anchors of springs and the positions of fixed vertices (zero at
@@ -199,5 +217,7 @@ def equilibrium_adjoint(
     by_x, by_anchor = system.adjoint(
         rest.positions, multiplier, np.zeros_like(g_x), parameters, gradient, force_factor=1.0, stiffness_factor=0.0
     )
+    if hessian is not None:
+        by_x -= (hessian @ multiplier.ravel()).reshape(-1, 3)
     g_held = np.where(system.fixed[:, None], g_x + by_x, 0.0)
     return gradient, g_held + by_anchor

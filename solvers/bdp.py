@@ -28,13 +28,12 @@ from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError,
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.predictive import predictive_draws, with_draws
-from cusick_bench.solvers.variational import AdamSteps, Gaussian
+from cusick_bench.solvers.variational import INFERENCE, PREDICTION, AdamSteps, Gaussian, standard_normal
 
 REDUCTIONS = ("sum", "mean")
 PIXELS = 256 * 256
 
 _RUNNING, _OUT_OF_BUDGET, _COMPLETE = range(3)
-_INFERENCE, _PREDICTION = range(2)  # what random numbers are for
 
 
 @dataclass(frozen=True)
@@ -90,13 +89,8 @@ class Bdp(Solver):
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
         tie = _tie(problem, self.shared)
-        noise = _noise(int(posterior["seed"]), _PREDICTION, index, problem.dimension)
+        noise = standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension)
         return posterior["mean"][tie] + posterior["scale"][tie] * noise
-
-
-def _noise(seed: int, purpose: int, index: int, size: int) -> Float[np.ndarray, " size"]:
-    """Standard normal numbers that depend on nothing else."""
-    return np.random.default_rng([seed, purpose, index]).standard_normal(size)
 
 
 def _tie(problem: DrapeProblem, shared: bool) -> np.ndarray:
@@ -159,7 +153,8 @@ class _Fit:
 
     def _step(self) -> None:
         samples, size = self.solver.samples, self.problem.dimension
-        noise = np.stack([_noise(self.seed, _INFERENCE, self.adam.age * samples + i, size) for i in range(samples)])
+        first = self.adam.age * samples
+        noise = np.stack([standard_normal(self.seed, INFERENCE, first + i, size) for i in range(samples)])
         taus = self.q.draw(noise)
         losses, gradients = self.problem.evaluate_and_gradient_batch(taus)
         good = np.isfinite(losses)

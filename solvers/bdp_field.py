@@ -37,7 +37,7 @@ from cusick_bench.solvers.homo import adam
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.predictive import predictive_draws, with_draws
-from cusick_bench.solvers.variational import AdamSteps, Gaussian
+from cusick_bench.solvers.variational import INFERENCE, PREDICTION, AdamSteps, Gaussian, standard_normal
 
 # Standard deviation of each statistic between two captures of one drape: root mean square over fabrics 1 and 9 of the
 # public release, 24 pairs each; neither is among the five cloths of the tables.
@@ -45,8 +45,6 @@ REPEAT_SD = {
     "area": 0.028, "depth": 0.082, "number": 0.040, "asymmetry": 0.076,
     "grain_2_real": 0.150, "grain_2_imaginary": 0.119, "grain_4_real": 0.207,
 }  # fmt: skip
-
-_INFERENCE, _PREDICTION = range(2)  # what random numbers are for
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ class BdpField(Solver):
     def redraw(
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
-        noise = _noise(int(posterior["seed"]), _PREDICTION, index, problem.dimension)
+        noise = standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension)
         cloth = len(posterior["mean"])
         noise[:cloth] = posterior["axes"] @ (posterior["mean"] + posterior["scale"] * noise[:cloth])
         return noise
@@ -118,7 +116,8 @@ class BdpField(Solver):
     def _step(self, problem: DrapeProblem, q: Gaussian, steps: AdamSteps, axes: np.ndarray, seed: int) -> None:
         """One step of the inference, from `cloths` x `specimens` drapes and their adjoints."""
         cloth, count = len(q.mean), self.cloths * self.specimens
-        noise = np.stack([_noise(seed, _INFERENCE, steps.age * count + i, problem.dimension) for i in range(count)])
+        first = steps.age * count
+        noise = np.stack([standard_normal(seed, INFERENCE, first + i, problem.dimension) for i in range(count)])
         of_cloth = np.repeat(noise[:: self.specimens, :cloth], self.specimens, axis=0)
         taus = noise.copy()
         taus[:, :cloth] = q.draw(of_cloth) @ axes.T
@@ -166,11 +165,6 @@ def surprise(observed: Float[Tensor, " statistics"], images: dict[int, Tensor], 
         spread = torch.distributions.MultivariateNormal(cloth.mean(0), (1 + 1 / len(cloth)) * scatter)
         terms.append(-spread.log_prob(observed))
     return torch.stack(terms).mean()
-
-
-def _noise(seed: int, purpose: int, index: int, size: int) -> Float[np.ndarray, " size"]:
-    """Standard normal numbers that depend on nothing else."""
-    return np.random.default_rng([seed, purpose, index]).standard_normal(size)
 
 
 def _axes(problem: DrapeProblem) -> Float[np.ndarray, "cloth cloth"]:

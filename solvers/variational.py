@@ -15,7 +15,20 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+INFERENCE, PREDICTION = range(2)  # what random numbers are for
 RATE_DECAY = 0.1  # share of its length that the last of the planned steps still has
+
+
+def standard_normal(seed: int, purpose: int, index: int, size: int) -> Float[ndarray, " size"]:
+    """Numbers from N(0, 1) that depend on nothing else, so that every draw can be made again by itself.
+
+    Args:
+        seed: Of the run.
+        purpose: INFERENCE or PREDICTION.
+        index: Number of the draw.
+        size: How many.
+    """
+    return np.random.default_rng([seed, purpose, index]).standard_normal(size)
 
 
 @dataclass
