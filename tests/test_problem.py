@@ -374,6 +374,13 @@ class TestJournal:
         assert second.meter.trace == first.meter.trace
         assert second.meter.wall_seconds >= first.meter.trace[-1].wall_seconds
 
+    def test_what_an_earlier_run_had_time_for_is_not_refused(self, tmp_path):
+        toy_problem(folder=tmp_path).evaluate(np.zeros(39))
+        late = toy_problem(folder=tmp_path, budget=Budget(seconds=1e-9))
+        late.evaluate(np.zeros(39))
+        with pytest.raises(BudgetExceeded):
+            late.evaluate(np.ones(39))
+
     def test_failures_are_replayed(self, tmp_path, fail_drapes):
         fail_drapes(lambda count: count == 1)
         assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf

@@ -154,8 +154,14 @@ class Meter:
             self._reserved -= drapes
             self._owed = drapes
 
-    def admit(self, kind: str, count: int = 1) -> None:
-        """Raises BudgetExceeded where so many evaluations of this kind are not affordable."""
+    def admit(self, kind: str, count: int = 1, *, replayed: bool = False) -> None:
+        """Raises BudgetExceeded where so many evaluations of this kind are not affordable.
+
+        Args:
+            kind: "loss", "gradient", "drape" or "draw".
+            count: How many.
+            replayed: Whether an earlier run has made them: then there was time for them.
+        """
         cost = count * COST[kind]
         limit = self.budget.forward_equivalents
         if limit is not None and cost and self.forward_equivalents + cost + self._reserved > limit:
@@ -164,7 +170,7 @@ class Meter:
                 f"are spent and {self._reserved:g} kept back; raise --budget to go on"
             )
         limit = self.budget.seconds
-        if limit is None or not cost:
+        if limit is None or not cost or replayed:
             return
         if kind == "drape" and self._owed > 0 and not self._reserved:
             self._owed -= 1

@@ -236,7 +236,7 @@ class DrapeProblem:
         """Evaluations, from the journal as far as it goes, and computed together from there on."""
         taus = self._checked(taus)
         digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
-        self.meter.admit(kind, len(taus))
+        self.meter.admit(kind, len(taus), replayed=self.journal.replaying)
         entries: list[Entry] = []
         while len(entries) < len(taus) and (entry := self.journal.next(kind, digests[len(entries)])) is not None:
             self.meter.replay(entry.evaluation)
