@@ -1,0 +1,117 @@
+"""What an effect is: something that the base model leaves out, as a change of a `Setup`.
+
+A new effect is one file with one subclass of `Effect` and one line in `registry.py` (or an entry point in the group
+`cusick_bench.effects`); the contract tests pick it up.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from torch import Tensor
+
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.setup import Setup
+
+EffectClass = Literal["material", "history", "boundary", "contact", "imaging"]
+Role = Literal["severity", "direction", "radius", "size"]
+Values = Mapping[str, float | Tensor]
+"""Parameters of an effect by name."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that an effect takes.
+
+    Attributes:
+        name: E.g. `curvature`.
+        unit: E.g. `1/m`.
+        low, high: Bounds.
+        typical: A value that is met in practice.
+        source: Where `typical` comes from.
+        role: `severity` (0 = the effect is absent; each effect has exactly one), `direction` [deg], `radius` or
+            `size` [m].
+        default: Used where the parameter is not given; for the severity it is `typical`.
+        summary: What it is.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    typical: float
+    source: str
+    role: Role = "severity"
+    default: float = 0.0
+    summary: str = ""
+
+
+class Effect(ABC):
+    """Something that the base model leaves out.
+
+    Attributes:
+        name: Fixed, used in answers and labels.
+        kind: Class.
+        summary: One line.
+        physics: What it does, in a sentence with its equation.
+        reference: Source of the equation.
+        parameters: Exactly one has the role `severity`.
+        located: Where it acts: nowhere in particular, along a direction, in a patch, in a ring.
+        gradient: `adjoint` where drapes are differentiable to its parameters, else `differences` with common random
+            numbers.
+        signed: Whether negative severities mean something.
+    """
+
+    name: ClassVar[str]
+    kind: ClassVar[EffectClass]
+    summary: ClassVar[str]
+    physics: ClassVar[str]
+    reference: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    located: ClassVar[Literal["", "direction", "patch", "ring"]] = ""
+    gradient: ClassVar[Literal["adjoint", "differences"]] = "differences"
+    signed: ClassVar[bool] = True
+
+    @abstractmethod
+    def _apply(self, setup: Setup, value: Values) -> Setup:
+        """The setup with the effect; `value` holds every parameter, severity not 0."""
+
+    @property
+    def severity(self) -> Parameter:
+        """The parameter that is 0 where the effect is absent."""
+        return next(p for p in self.parameters if p.role == "severity")
+
+    def complete(self, value: Values) -> dict[str, float | Tensor]:
+        """All parameters: the given ones, defaults for the others.
+
+        Raises:
+            SimulationError: An unknown name, or a value out of bounds.
+        """
+        known = {p.name: p for p in self.parameters}
+        for name in value:
+            if name not in known:
+                raise SimulationError(f"effect {self.name} has no parameter {name!r}; use {', '.join(known)}")
+        full = {p.name: value.get(p.name, p.typical if p.role == "severity" else p.default) for p in self.parameters}
+        for name, number in full.items():
+            p = known[name]
+            if not p.low <= float(number) <= p.high:  # also refuses NaN
+                bounds = f"{p.low:g} to {p.high:g} {p.unit}".strip()
+                raise SimulationError(f"effect {self.name}: {name} must lie within {bounds}, got {float(number):g}")
+        return full
+
+    def apply(self, setup: Setup, value: Values) -> Setup:
+        """The setup with this effect.
+
+        Args:
+            setup: A drape about to be made.
+            value: Parameters by name; those left out take their defaults.
+
+        Raises:
+            SimulationError: An unknown parameter, or a value out of bounds.
+        """
+        full = self.complete(value)
+        severity = full[self.severity.name]
+        if not isinstance(severity, Tensor) and severity == 0:
+            return setup
+        return self._apply(setup, full)

@@ -1,0 +1,87 @@
+"""Names of effects. Write `plate-tilt`, or with parameters `plate-tilt:angle=2,direction=90`.
+
+A package elsewhere registers its own through an entry point in the group `cusick_bench.effects`, whose value is an
+`Effect` subclass.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from importlib.metadata import entry_points
+
+from cusick_bench.sim.effects.base import Effect
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.setup import Setup
+
+ENTRY_POINTS = "cusick_bench.effects"
+
+_BUILT_IN: tuple[type[Effect], ...] = ()
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect with its parameters.
+
+    Attributes:
+        effect: What acts.
+        value: Its parameters; those left out take their defaults.
+    """
+
+    effect: Effect
+    value: dict[str, float]
+
+    def apply(self, setup: Setup) -> Setup:
+        """The setup with this cause."""
+        return self.effect.apply(setup, self.value)
+
+
+@lru_cache(maxsize=1)
+def registered() -> dict[str, Effect]:
+    """Every effect by name: built in, and those of other packages."""
+    found = {effect.name: effect() for effect in _BUILT_IN}
+    for entry in entry_points(group=ENTRY_POINTS):
+        found.setdefault(entry.name, entry.load()())
+    return found
+
+
+def effect(name: str) -> Effect:
+    """An effect by name.
+
+    Raises:
+        SimulationError: Unknown name.
+    """
+    effects = registered()
+    if name not in effects:
+        near = get_close_matches(name, effects, n=1)
+        raise SimulationError(
+            f"unknown effect {name!r}" + (f"; did you mean {near[0]!r}?" if near else f"; use {', '.join(effects)}")
+        )
+    return effects[name]
+
+
+def parse(text: str) -> Cause:
+    """Reads `name` or `name:parameter=value,...`.
+
+    Raises:
+        SimulationError: Unknown effect or parameter, or a value that is no number or out of bounds.
+    """
+    name, _, rest = text.partition(":")
+    found, value = effect(name.strip()), {}
+    for part in filter(None, rest.split(",")):
+        key, equals, number = part.partition("=")
+        try:
+            value[key.strip()] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise SimulationError(f"effect {name}: write parameters as name=number, got {part!r}")
+    found.complete(value)
+    return Cause(found, value)
+
+
+def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
+    """The setup with all causes, in order."""
+    for cause in causes:
+        setup = cause.apply(setup)
+    return setup
