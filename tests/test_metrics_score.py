@@ -9,7 +9,7 @@ import torch
 
 from cusick_bench.datasets import DrapeSample, load
 from cusick_bench.datasets.profile import PIXELS_PER_METRE, profile_from_image
-from cusick_bench.metrics import MetricError, mse, mse_pairs, ruled_surface, score
+from cusick_bench.metrics import MetricError, from_levels, mse, mse_pairs, ruled_surface, score, to_levels
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.silhouettes import silhouette
 
@@ -17,7 +17,8 @@ ANGLES = 2 * np.pi * np.arange(720) / 720
 
 
 def image(folds: int = 7, phase: float = 0.0, depth: float = 0.012, mean: float = 0.12) -> np.ndarray:
-    return silhouette(mean + depth * np.cos(folds * (ANGLES - phase)))
+    """A silhouette as images are stored, in 256 levels."""
+    return np.round(255 * silhouette(mean + depth * np.cos(folds * (ANGLES - phase)))) / 255
 
 
 def sample(pixels: np.ndarray) -> DrapeSample:
@@ -54,10 +55,24 @@ def test_paired_draws_meet_their_own_sample_only():
         Prediction(tests[0], np.stack(tests), paired=True), sample(tests[0]), [sample(test) for test in tests]
     )
     assert scores["test_mse"] == pytest.approx(0, abs=1e-12)
-    assert scores["test_hausdorff_m"] == scores["test_hausdorff_best_m"] == pytest.approx(0, abs=1e-12)
+    assert scores["test_hausdorff_m"] == scores["test_hausdorff_best_m"] == pytest.approx(0, abs=1e-9)
     assert scores["draws"] == 1
     with pytest.raises(MetricError, match="paired"):
         score(Prediction(tests[0], np.stack(tests), paired=True), sample(tests[0]), [sample(tests[0])])
+
+
+def test_stored_draws_score_the_same_to_the_last_digit():
+    """Draws of the renderer have any value between 0 and 1, stored ones 256."""
+    generator, test = np.random.default_rng(0), image(8)
+    draws = np.stack([silhouette(0.12 + 0.012 * np.cos(7 * (ANGLES - phase))) for phase in generator.uniform(0, 1, 5)])
+    stored = to_levels(draws)
+    assert (from_levels(stored) != draws).any()
+    fresh, again = (
+        score(Prediction(test, offered), sample(test), [sample(test), sample(image(7, 0.3))])
+        for offered in (draws, from_levels(stored))
+    )
+    assert {"test_energy_distance", "test_variogram_score", "test_dc_crps"} <= fresh.keys()
+    assert {name: value for name, value in again.items() if name != "floor_mse" and value != fresh[name]} == {}
 
 
 def test_meshes_are_used_where_there_are_any():

@@ -173,6 +173,11 @@ class TestCells:
         found = verify_cell(folder, dataset, redrawn=2)
         assert (found.status, found.broken) == ("verified", [])
         assert any("3 draws were scored again; 2 of them" in note for note in found.notes)
+        assert max(check.difference for check in found.checks if check.name.startswith("test_")) < 1e-9
+        metrics = json.loads((folder / "result.json").read_text())["metrics"]
+        slightly = {name: 1.0001 * metrics[name] for name in ("test_energy_distance", "test_dc_crps")}
+        change_json(folder / "result.json", lambda result: result["metrics"].update(slightly))
+        assert {check.name for check in verify_cell(folder, dataset).broken} == set(slightly)
         change_arrays(folder, posterior_mean=lambda mean: mean + 0.1)
         assert "shapes of redraws [m]" in {check.name for check in verify_cell(folder, dataset).broken}
 

@@ -11,7 +11,7 @@ from cusick_bench.cli.common import console, output, print_json, user_errors
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.resimulate import METRIC, METRIC_ROUNDED, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.resimulate import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
 from cusick_bench.leaderboard.submit import altered, read_rows, rows_of
 from cusick_bench.leaderboard.verify import Verification, data_of, keep, verify_cell
 
@@ -105,7 +105,7 @@ def _show(run: Path, verifications: list[Verification], wrong: dict[str, list[st
         screen.print(note, markup=False, highlight=False, style="dim")
     screen.print(
         f"Tolerances: {1e3 * SHAPE:g} mm of a vertex, {PIXEL:g} of a pixel, {100 * METRIC:g} % of a metric "
-        f"({100 * METRIC_ROUNDED:g} % where rounded draws are scored).",
+        f"({100 * METRIC_SAME:g} % where the stored draws themselves are scored).",
         style="dim",
     )
     for row in rows:

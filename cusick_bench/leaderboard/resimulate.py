@@ -22,7 +22,7 @@ from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.metrics import score
+from cusick_bench.metrics import from_levels, score
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
@@ -37,9 +37,8 @@ MATERIAL = 1e-9  # stiffness, of its largest
 SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
 PIXEL = 0.02  # of 1: what that shift can do to a pixel that the rim crosses
 ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
-METRIC = 1e-3  # of a metric's size: 0.1 %
-METRIC_ROUNDED = 1e-2  # of one over stored draws, whose pixels are rounded
-SLACK = 2e-5  # of metrics near 0, in their own unit
+METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
+METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
 REDRAWN = 8  # draws of a posterior that are draped again
 _RERENDERED = 20  # draws whose pictures are made again from stored shapes
 
@@ -77,7 +76,7 @@ class Repetition:
         checks: Comparisons of shapes, parameters and pictures.
         notes: What was not done again, and why.
         simulated: Whether what the cell claims could be made again at all.
-        rounded: Whether stored, rounded draws are scored.
+        same_draws: Whether the draws scored are, picture by picture, those that are stored.
         metrics: Its metrics where they were made with it; None where `rescore` has to.
     """
 
@@ -85,7 +84,7 @@ class Repetition:
     checks: tuple[Check, ...] = ()
     notes: tuple[str, ...] = field(default=())
     simulated: bool = True
-    rounded: bool = False
+    same_draws: bool = False
     metrics: dict[str, float] | None = None
 
 
@@ -150,7 +149,7 @@ def repeat(
     target = _largest("training image", stored["train_target"], problem.train_image, 1e-6)
     if "tau" not in stored or "vertices" not in stored:
         note = "not simulated again: no parameters are stored; the stored pictures were scored again"
-        return Repetition(_as_stored(stored), (target,), (note,), simulated=False, rounded=True)
+        return Repetition(_as_stored(stored), (target,), (note,), simulated=False, same_draws=True)
     repetition = _simulated(stored, problem, (target,))
     if _is_the_fit(stored):
         return repetition
@@ -167,8 +166,11 @@ def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[s
     return score(repetition.prediction, dataset.sample(cell.train[0]), tests, repeat_pairs=pairs)
 
 
-def metric_checks(stored: dict[str, Any], again: dict[str, float], *, rounded: bool) -> Iterator[Check]:
-    """Compares stored metrics with those of a repetition; what only one of them knows is left out."""
+def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws: bool) -> Iterator[Check]:
+    """Compares stored metrics with those of a repetition; what only one of them knows is left out.
+
+    Scores of the stored draws themselves must come out the same but for the arithmetic of another machine.
+    """
     for name, value in again.items():
         if name not in stored:
             continue
@@ -177,9 +179,10 @@ def metric_checks(stored: dict[str, Any], again: dict[str, float], *, rounded: b
         if isnan(claimed) or isnan(value):
             yield Check(name, 0.0 if isnan(claimed) and isnan(value) else inf, 0.0, detail)
         else:
-            inexact = rounded and name.startswith("test_")
-            tolerance = (METRIC_ROUNDED if inexact else METRIC) * abs(value) + SLACK
-            yield Check(name, abs(claimed - value), tolerance, detail)
+            relative, absolute = (
+                (METRIC_SAME, SLACK_SAME) if same_draws and name.startswith("test_") else (METRIC, SLACK)
+            )
+            yield Check(name, abs(claimed - value), relative * abs(value) + absolute, detail)
 
 
 def _image(dataset: DrapeDataset, row: int) -> Float[ndarray, "256 256"]:
@@ -206,14 +209,14 @@ def _made_again(stored: dict[str, ndarray], cell: Cell, dataset: DrapeDataset) -
             raise LeaderboardError(f"{cell.solver} cannot be made again: {result['failure']}")
         again = load_prediction(store.folder(cell.key))
     checks = tuple(_largest(_NAMES[name], stored[name], again[name], 1e-6) for name in _NAMES)
-    return Repetition(_as_stored(again), checks, metrics=result["metrics"])
+    return Repetition(_as_stored(again), checks, same_draws=True, metrics=result["metrics"])
 
 
 def _as_stored(stored: dict[str, ndarray]) -> Prediction:
     """The stored pictures as a prediction."""
     return Prediction(
         train_image=np.asarray(stored["train_image"], dtype=np.float64),
-        draws=stored["draws"].astype(np.float32) / 255,
+        draws=from_levels(stored["draws"]),
         vertices=stored.get("vertices"),
         faces=stored.get("faces"),
         draw_vertices=stored.get("draw_vertices"),
@@ -277,7 +280,7 @@ def _with_draws(
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
-    return Repetition(drawn, (*fit.checks, *checks), (note,), rounded=True)
+    return Repetition(drawn, (*fit.checks, *checks), (note,), same_draws=True)
 
 
 def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generator) -> list[int]:

@@ -144,7 +144,7 @@ def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redra
     again = rescore(repetition, cell, dataset)
     lost = sorted(set(result["metrics"]) - set(again))
     notes += [*repetition.notes, *([f"no longer measured: {', '.join(lost)}"] if lost else [])]
-    checks += [*repetition.checks, *metric_checks(result["metrics"], again, rounded=repetition.rounded)]
+    checks += [*repetition.checks, *metric_checks(result["metrics"], again, same_draws=repetition.same_draws)]
     held = all(check.holds for check in checks)
     status = "differs" if not held else "verified" if repetition.simulated else "rescored"
     return Verification(*identity, status, tuple(checks), tuple(notes))

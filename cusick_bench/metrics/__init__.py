@@ -14,7 +14,7 @@ from cusick_bench.metrics.profile import (
 )
 from cusick_bench.metrics.proper_scores import crps, energy_distance, energy_score, variogram_score
 from cusick_bench.metrics.ruled import ruled_surface
-from cusick_bench.metrics.score import expected_best, score
+from cusick_bench.metrics.score import expected_best, from_levels, score, to_levels
 from cusick_bench.metrics.shape import Shape
 from cusick_bench.metrics.statistics import (
     LOCKED,
@@ -47,6 +47,7 @@ __all__ = [
     "energy_score",
     "expected_best",
     "fold_test",
+    "from_levels",
     "hausdorff",
     "image_statistics",
     "iou",
@@ -63,5 +64,6 @@ __all__ = [
     "score",
     "spectrum_distance",
     "standardised",
+    "to_levels",
     "variogram_score",
 ]

@@ -7,13 +7,17 @@ The latter rewards N whatever the draws are, so it must be read beside random dr
 `test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average, and
 `test_hausdorff_best_of_<n>_m` the same from fewer tries, since it costs more: n of 20 draws, or ten sets of n.
 Whether draws are distributed as the samples are is told by the scores of `distribution.py`, whatever their number.
+
+Draws are scored as they are stored, in 256 levels, the samples' own depth: whoever scores a stored answer again gets
+the very same numbers, however finely a score looks.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import nan
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 from scipy.special import gammaln
 
@@ -33,6 +37,7 @@ from cusick_bench.metrics.surface import Surface
 from cusick_bench.solvers.base import Prediction
 
 SUBSETS = (10, 100, 1000)  # numbers of draws for which best-of-n is recorded
+DRAW_LEVELS = 255  # the level that stands for full coverage in stored draws
 _MEAN_DRAWS = 20  # draws, evenly spaced, that enter means of costly distances; the best is searched among all
 
 _SETS = 10  # of n draws, whose best Hausdorff distances are averaged
@@ -81,12 +86,26 @@ def score(
         MetricError: Images of different sizes, values that are not finite, or a paired prediction with more or
             fewer draws than there are samples.
     """
+    prediction = replace(prediction, draws=from_levels(to_levels(prediction.draws)))
     repeats = [mse(Shape(first).pixels, Shape(second).pixels) for first, second in repeat_pairs]
     return {
         **_train_scores(prediction, train_sample),
         **_test_scores(prediction, test_samples),
         "floor_mse": float(np.mean(repeats)) if repeats else nan,
     }
+
+
+def to_levels(images: Float[ndarray, "*shape"]) -> UInt8[ndarray, "*shape"]:
+    """Silhouettes in [0, 1] as they are stored."""
+    levels = np.empty(np.shape(images), dtype=np.uint8)
+    for place, image in enumerate(images):  # one at a time: a thousand in float64 would take half a gigabyte
+        levels[place] = np.round(DRAW_LEVELS * np.clip(image, 0, 1))
+    return levels
+
+
+def from_levels(levels: UInt8[ndarray, "*shape"]) -> Float[ndarray, "*shape"]:
+    """Stored silhouettes in [0, 1]."""
+    return levels.astype(np.float32) / DRAW_LEVELS
 
 
 def expected_best(values: Matrix, count: int) -> float:

@@ -13,7 +13,7 @@ import torch
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample, synthetic_recipe
 from cusick_bench.datasets.protocol import Protocol
-from cusick_bench.metrics import score
+from cusick_bench.metrics import score, to_levels
 from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior, TrainMesh, laid_like
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.grid import Cell
@@ -176,7 +176,7 @@ def _write_prediction(path: Path, prediction: Prediction, problem: DrapeProblem)
     arrays: dict[str, np.ndarray] = {
         "train_image": np.asarray(prediction.train_image, dtype=np.float32),
         "train_target": np.asarray(problem.train_image, dtype=np.float32),
-        "draws": np.round(255 * np.clip(prediction.draws, 0, 1)).astype(np.uint8),
+        "draws": to_levels(prediction.draws),
     }
     for name in ("tau", "vertices", "faces", "draw_vertices"):
         value = getattr(prediction, name)
