@@ -181,6 +181,41 @@ def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
     assert any("easy has no rank" in note and "viscose" in note for note in board.notes)
 
 
+@pytest.mark.parametrize(
+    ("by", "values", "order"),
+    [
+        ("test_dc_cover_90", {"sure": 0.35, "wide": 1.0, "right": 0.88}, ["right", "wide", "sure"]),
+        ("test_dc_cover_50", {"sure": 0.45, "wide": 0.8, "right": 0.52}, ["right", "sure", "wide"]),
+        ("test_fold_p", {"alike": 0.6, "rejected": 0.001, "near": 0.2}, ["alike", "near", "rejected"]),
+        ("test_iou", {"alike": 0.95, "far": 0.7, "near": 0.9}, ["alike", "near", "far"]),
+        ("test_energy_distance", {"alike": -0.1, "far": 2.0, "near": 0.9}, ["alike", "near", "far"]),
+    ],
+)
+def test_best_comes_first_whichever_way_a_metric_is_better(tmp_path, noise, by, values, order):
+    for name, value in values.items():
+        for cloth in CLOTHS:
+            write_cell(tmp_path, name, cloth, draws=50, **{by: value + noise.normal(0, 1e-3)})
+    board = only(tmp_path, by=by)
+    assert [row.solver for row in board.rows if row.rank] == order
+    assert [row.rank for row in board.rows if row.rank] == [1, 2, 3]
+
+
+def test_coverage_is_judged_by_its_mean_over_cells(tmp_path):
+    """Half of the cells at 80 % and half at 100 % cover 90 %; all of them at 84 % do not."""
+    for seed in range(8):
+        for cloth in CLOTHS:
+            write_cell(tmp_path, "either", cloth, seed, draws=50, test_dc_cover_90=0.8 + 0.2 * (seed % 2))
+            write_cell(tmp_path, "low", cloth, seed, draws=50, test_dc_cover_90=0.84)
+    assert ranks(only(tmp_path, by="test_dc_cover_90")) == {"either": 1, "low": 2, "repeat of the same drape": None}
+    assert "ranked by test_dc_cover_90, nearest 90 % first" in text_table(only(tmp_path, by="test_dc_cover_90")).title
+
+
+def test_what_is_neither_better_nor_worse_ranks_nobody(tmp_path):
+    write_cell(tmp_path, "homo", "blue", train_dc=0.4)
+    with pytest.raises(LeaderboardError, match="nobody is better or worse by 'train_dc'"):
+        only(tmp_path, by="train_dc")
+
+
 def test_mean_and_interquartile_mean_differ_by_an_outlier(tmp_path):
     write_solver(tmp_path, "homo", lambda cloth, seed: 1.0 if (cloth, seed) == ("red", 0) else 0.05)
     assert only(tmp_path).rows[-1].value("test_mse") == pytest.approx(0.05 + 0.95 / 20)
@@ -285,6 +320,19 @@ def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
     narrow = text.within(70)
     assert {"solver", "train", "test", "H", "DC err"} <= {column.head for column in narrow.columns}
     assert len(narrow.columns) < len(text.columns)
+
+
+def test_scores_of_distributions_have_columns_where_rows_have_them(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05)
+    assert not {"energy", "CRPS", "cover"} & {column.head for column in text_table(only(tmp_path)).columns}
+    scores = {"test_energy_distance": 0.9123, "test_dc_crps": 0.0234, "test_dc_cover_90": 0.8}
+    write_solver(tmp_path, "bdp", lambda cloth, seed: 0.06, draws=100, **scores)
+    write_solver(tmp_path, "null:disc", lambda cloth, seed: 0.07, **(scores | {"test_dc_cover_90": 0.0}))
+    lines = {line.split("|")[2].strip(): line for line in markdown(only(tmp_path)).splitlines() if "|" in line}
+    assert "| energy dist. | CRPS points | cover 90 % |" in lines["solver"]
+    assert "| .91 | 2.3 | 80 |" in lines["bdp"]
+    assert "| .91 | 2.3 |  |" in lines["null:disc"], "one draw has no interval"
+    assert "|  |  |  |" in lines["homo"]
 
 
 def test_forms_escape_what_a_name_may_hold(tmp_path):

@@ -43,7 +43,7 @@ def leaderboard(
         list[Path] | None,
         typer.Option(help="Also write to this file: .csv (every number), .md, .tex or .html. Repeatable."),
     ] = None,
-    by: Annotated[str, typer.Option(help="Metric to rank by; smaller is better.")] = "test_mse",
+    by: Annotated[str, typer.Option(help="Metric to rank by, best first.")] = "test_mse",
     statistic: Annotated[StatisticName, typer.Option(help="Average over cells.")] = StatisticName.mean,
     seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,

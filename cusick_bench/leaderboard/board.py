@@ -1,6 +1,6 @@
 """From cells to ranked rows: one row a solver, beside the floor, the rows without physics and the oracles.
 
-Rows are ordered by a metric, smallest first. A row shares the rank of the row above it as long as the
+Rows are ordered by a metric, best first (`order`). A row shares the rank of the row above it as long as the
 bootstrap interval of its paired difference from the first row of that rank includes 0. The floor and the
 oracles have no rank, since they have seen what the others are asked for; nor has a row that lacks a cloth,
 since its mean is over an easier or harder set.
@@ -26,6 +26,7 @@ from cusick_bench.leaderboard.bootstrap import (
 )
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.order import Direction, direction
 
 RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
@@ -114,18 +115,18 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
 
     Args:
         cells: From `load_cells`.
-        by: Metric to rank by, smaller is better.
+        by: Metric to rank by, best first: a coverage by its distance from what it promises.
         statistic: "mean" or "iqm" (interquartile mean), over cells.
         seed: Of the bootstrap.
 
     Raises:
-        LeaderboardError: Unknown metric or statistic.
+        LeaderboardError: Unknown metric or statistic, or a metric that is neither better nor worse.
     """
     if by not in (names := metric_names(cells.table)):
         raise LeaderboardError(f"no metric {by!r} in {cells.folder}; rank by one of: {', '.join(names)}")
     if statistic not in STATISTICS:
         raise LeaderboardError(f"unknown statistic {statistic!r}; use one of: {', '.join(STATISTICS)}")
-    ranking = _Ranking(by, STATISTICS[statistic], np.random.default_rng(seed))
+    ranking = _Ranking(by, direction(by), STATISTICS[statistic], np.random.default_rng(seed))
     boards = []
     for _, table in cells.table.groupby(_BOARD, sort=True):
         cloths = tuple(sorted(table["cloth"].unique()))
@@ -143,8 +144,13 @@ class _Ranking:
     """How rows are made, ordered and ranked."""
 
     by: str
+    direction: Direction
     statistic: Statistic
     generator: np.random.Generator
+
+    def cost(self, row: Row) -> float:
+        """What the order is by, smaller for the better; NaN where the row has none."""
+        return float(self.direction.cost(row.value(self.by)))
 
     def rows(self, cells: Cells, table: pd.DataFrame, cloths: tuple[str, ...]) -> tuple[Row, ...]:
         groups = dict(variants(table))
@@ -154,7 +160,7 @@ class _Ranking:
             rows.append(self._row(solver, variant, group, failed, table))
         if (floor := self._floor(table)) is not None:
             rows.append(floor)
-        rows.sort(key=lambda row: (not isfinite(row.value(self.by)), row.value(self.by), row.label))
+        rows.sort(key=lambda row: (not isfinite(cost := self.cost(row)), cost, row.label))
         values = {key: _values(group, self.by) for key, group in groups.items()}
         return tuple(self._ranked(rows, values, cloths))
 
@@ -220,7 +226,8 @@ class _Ranking:
                 continue
             place += 1
             own = values[row.solver, row.variant]
-            if leader is None or difference(own, leader, self.statistic, self.generator).decided:
+            statistic = self.direction.of(self.statistic)
+            if leader is None or difference(own, leader, statistic, self.generator).decided:
                 leader, rank = own, place
             yield replace(row, rank=rank)
 

@@ -6,6 +6,7 @@ from math import isfinite
 
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.bootstrap import Estimate
+from cusick_bench.leaderboard.order import direction
 
 _FOLDED = 25  # characters after which a long solver name is folded
 
@@ -21,6 +22,7 @@ class Column:
         entry: How a row's entry is written.
         left: Whether it is set flush left.
         rarity: Columns of the highest rarity go first where space is short; those of 0 stay.
+        optional: Whether it is left out where no row has an entry.
     """
 
     head: str
@@ -29,6 +31,7 @@ class Column:
     entry: Callable[[Row], str]
     left: bool = False
     rarity: int = 0
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,30 @@ COLUMNS = (
         rarity=1,
     ),
     Column(
+        "energy",
+        "dist.",
+        "energy distance of draws from unseen samples, over all statistics, standardised; 0 is alike",
+        lambda row: short(row.value("test_energy_distance"), 2),
+        rarity=2,
+        optional=True,
+    ),
+    Column(
+        "CRPS",
+        "points",
+        "continuous ranked probability score of the drape coefficient in per cent",
+        lambda row: short(1e2 * row.value("test_dc_crps"), 1),
+        rarity=2,
+        optional=True,
+    ),
+    Column(
+        "cover",
+        "90 %",
+        "per cent of unseen samples within the 90 % interval of the drape coefficients of many draws",
+        lambda row: short(1e2 * row.value("test_dc_cover_90"), 0) if row.draws > 1 else "",
+        rarity=2,
+        optional=True,
+    ),
+    Column(
         "cost",
         "drapes",
         "forward-equivalents a cell: drapes, a gradient counting as two",
@@ -154,11 +181,13 @@ COLUMNS = (
 def text_table(board: Leaderboard) -> TextTable:
     """Sets a leaderboard in strings."""
     statistic = {"mean": "mean", "iqm": "interquartile mean"}[board.statistic]
+    way = f", {words}" if (words := direction(board.by).words) else ""
+    columns = tuple(column for column in COLUMNS if not column.optional or any(map(column.entry, board.rows)))
     return TextTable(
-        title=f"{board.dataset}, {len(board.cloths)} cloths, {statistic} over cells, ranked by {board.by}",
-        columns=COLUMNS,
+        title=f"{board.dataset}, {len(board.cloths)} cloths, {statistic} over cells, ranked by {board.by}{way}",
+        columns=columns,
         kinds=tuple(row.kind for row in board.rows),
-        entries=tuple(tuple(column.entry(row) for column in COLUMNS) for row in board.rows),
+        entries=tuple(tuple(column.entry(row) for column in columns) for row in board.rows),
         notes=(*board.notes, *_provenance(board)),
     )
 

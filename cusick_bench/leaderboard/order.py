@@ -1,0 +1,57 @@
+"""Which way a metric is better: most are losses, some are shares of agreement, some must hit a nominal value."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.leaderboard.bootstrap import Statistic
+from cusick_bench.leaderboard.errors import LeaderboardError
+
+_NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval that promises so many per cent
+_LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of draws and samples being alike
+_DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_")
+
+
+@dataclass(frozen=True)
+class Direction:
+    """What is better in a metric.
+
+    Attributes:
+        larger: Whether larger is better.
+        nominal: The value to hit, None where there is none.
+    """
+
+    larger: bool = False
+    nominal: float | None = None
+
+    @property
+    def words(self) -> str:
+        """How rows are ordered, "" where smaller is better."""
+        if self.nominal is not None:
+            return f"nearest {100 * self.nominal:g} % first"
+        return "largest first" if self.larger else ""
+
+    def cost(self, value: Float[ndarray, "*batch"] | float) -> Float[ndarray, "*batch"] | float:
+        """A metric's value as what is smaller for the better."""
+        if self.nominal is not None:
+            return np.abs(value - self.nominal)
+        return -value if self.larger else value
+
+    def of(self, statistic: Statistic) -> Statistic:
+        """A statistic over cells as a cost; coverage is judged by its mean, as cells may err to either side."""
+        return lambda values: self.cost(statistic(values))
+
+
+def direction(metric: str) -> Direction:
+    """Which way a metric is better.
+
+    Raises:
+        LeaderboardError: It is neither better nor worse, but tells what was there.
+    """
+    if _DESCRIPTIVE.search(metric):
+        raise LeaderboardError(f"nobody is better or worse by {metric!r}; rank for instance by test_mse")
+    found = _NOMINAL.search(metric)
+    return Direction(bool(_LARGER.search(metric)), int(found[1]) / 100 if found else None)
