@@ -1,0 +1,1 @@
+"""Withheld cases: drapes whose unmodelled effect is sealed, made, answered and scored."""
