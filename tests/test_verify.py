@@ -269,6 +269,26 @@ class TestSubmission:
         assert result.exit_code == 1
         assert "null:disc's line in the table was altered: test_mse 0.001" in " ".join(result.output.split())
 
+    def test_a_leaderboard_of_the_same_grid_becomes_the_tracks_file(self, finished, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        assert CliRunner().invoke(app, ["leaderboard", str(finished), "--out", str(path)]).exit_code == 0
+        words = ["submit", str(finished), "--track", "synthetic", "--out", str(path), "--json"]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.output
+        assert set(read_rows(path)["solver"]) == set(SOLVERS)
+        assert json.loads(CliRunner().invoke(app, words).stdout)["unchanged"] == len(SOLVERS)
+
+    def test_a_leaderboard_of_another_grid_is_left_alone(self, finished, data, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        other = grid(data, tmp_path / "other", ["null:disc", "null:copy"])
+        CliRunner().invoke(app, ["leaderboard", str(other), "--out", str(path)])
+        before = path.read_bytes()
+        result = CliRunner().invoke(app, ["submit", str(finished), "--track", "synthetic", "--out", str(path)])
+        assert result.exit_code == 2
+        assert "1 lines of another grid" in " ".join(result.output.split())
+        assert "null:copy on fabric_1" in " ".join(result.output.split())
+        assert path.read_bytes() == before
+
     def test_a_file_of_another_kind_is_left_alone(self, finished, tmp_path):
         path = tmp_path / "other.csv"
         pd.DataFrame({"solver": ["homo"]}).to_csv(path, index=False)

@@ -2,7 +2,8 @@
 
 A line is named by the hash of its cells, and so by code, data, settings and budget. Submitted again it replaces itself,
 with its state, which becomes *verified* once all of its cells are (`verify`). Ranks are left out: they belong to the
-rows of one run, and a table gathers many.
+rows of one run, and a table gathers many. A table that `leaderboard --out` wrote of the same grid becomes a track's
+file when that grid is submitted; of another one it stays as it is.
 """
 
 import hashlib
@@ -36,6 +37,8 @@ _FIRST = ("track", "solver", "variant", "kind", "state", "cells", "failed", "clo
 _LAST = (
     "dataset", "dataset_hash", "protocol", "settings", "budget", "command", "code_version", "hardware", "time", "row",
 )  # fmt: skip
+_GRID = ("solver", "variant", "kind", "cells", "cloths", "dataset", "dataset_hash", "protocol")
+"""What makes a line of a leaderboard and a line of a track speak of the same cells, whatever code they were run by."""
 
 
 def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
@@ -67,13 +70,13 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
         How many were added, replaced, and left as they were.
 
     Raises:
-        LeaderboardError: The file is no such table.
+        LeaderboardError: The file is no such table, or a leaderboard with solvers or data that the lines lack.
     """
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a track's file must end in .csv")
     path.parent.mkdir(parents=True, exist_ok=True)
     with _locked(path.parent):
-        old = read_rows(path) if path.exists() else pd.DataFrame({"row": []}, dtype=str)
+        old = _lines_in(path, rows) if path.exists() else pd.DataFrame({"row": []}, dtype=str)
         new = pd.read_csv(StringIO(pd.DataFrame(rows).to_csv(index=False)), dtype=str, keep_default_na=False)
         known = {str(line["row"]): line for line in old.to_dict("records")}
         counts = {"added": 0, "replaced": 0, "unchanged": 0}
@@ -93,10 +96,7 @@ def read_rows(path: Path) -> pd.DataFrame:
     Raises:
         LeaderboardError: It is no such table.
     """
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except (ValueError, pd.errors.ParserError) as error:
-        raise LeaderboardError(f"{path} is no table ({error}); restore it, or choose another --out") from error
+    table = _read_table(path)
     if "row" not in table:
         raise LeaderboardError(f"{path} has no column 'row', so `submit` did not make it; choose another --out")
     return table
@@ -116,6 +116,32 @@ def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
         if not (isnan(claimed) and isnan(value)) and not isclose(claimed, value, rel_tol=1e-9, abs_tol=1e-12):
             wrong.append(f"{name} {text or 'missing'}, the run has {value:.6g}")
     return wrong
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_csv(path, dtype=str, keep_default_na=False)
+    except (ValueError, pd.errors.ParserError) as error:
+        raise LeaderboardError(f"{path} is no table ({error}); restore it, or choose another --out") from error
+
+
+def _lines_in(path: Path, rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Lines that a file has before a submission; none of a leaderboard, where the submission says all that it says."""
+    table = _read_table(path)
+    if "row" in table or not set(_GRID) <= set(table):
+        return read_rows(path)
+    offered = {tuple(str(row[name]) for name in _GRID) for row in rows}
+    lost = [
+        f"{line['solver']} on {line['cloths']} of {line['dataset']}"
+        for line in table.to_dict("records")
+        if line["kind"] != "floor" and tuple(line[name] for name in _GRID) not in offered
+    ]
+    if lost:
+        raise LeaderboardError(
+            f"{path} was written by `leaderboard --out` and has {len(lost)} lines of another grid, which this run does "
+            f"not replace ({'; '.join(lost[:3])}); move it away, submit its run as well, or choose another --out"
+        )
+    return table.iloc[:0].assign(row="")
 
 
 def _line(
