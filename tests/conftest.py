@@ -10,7 +10,9 @@ import numba
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
+from cusick_bench.problem.toy import toy_image
 from cusick_bench.sim.drape import DrapeSimulator
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -24,6 +26,30 @@ def real_data() -> Path:
     if not (folder / "data").is_dir():
         pytest.skip(f"no Cusick release at {folder}; set CUSICK_DATA to its folder to run this test")
     return folder
+
+
+@pytest.fixture(scope="session")
+def make_lab(tmp_path_factory):
+    """Makes small data sets in the public layout: make_lab(bendings) has a fabric for each of them.
+
+    `samples` are hung of every fabric; all weigh 0.2 kg/m2, which fabrics.csv says of the first `weighed` ones only.
+    """
+
+    def make(bendings, samples: int = 3, weighed: int | None = None) -> Path:
+        root = tmp_path_factory.mktemp("lab")
+        weights = ["fabric,areal_density_kg_m2,thickness_m"]
+        for fabric, bending in enumerate(bendings, start=1):
+            folder = root / "data" / f"Fabric {fabric}" / "silhouettes"
+            folder.mkdir(parents=True)
+            if weighed is None or fabric <= weighed:
+                weights.append(f"fabric_{fabric},0.2,0.0004")
+            for sample in range(1, samples + 1):
+                grey = np.round(255 * (1 - toy_image(sample, bending=bending))).astype(np.uint8)
+                Image.fromarray(grey).save(folder / f"Fabric_{fabric}_Sample_{sample}_Capture_1.jpg", quality=95)
+        (root / "fabrics.csv").write_text("\n".join(weights) + "\n")
+        return root
+
+    return make
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,6 @@ import numba
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -19,7 +18,6 @@ from cusick_bench.leaderboard.check import Gate, check
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.paired import compare, holm
 from cusick_bench.problem import Budget
-from cusick_bench.problem.toy import toy_image
 from cusick_bench.runner import ProblemSettings, Source, plan, run
 from cusick_bench.runner.environment import code_version
 from cusick_bench.sim.settings import DrapeSettings
@@ -158,19 +156,9 @@ CLOTHS_RUN = 4
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory) -> Path:
+def lab(make_lab) -> Path:
     """Small cloths of four stiffnesses, two samples each."""
-    root = tmp_path_factory.mktemp("lab")
-    weights = ["fabric,areal_density_kg_m2,thickness_m"]
-    for fabric in range(1, CLOTHS_RUN + 1):
-        folder = root / "data" / f"Fabric {fabric}" / "silhouettes"
-        folder.mkdir(parents=True)
-        weights.append(f"{fabric},0.2,0.0004")
-        for sample in (1, 2):
-            grey = np.round(255 * (1 - toy_image(sample, bending=0.7 * fabric))).astype(np.uint8)
-            Image.fromarray(grey).save(folder / f"Fabric_{fabric}_Sample_{sample}_Capture_1.jpg", quality=95)
-    (root / "fabrics.csv").write_text("\n".join(weights) + "\n")
-    return root
+    return make_lab([0.7 * fabric for fabric in range(1, CLOTHS_RUN + 1)], samples=2)
 
 
 def solve(lab: Path, out: Path, seeds: list[int], solvers=("homo,search=2", "null:random-phase,draws=10")) -> Path:

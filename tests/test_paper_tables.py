@@ -6,14 +6,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.leaderboard.anytime import Steps, curves, loss_at_equal_time
 from cusick_bench.leaderboard.paper import PUBLISHED, SOLVERS, make_table, methods, records, set_table
-from cusick_bench.problem.toy import toy_image
 
 CLOTHS = ("cotton_blue", "cotton_pink", "cotton_white", "viscose_white", "wool_red")
 
@@ -22,16 +20,8 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory) -> Path:
-    root = tmp_path_factory.mktemp("lab")
-    for fabric in (1, 2):
-        folder = root / "data" / f"Fabric {fabric}" / "silhouettes"
-        folder.mkdir(parents=True)
-        for sample in (1, 2, 3):
-            grey = np.round(255 * (1 - toy_image(sample, bending=2.0 * fabric))).astype(np.uint8)
-            Image.fromarray(grey).save(folder / f"Fabric_{fabric}_Sample_{sample}_Capture_1.jpg", quality=95)
-    (root / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\n1,0.2,0.0004\n2,0.2,0.0004\n")
-    return root
+def data(make_lab) -> Path:
+    return make_lab((2.0, 4.0))
 
 
 def paper(table: str, data: Path, out: Path, *words: str) -> tuple[int, str]:

@@ -12,14 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget, ProblemError
-from cusick_bench.problem.toy import toy_image
 from cusick_bench.runner import (
     Cell,
     ProblemSettings,
@@ -38,7 +36,7 @@ from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.homo import Homo
 
-DENSITY = 0.2
+DENSITY = 0.2  # [kg/m2], of every cloth that make_lab makes
 SMALL = ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(8))
 
 
@@ -46,17 +44,9 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory) -> Path:
-    """Two cloths with three samples each, in the public layout; the second has no areal density."""
-    root = tmp_path_factory.mktemp("lab")
-    for fabric in (1, 2):
-        folder = root / "data" / f"Fabric {fabric}" / "silhouettes"
-        folder.mkdir(parents=True)
-        for sample in (1, 2, 3):
-            grey = np.round(255 * (1 - toy_image(sample, bending=2.0 * fabric))).astype(np.uint8)
-            Image.fromarray(grey).save(folder / f"Fabric_{fabric}_Sample_{sample}_Capture_1.jpg", quality=95)
-    (root / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2,thickness_m\nfabric_1,{DENSITY},0.0004\n")
-    return root
+def data(make_lab) -> Path:
+    """Two cloths with three samples each; the second has no areal density."""
+    return make_lab((2.0, 4.0), weighed=1)
 
 
 @pytest.fixture(scope="module")

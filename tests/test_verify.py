@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -18,7 +17,6 @@ from cusick_bench.leaderboard.resimulate import cell_of, read_record, record_key
 from cusick_bench.leaderboard.submit import altered, append, read_rows, rows_of
 from cusick_bench.leaderboard.verify import data_of, keep, verified_keys, verify_cell
 from cusick_bench.problem import Budget
-from cusick_bench.problem.toy import toy_image
 from cusick_bench.runner import ProblemSettings, Source, plan, run
 from cusick_bench.sim.settings import DrapeSettings
 
@@ -30,15 +28,8 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory) -> Path:
-    root = tmp_path_factory.mktemp("lab")
-    folder = root / "data" / "Fabric 1" / "silhouettes"
-    folder.mkdir(parents=True)
-    for sample in (1, 2, 3):
-        grey = np.round(255 * (1 - toy_image(sample, bending=2.0))).astype(np.uint8)
-        Image.fromarray(grey).save(folder / f"Fabric_1_Sample_{sample}_Capture_1.jpg", quality=95)
-    (root / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\nfabric_1,0.2,0.0004\n")
-    return root
+def data(make_lab) -> Path:
+    return make_lab((2.0,))
 
 
 @pytest.fixture(scope="module")
