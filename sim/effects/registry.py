@@ -11,12 +11,33 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 
 from cusick_bench.sim.effects.base import Effect
+from cusick_bench.sim.effects.camera_offset import CameraOffset
+from cusick_bench.sim.effects.camera_scale import CameraScale
+from cusick_bench.sim.effects.camera_tilt import CameraTilt
+from cusick_bench.sim.effects.cut_size import CutSize
+from cusick_bench.sim.effects.off_centre import OffCentre
+from cusick_bench.sim.effects.perspective import Perspective
+from cusick_bench.sim.effects.plate_radius import PlateRadius
+from cusick_bench.sim.effects.plate_slip import PlateSlip
+from cusick_bench.sim.effects.plate_tilt import PlateTilt
+from cusick_bench.sim.effects.threshold import Threshold
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup
 
 ENTRY_POINTS = "cusick_bench.effects"
 
-_BUILT_IN: tuple[type[Effect], ...] = ()
+_BUILT_IN: tuple[type[Effect], ...] = (
+    OffCentre,
+    PlateTilt,
+    PlateRadius,
+    PlateSlip,
+    CutSize,
+    CameraScale,
+    CameraOffset,
+    CameraTilt,
+    Perspective,
+    Threshold,
+)
 
 
 @dataclass(frozen=True)
