@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from cusick_bench.benchmark.functions import FUNCTIONS, AnalyticFunction, BenchmarkError, Point, hide
+from cusick_bench.runner.environment import code_version
 from cusick_bench.solvers.baxus import Baxus
 from cusick_bench.solvers.black_box import BoxSolver, run_search
 from cusick_bench.solvers.cmaes import CmaEs
@@ -110,6 +111,38 @@ class Plan:
         return self.evaluations or FUNCTIONS[self.function].evaluations
 
 
+@dataclass(frozen=True)
+class Finished:
+    """One finished run.
+
+    Attributes:
+        function: Name in `FUNCTIONS`.
+        dimension: D.
+        evaluations: As many as it spent.
+        method: Name in `METHODS`.
+        run: Its number.
+        seed: The plan's.
+        best: Least value found.
+        seconds: Wall time [s].
+        code_version: Code that made it.
+    """
+
+    function: str
+    dimension: int
+    evaluations: int
+    method: str
+    run: int
+    seed: int
+    best: float
+    seconds: float
+    code_version: str
+
+    def answers(self, plan: Plan, method: str, run: int) -> bool:
+        """Whether it is what a plan asks for."""
+        asked = (plan.function, plan.dimension, plan.spent, plan.seed, method, run)
+        return asked == (self.function, self.dimension, self.evaluations, self.seed, self.method, self.run)
+
+
 def run_once(plan: Plan, method: str, run: int, told: Callable[[], None] = lambda: None) -> list[float]:
     """One run of one method.
 
@@ -158,12 +191,20 @@ def summary(best: Sequence[float], published: Published | None) -> dict[str, Any
     }
 
 
-def compare(plan: Plan, told: Callable[[str, int], None] = lambda method, run: None) -> dict[str, Any]:
-    """Runs the methods.
+def compare(
+    plan: Plan,
+    told: Callable[[str, int], None] = lambda method, run: None,
+    *,
+    known: Sequence[Finished] = (),
+    keep: Callable[[Finished], None] = lambda finished: None,
+) -> dict[str, Any]:
+    """Runs the methods, in turn, so that one that is stopped has as many runs of each.
 
     Args:
         plan: What to run.
         told: Called with method and run after every evaluation.
+        known: Runs finished before, which are not made again.
+        keep: Called with every run that ends.
 
     Returns:
         The plan, `optimum`, and `methods`: the summary of each, with `seconds_per_run`.
@@ -171,17 +212,30 @@ def compare(plan: Plan, told: Callable[[str, int], None] = lambda method, run: N
     Raises:
         SolverError: A method runs on a package that is not installed.
     """
+    finished: dict[str, list[Finished]] = {method: [] for method in plan.methods}
+    for run in range(plan.runs):
+        for method in plan.methods:
+            before = next((old for old in known if old.answers(plan, method, run)), None)
+            if before is None:
+                before = _finish(plan, method, run, told)
+                keep(before)
+            finished[method].append(before)
     published = PUBLISHED.get((plan.function, plan.dimension, plan.spent), {})
     rows = []
-    for method in plan.methods:
-        clock, best = time.perf_counter(), []
-        for run in range(plan.runs):
-            best.append(min(run_once(plan, method, run, lambda m=method, r=run: told(m, r))))
-        seconds = (time.perf_counter() - clock) / plan.runs
-        rows.append({"method": method, **summary(best, published.get(method)), "seconds_per_run": seconds})
+    for method, runs in finished.items():
+        seconds = float(np.mean([run.seconds for run in runs]))
+        found = summary([run.best for run in runs], published.get(method))
+        rows.append({"method": method, **found, "seconds_per_run": seconds})
     return {
         **asdict(plan),
         "evaluations": plan.spent,
         "optimum": FUNCTIONS[plan.function].optimum,
         "methods": rows,
     }
+
+
+def _finish(plan: Plan, method: str, run: int, told: Callable[[str, int], None]) -> Finished:
+    clock = time.perf_counter()
+    best = min(run_once(plan, method, run, lambda: told(method, run)))
+    question = (plan.function, plan.dimension, plan.spent)
+    return Finished(*question, method, run, plan.seed, best, time.perf_counter() - clock, code_version())

@@ -1,13 +1,18 @@
 """`cusick-bench optimisers`: the gradient-free solvers on test functions, beside published results."""
 
+import sys
+from itertools import product
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
 from cusick_bench.benchmark.optimisers import Plan, compare
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.runner.environment import environment
 
 app = typer.Typer()
 
@@ -21,26 +26,53 @@ def optimisers(
     runs: Annotated[int, typer.Option(help="Of each method.")] = Plan.runs,
     method: Annotated[list[str] | None, typer.Option(help="Repeat for several; all by default.")] = None,
     seed: Annotated[int, typer.Option(help="Of everything.")] = Plan.seed,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for finished runs, and for a table of all that are in it.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Minimises a test function hidden in many dimensions, and compares with published results.
 
-    z is the difference from the published mean in standard errors of that difference; beyond 3 the two disagree.
+    z is the difference from the published mean in standard errors of that difference; beyond 2 the two are said to
+    differ. With --out, repeating the command goes on where it was stopped, and other functions and methods join the
+    same table.
     """
     plan = Plan(function, dimension, evaluations, runs, tuple(method or Plan.methods), seed)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(bar_width=24), TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("starting", total=len(plan.methods) * plan.runs * plan.spent)
-        document = compare(
-            plan, lambda name, run: progress.update(task, advance=1, description=f"{name}, run {run + 1}")
-        )
+    file = None if out is None else RunFile(out)
+    document = _compare(plan, file)
+    if file is not None:
+        for path in write_table(table_rows(file.read()), file.out, [_provenance()]):
+            console.print(f"wrote {path}", markup=False, highlight=False)
     if json:
         print_json(document)
         return
     _print_table(document)
+
+
+def _compare(plan: Plan, file: RunFile | None) -> dict[str, Any]:
+    """Makes the runs that the file lacks."""
+    columns = (
+        TextColumn("{task.description}"), BarColumn(bar_width=24), TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    known = [] if file is None else file.read()
+    made = sum(any(run.answers(plan, *asked) for run in known) for asked in product(plan.methods, range(plan.runs)))
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("starting", total=(len(plan.methods) * plan.runs - made) * plan.spent)
+
+        def told(name: str, run: int) -> None:
+            progress.update(task, advance=1, description=f"{name}, run {run + 1}")
+
+        return compare(plan, told, known=known, keep=(lambda run: None) if file is None else file.keep)
+
+
+def _provenance() -> str:
+    """What the last runs of a table were made with."""
+    command, made = " ".join(["cusick-bench", *sys.argv[1:]]), environment()
+    return (
+        f"Last command: `{command}`. Hardware: {made['processor']}, {made['platform']}, {made['cores']} cores. "
+        f"Code: {made['code_version']}."
+    )
 
 
 def _print_table(document: dict[str, Any]) -> None:

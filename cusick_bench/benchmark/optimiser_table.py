@@ -1,0 +1,183 @@
+"""Finished runs of optimisers on test functions, kept a line each, and the table that is made of all of them.
+
+OUT/optimisers.jsonl   a line a run, whole or absent: a command that was stopped goes on where it was
+OUT/optimisers.csv     a line a method and function, in full
+OUT/optimisers.md      the same to read, and where we differ from what was published
+
+Runs count only with the code that made them: after a change of the solvers they are made anew.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from math import isfinite, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.benchmark.functions import FUNCTIONS, BenchmarkError
+from cusick_bench.benchmark.optimisers import METHODS, PUBLISHED, Finished, summary
+from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.store import write_atomically
+
+APART = 2.0  # standard errors of the difference beyond which two means are said to differ
+_Question = tuple[str, int, int]  # function, dimension, evaluations
+
+
+@dataclass(frozen=True)
+class RunFile:
+    """Where finished runs are kept.
+
+    Attributes:
+        out: Folder.
+    """
+
+    out: Path
+
+    @property
+    def path(self) -> Path:
+        """The file with a line a run."""
+        return self.out / "optimisers.jsonl"
+
+    def read(self) -> list[Finished]:
+        """Runs made by this code; a last line that a crash cut off is left out.
+
+        Raises:
+            BenchmarkError: The file holds something else.
+        """
+        if not self.path.exists():
+            return []
+        names, found = {field.name for field in fields(Finished)}, []
+        *lines, last = self.path.read_text(encoding="utf-8").split("\n")
+        for number, line in enumerate(lines, start=1):
+            try:
+                record = json.loads(line)
+                if set(record) != names:
+                    raise ValueError(f"its keys must be {', '.join(sorted(names))}")
+            except (ValueError, TypeError) as error:
+                raise BenchmarkError(
+                    f"{self.path}, line {number} is no finished run ({error}); delete it, or choose another --out"
+                ) from error
+            found.append(Finished(**record))
+        if last:
+            write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
+        return [run for run in found if run.code_version == code_version()]
+
+    def keep(self, run: Finished) -> None:
+        """Adds a finished run."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(run)) + "\n")
+
+
+def table_rows(runs: Iterable[Finished]) -> list[dict[str, Any]]:
+    """A line a function and method: ours, theirs, and whether they differ.
+
+    Returns:
+        Lines in the order of `METHODS`; `differs` is "lower" or "higher" where our mean is more than `APART` standard
+        errors of the difference from the published one, "no" where it is not, and "" where nothing is published.
+    """
+    groups: dict[_Question, dict[str, list[Finished]]] = {}
+    for run in runs:
+        groups.setdefault((run.function, run.dimension, run.evaluations), {}).setdefault(run.method, []).append(run)
+    lines = []
+    for question, by_method in sorted(groups.items()):
+        for method in sorted(by_method, key=list(METHODS).index):
+            lines.append(_line(question, method, by_method[method]))
+    return lines
+
+
+def write_table(rows: Sequence[dict[str, Any]], out: Path, facts: Sequence[str]) -> list[Path]:
+    """Writes the lines as CSV and as Markdown.
+
+    Args:
+        rows: From `table_rows`.
+        out: Folder.
+        facts: Sentences for the end of the Markdown: commands, hardware.
+    """
+    csv, text = out / "optimisers.csv", out / "optimisers.md"
+    write_atomically(csv, pd.DataFrame(rows).to_csv(index=False, lineterminator="\n").encode())
+    write_atomically(text, markdown_table(rows, facts).encode())
+    return [csv, text]
+
+
+def markdown_table(rows: Sequence[dict[str, Any]], facts: Sequence[str] = ()) -> str:
+    """The lines as Markdown: a table a function, and below it where our means differ from the published ones."""
+    parts = [
+        "# Gradient-free solvers on published test functions",
+        "A few coordinates of [-1, 1]^D matter, drawn anew for every run. Best value found, mean ± standard error; the "
+        "published figures are of 50 runs (Letham et al., NeurIPS 2020). z is the difference of the means in its "
+        f"standard errors; beyond {APART:g} the two are said to differ.",
+    ]
+    questions = dict.fromkeys((row["function"], row["dimension"], row["evaluations"]) for row in rows)
+    for function, dimension, evaluations in questions:
+        own = [
+            row
+            for row in rows
+            if (row["function"], row["dimension"], row["evaluations"]) == (function, dimension, evaluations)
+        ]
+        optimum = FUNCTIONS[function].optimum
+        parts += [
+            f"## {function}, D = {dimension}, {evaluations} evaluations (optimum {optimum:.3f})",
+            "\n".join(_markdown_lines(own)),
+            _verdict(own),
+        ]
+    return "\n\n".join([*parts, *facts]) + "\n"
+
+
+def _line(question: _Question, method: str, runs: list[Finished]) -> dict[str, Any]:
+    function, dimension, evaluations = question
+    published = PUBLISHED.get(question, {}).get(method)
+    found = summary([run.best for run in sorted(runs, key=lambda run: (run.seed, run.run))], published)
+    z = found["z"]
+    return {
+        "function": function,
+        "dimension": dimension,
+        "evaluations": evaluations,
+        "method": method,
+        "runs": len(runs),
+        "mean": found["mean"],
+        "standard_error": found["standard_error"],
+        "median": found["median"],
+        "published_mean": published.mean if published else nan,
+        "published_standard_error": published.standard_error if published else nan,
+        "published_median": published.median if published and published.median is not None else nan,
+        "z": z,
+        "differs": "" if not isfinite(z) else "no" if abs(z) <= APART else "lower" if z < 0 else "higher",
+        "seconds_per_run": float(np.mean([run.seconds for run in runs])),
+        "seeds": " ".join(sorted({str(run.seed) for run in runs})),
+        "code_version": runs[0].code_version,
+    }
+
+
+def _markdown_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    heads = ("method", "runs", "ours", "median", "published", "median", "z", "seconds a run")
+    lines = [f"| {' | '.join(heads)} |", "| :--- |" + " ---: |" * (len(heads) - 1)]
+    for row in rows:
+        theirs = isfinite(row["published_mean"])
+        entries = (
+            row["method"],
+            str(row["runs"]),
+            f"{row['mean']:.3f} ± {row['standard_error']:.3f}",
+            f"{row['median']:.3f}",
+            f"{row['published_mean']:.3f} ± {row['published_standard_error']:.3f}" if theirs else "",
+            f"{row['published_median']:.3f}" if isfinite(row["published_median"]) else "",
+            f"{row['z']:+.1f}" if isfinite(row["z"]) else "",
+            f"{row['seconds_per_run']:.1f}",
+        )
+        lines.append(f"| {' | '.join(entries)} |")
+    return lines
+
+
+def _verdict(rows: Sequence[dict[str, Any]]) -> str:
+    """In words: who agrees with what was published, and who does not."""
+    words = {"no": "agree", "lower": "find less, which is better", "higher": "find more, which is worse"}
+    said = []
+    for differs, meaning in words.items():
+        if names := [f"{row['method']} (z {row['z']:+.1f})" for row in rows if row["differs"] == differs]:
+            said.append(f"{meaning}: {', '.join(names)}")
+    if alone := [row["method"] for row in rows if row["differs"] == ""]:
+        said.append(f"nothing is published to compare with: {', '.join(alone)}")
+    return f"Beside the published means, {'; '.join(said)}."

@@ -1,0 +1,104 @@
+"""The table of optimisers on test functions: runs are kept, never made twice, and read honestly."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.benchmark import optimisers
+from cusick_bench.benchmark.functions import BenchmarkError
+from cusick_bench.benchmark.optimiser_table import RunFile, markdown_table, table_rows
+from cusick_bench.benchmark.optimisers import PUBLISHED, Finished, Plan, compare
+from cusick_bench.cli import app
+from cusick_bench.runner.environment import code_version
+
+PLAN = Plan("hartmann6", runs=3, methods=("sobol", "cmaes"))
+
+
+def finished(method: str, best: float, run: int = 0, function: str = "hartmann6", evaluations: int = 200) -> Finished:
+    return Finished(function, 100, evaluations, method, run, 0, best, 1.5, code_version())
+
+
+def spread(method: str, mean: float, error: float, runs: int = 16) -> list[Finished]:
+    """Runs with exactly that mean and that standard error."""
+    noise = np.random.default_rng(0).normal(size=runs)
+    noise = (noise - noise.mean()) / noise.std(ddof=1) * error * np.sqrt(runs)
+    return [finished(method, float(mean + value), run) for run, value in enumerate(noise)]
+
+
+class TestRuns:
+    def test_no_run_is_made_twice_and_the_numbers_are_those_of_one_go(self, tmp_path, monkeypatch):
+        whole = compare(PLAN)
+        file, made = RunFile(tmp_path), []
+        compare(replace(PLAN, runs=1), keep=file.keep)
+        run_once = optimisers.run_once
+        monkeypatch.setattr(
+            optimisers, "run_once", lambda plan, *words: made.append(words[:2]) or run_once(plan, *words)
+        )
+        resumed = compare(PLAN, known=file.read(), keep=file.keep)
+        assert made == [("sobol", 1), ("cmaes", 1), ("sobol", 2), ("cmaes", 2)]
+        assert [row["best"] for row in resumed["methods"]] == [row["best"] for row in whole["methods"]]
+        assert len(file.read()) == 6
+
+    def test_other_questions_and_other_code_do_not_count(self, tmp_path):
+        run = finished("sobol", -2.0)
+        assert run.answers(PLAN, "sobol", 0)
+        others = [(PLAN, "sobol", 1), (PLAN, "cmaes", 0), (replace(PLAN, seed=1), "sobol", 0)]
+        others += [(replace(PLAN, dimension=50), "sobol", 0), (replace(PLAN, evaluations=50), "sobol", 0)]
+        assert not any(run.answers(*other) for other in others)
+        file = RunFile(tmp_path)
+        file.keep(run)
+        file.keep(replace(run, run=1, code_version="9.9+other"))
+        assert file.read() == [run]
+
+    def test_a_line_cut_off_is_dropped_and_a_strange_one_is_named(self, tmp_path):
+        file = RunFile(tmp_path)
+        file.keep(finished("sobol", -2.0))
+        with file.path.open("a") as stream:
+            stream.write('{"function": "hartm')
+        assert len(file.read()) == 1
+        file.keep(finished("sobol", -2.1, run=1))
+        assert [run.best for run in file.read()] == [-2.0, -2.1]
+        file.path.write_text('{"solver": "homo"}\n')
+        with pytest.raises(BenchmarkError, match="line 1 is no finished run"):
+            file.read()
+
+
+class TestTable:
+    def test_what_differs_is_said_with_its_sign(self):
+        theirs = PUBLISHED["hartmann6", 100, 200]
+        turbo, hesbo, rembo = theirs["turbo"], theirs["hesbo"], theirs["rembo"]
+        runs = spread("turbo", turbo.mean + 3 * np.hypot(0.05, turbo.standard_error), 0.05)
+        runs += spread("hesbo", hesbo.mean - 3 * np.hypot(0.05, hesbo.standard_error), 0.05)
+        runs += spread("rembo", rembo.mean + 1.9 * np.hypot(0.05, rembo.standard_error), 0.05)
+        rows = {row["method"]: row for row in table_rows([*runs, finished("baxus", -2.0)])}
+        assert {name: row["differs"] for name, row in rows.items()} == {
+            "rembo": "no", "hesbo": "lower", "turbo": "higher", "baxus": "",
+        }  # fmt: skip
+        assert rows["turbo"]["z"] == pytest.approx(3)
+        text = markdown_table(list(rows.values()))
+        assert "agree: rembo (z +1.9); find less, which is better: hesbo (z -3.0)" in text
+        assert "find more, which is worse: turbo (z +3.0); nothing is published to compare with: baxus" in text
+        assert f"| turbo | 16 | {rows['turbo']['mean']:.3f} ± 0.050 |" in text
+
+    def test_functions_stand_apart(self):
+        runs = [finished("sobol", -2.0), finished("sobol", 1.4, function="branin", evaluations=50)]
+        text = markdown_table(table_rows(runs))
+        assert "## branin, D = 100, 50 evaluations (optimum 0.398)" in text
+        assert "## hartmann6, D = 100, 200 evaluations (optimum -3.322)" in text
+
+
+def test_command_adds_to_one_table(tmp_path):
+    for function in ("hartmann6", "branin"):
+        words = ["optimisers", "--function", function, "--runs", "2", "--method", "sobol", "--out", str(tmp_path)]
+        result = CliRunner().invoke(app, [*words, "--json"])
+        assert result.exit_code == 0, result.output
+    rows = pd.read_csv(tmp_path / "optimisers.csv").set_index("function")
+    assert list(rows["runs"]) == [2, 2]
+    assert rows.loc["branin", "published_mean"] == 5.179
+    best = json.loads(result.stdout)["methods"][0]["best"]
+    assert rows.loc["branin", "mean"] == pytest.approx(np.mean(best))
+    assert "Hardware: " in (tmp_path / "optimisers.md").read_text()
