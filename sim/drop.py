@@ -13,6 +13,7 @@ References:
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -42,34 +43,88 @@ class Rollout:
     factors: list[Factor | None]
 
 
-@dataclass(frozen=True)
-class _Stepper:
-    """The step matrix M + h^2 K and its factor."""
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """Implicit Euler steps of a batch, with storage that every step uses again.
+
+    Attributes:
+        system: Cloth and support; its pattern and its springs count, not its elements.
+        mass: Vertex masses [kg].
+        h: Step [s].
+        batch: Whether errors say whose cloth they are about.
+    """
 
     system: DrapeSystem
     mass: Float[ndarray, "members vertices"]
     h: float
+    batch: bool = True
 
-    def factor(self, state: Evaluation, blocks: ndarray, old: Factor | None) -> Factor:
-        """Factor of the step matrix at an evaluated state; `blocks` and `old` are storage to use again."""
-        linear, h = self.system.linear, self.h
-        state.matrix(scale=h * h, diagonal=self.mass + h * h * self.system.spring, out=blocks)
-        if len(blocks) == 1:
-            return linear.factorise(blocks[0], out=old)
-        return linear.factorise_batch(blocks, out=old)
-
-    def solve(self, factor: Factor, right: Float[ndarray, "members rows 3"]) -> Float[ndarray, "members rows 3"]:
-        """Velocities, or multipliers, of the free vertices."""
-        return factor.solve(right[0])[None] if factor.members is None else factor.solve(right)
-
+    @cached_property
     def blocks(self) -> Float[ndarray, "members slots 3 3"]:
         """Storage of the step matrix."""
         return np.zeros((len(self.mass), len(self.system.layout.indices), 3, 3))
 
+    @cached_property
+    def right(self) -> Float[ndarray, "members rows 3"]:
+        """Storage of the right-hand side."""
+        return np.empty((len(self.mass), len(self.system.free), 3))
 
-def _diverged(step: str, members: ndarray, reason: str, batch: bool) -> DrapeDiverged:
-    message = f"{step}: {reason}"
-    return MembersDiverged(message, np.flatnonzero(members)) if batch else DrapeDiverged(message)
+    def factor(self, state: Evaluation, old: Factor | None) -> Factor:
+        """Factor of the step matrix M + h^2 K at an evaluated state; `old` is storage to use again."""
+        linear, h = self.system.linear, self.h
+        state.matrix(scale=h * h, diagonal=self.mass + h * h * self.system.spring, out=self.blocks)
+        if len(self.blocks) == 1:
+            return linear.factorise(self.blocks[0], out=old)
+        return linear.factorise_batch(self.blocks, out=old)
+
+    def solve(self, factor: Factor) -> Float[ndarray, "members rows 3"]:
+        """Velocities, or multipliers, of the free vertices, for the right-hand side that `right` holds."""
+        return factor.solve(self.right[0])[None] if factor.members is None else factor.solve(self.right)
+
+    def step(
+        self, name: str, state: Evaluation, v: ndarray, v_new: ndarray, x_new: ndarray, far: float, old: Factor | None
+    ) -> Factor:
+        """One step from an evaluated state.
+
+        Args:
+            name: What errors call it.
+            state: Elements at the positions before.
+            v: Velocities before (members, vertices, 3) [m/s].
+            v_new, x_new: Receive velocities and positions after.
+            far: A cloth with a coordinate beyond has blown up [m].
+            old: Storage of a factor to use again.
+
+        Returns:
+            The factor that it solved with.
+
+        Raises:
+            DrapeDiverged: As `drop` does.
+        """
+        system, h = self.system, self.h
+        finite = right_hand_side(system.free, self.mass, h, v, state.force(), self.right)
+        if not finite.all():
+            reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
+            raise self._diverged(name, ~finite, reason)
+        try:
+            factor = self.factor(state, old)
+        except NotPositiveDefinite as error:
+            raise self._diverged(name, error.members, f"{error}; check the stiffness tables") from error
+        except SimulationError as error:  # a matrix that is not finite
+            bad = np.asarray(~np.isfinite(self.blocks).all((1, 2, 3)))
+            raise self._diverged(name, bad, str(error)) from error
+        reached = move(system.free, h, self.solve(factor), state.x, v_new, x_new)
+        if not (reached < far).all():
+            raise self._diverged(name, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s")
+        return factor
+
+    def _diverged(self, name: str, members: ndarray, reason: str) -> DrapeDiverged:
+        message = f"{name}: {reason}"
+        return MembersDiverged(message, np.flatnonzero(members)) if self.batch else DrapeDiverged(message)
+
+
+def too_far(laid: Float[ndarray, "*members vertices 3"]) -> float:
+    """A coordinate that only a cloth that has blown up reaches, laid down as it was [m]."""
+    return _FAR * float(np.abs(laid).max())
 
 
 def drop(
@@ -104,35 +159,17 @@ def drop(
     """
     batch = initial.ndim == 3
     p, laid = (parameters, initial) if batch else (parameters.batch(), initial[None])
-    h, mass, free = step_seconds, p.mass, system.free
     positions = np.empty((steps + 1 if record else 2, *laid.shape))
     velocities = np.zeros_like(positions)
     positions[0] = laid
-    stepper = _Stepper(system, mass, h)
-    blocks = stepper.blocks()
-    far = _FAR * np.abs(laid).max()
-    right = np.empty((len(laid), len(free), 3))
+    stepper, far = Stepper(system, p.mass, step_seconds, batch), too_far(laid)
     factors: list[Factor | None] = []
     kept, factor = 0, None
     for step in range(steps):
         here, there = (step, step + 1) if record else (step % 2, (step + 1) % 2)
-        x, v = positions[here], velocities[here]
+        state = system.evaluate(positions[here], laid, p, exact=False)
         name = f"step {step + 1} of {steps}"
-        state = system.evaluate(x, laid, p, exact=False)
-        finite = right_hand_side(free, mass, h, v, state.force(), right)
-        if not finite.all():
-            reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
-            raise _diverged(name, ~finite, reason, batch)
-        try:
-            factor = stepper.factor(state, blocks, factor)
-        except NotPositiveDefinite as error:
-            raise _diverged(name, error.members, f"{error}; check the stiffness tables", batch) from error
-        except SimulationError as error:  # a matrix that is not finite
-            bad = np.asarray(~np.isfinite(blocks).all((1, 2, 3)))
-            raise _diverged(name, bad, str(error), batch) from error
-        reached = move(free, h, stepper.solve(factor, right), x, velocities[there], positions[there])
-        if not (reached < far).all():
-            raise _diverged(name, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s", batch)
+        factor = stepper.step(name, state, velocities[here], velocities[there], positions[there], far, factor)
         keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
         if keep:
@@ -171,17 +208,15 @@ def drop_adjoint(
     gradient = ParameterGradient.zeros(system, len(g_x))
     g_v, g_anchor, multiplier = np.zeros_like(g_x), np.zeros_like(g_x), np.zeros_like(g_x)
     h, mass, free = step_seconds, p.mass, system.free
-    ones, right = np.ones_like(mass), np.empty((len(g_x), len(free), 3))
-    stepper = _Stepper(system, mass, h)
-    blocks = stepper.blocks() if None in rollout.factors else np.empty((0, 0))
+    ones, stepper = np.ones_like(mass), Stepper(system, mass, h)
     again: Factor | None = None
     for step in reversed(range(len(rollout.factors))):
         x, v, v_new = positions[step], velocities[step], velocities[step + 1]
         factor = rollout.factors[step]
         if factor is None:
-            factor = again = stepper.factor(system.evaluate(x, positions[0], p, exact=False), blocks, again)
-        right_hand_side(free, ones, h, g_v, g_x, right)
-        multiplier[:, free] = stepper.solve(factor, right)
+            factor = again = stepper.factor(system.evaluate(x, positions[0], p, exact=False), again)
+        right_hand_side(free, ones, h, g_v, g_x, stepper.right)
+        multiplier[:, free] = stepper.solve(factor)
         if rollout.factors[step] is not None:  # a second adjoint of this rollout computes it again
             rollout.factors[step] = None
             system.linear.recycle(factor)

@@ -1,24 +1,47 @@
 """Drops of a cloth whose law has internal variables: friction, creep, stiffness that depends on the sign of curvature.
 
-Between the steps of a drop a `StateLaw` looks at where the cloth is and sets its parameters for the next step. An
-elastic-plastic element in series form is exact in this way: a spring of stiffness k whose rest state follows the
-motion beyond a threshold. Not differentiated: gradients to such effects are differences with common random numbers.
+Before every step of a drop a `StateLaw` looks at where the cloth is and sets its parameters for the step. Forces of an
+elastic-plastic element are exact in this way: a spring of stiffness k whose rest state follows the motion beyond a
+threshold. Not differentiated: gradients to such effects are differences with common random numbers.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
+import torch
 from jaxtyping import Float
+from numpy import ndarray
 from torch import Tensor
 
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.drop import Stepper, too_far
+from cusick_bench.sim.elements import Elements
+from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.material import Material
+from cusick_bench.sim.outcome import flown_apart
+from cusick_bench.sim.shape import dihedral_angles
 from cusick_bench.sim.system import DrapeSystem, Parameters
 
 
+class Rank(IntEnum):
+    """What a law changes. Laws of one drop act in this order, so that it does not matter who named them first."""
+
+    REST = 0
+    ELASTICITY = 1
+    FRICTION = 2
+
+
 class StateLaw(ABC):
-    """Internal variables of a cloth."""
+    """Internal variables of a cloth.
+
+    Attributes:
+        rank: What it changes: where the cloth is free of stress, how stiff it is, or what it adds beside elasticity.
+    """
+
+    rank: ClassVar[Rank]
 
     @abstractmethod
     def start(self, system: DrapeSystem, parameters: Parameters) -> "State":
@@ -35,7 +58,7 @@ class State(ABC):
 
     @abstractmethod
     def advance(
-        self, system: DrapeSystem, parameters: Parameters, x: Float[np.ndarray, "vertices 3"], share: float
+        self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
     ) -> tuple[DrapeSystem, Parameters]:
         """System and parameters for the next step.
 
@@ -67,6 +90,45 @@ def drop_with_history(
         Positions [m], without gradients.
 
     Raises:
+        SimulationError: The settings ask for an equilibrium, or for self-contact, which has no drop with history.
         DrapeDiverged: The cloth flies apart.
     """
-    raise NotImplementedError
+    settings, base = simulator.settings, simulator.system
+    if settings.mode != "drop":
+        asked = "self-contact" if settings.self_contact > 0 else f"mode {settings.mode!r}"
+        raise SimulationError(
+            f"friction, creep and face asymmetry are simulated in mode 'drop' without self-contact, got {asked}; "
+            "leave one of them out"
+        )
+    material.check_fits(simulator.mesh)
+    elastic = Parameters(
+        _array(material.stretch.reshape(-1, 6, 4)), _array(material.bending.reshape(-1, 3, 5)),
+        _array(material.vertex_mass(simulator.mesh)), _array(rest_angle),
+    )  # fmt: skip
+    states = [law.start(base, elastic) for law in sorted(laws, key=lambda law: law.rank)]
+    x = _array(initial)[None].copy()
+    laid, far = x.copy(), too_far(x)
+    v, v_new, x_new = np.zeros_like(x), np.zeros_like(x), np.empty_like(x)
+    stepper, factor = Stepper(base, elastic.mass[None], settings.step_seconds, batch=False), None
+    system, p = base, elastic
+    for step in range(settings.steps):
+        system, p = base, elastic
+        for state in states:
+            system, p = state.advance(system, p, x[0], step / settings.steps)
+        found = system.evaluate(x, laid, p.batch(), exact=False)
+        factor = stepper.step(f"step {step + 1} of {settings.steps}", found, v, v_new, x_new, far, factor)
+        x, x_new, v, v_new = x_new, x, v_new, v
+    left = system.evaluate(x, laid, p.batch(), exact=False).force()[0, system.free]
+    failure = flown_apart(settings, float(np.linalg.norm(left) / (settings.gravity * elastic.mass.sum())))
+    if failure is not None:
+        raise DrapeDiverged(failure)
+    return torch.from_numpy(x[0])
+
+
+def bent(elements: Elements, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "hinges"]:
+    """Dihedral angles [rad], positive where the cloth is convex seen from its face (in the simulated frame)."""
+    return dihedral_angles(torch.from_numpy(x), elements.hinges).numpy()
+
+
+def _array(tensor: Tensor) -> ndarray:
+    return np.ascontiguousarray(tensor.detach().cpu().numpy(), dtype=np.float64)

@@ -4,6 +4,7 @@
 gradients. `drop` and `equilibrium` are two ways to a drape on top of it.
 """
 
+import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -112,6 +113,17 @@ class DrapeSystem:
         if self.fixed.all():
             raise SimulationError("every vertex is fixed: nothing can drape; is the plate larger than the cloth?")
         object.__setattr__(self, "elements", elements_of(self.mesh))
+
+    def with_elements(self, elements: Elements) -> "DrapeSystem":
+        """This system with other constants of its faces and hinges; it shares the analysis of this one.
+
+        Args:
+            elements: Of the same faces and hinges.
+        """
+        _ = self.linear, self._tables, self._chosen, self._workspaces  # made here, so that there is one of each
+        other = copy.copy(self)
+        object.__setattr__(other, "elements", elements)
+        return other
 
     @cached_property
     def free(self) -> ndarray:

@@ -11,15 +11,27 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 
 from cusick_bench.sim.effects.base import Effect
+from cusick_bench.sim.effects.bending_friction import BendingFriction
 from cusick_bench.sim.effects.camera_offset import CameraOffset
 from cusick_bench.sim.effects.camera_scale import CameraScale
 from cusick_bench.sim.effects.camera_tilt import CameraTilt
+from cusick_bench.sim.effects.creep import Creep
 from cusick_bench.sim.effects.cut_size import CutSize
+from cusick_bench.sim.effects.density_bias import DensityBias
+from cusick_bench.sim.effects.face_asymmetry import FaceAsymmetry
+from cusick_bench.sim.effects.grain_skew import GrainSkew
+from cusick_bench.sim.effects.local_mass_patch import LocalMassPatch
+from cusick_bench.sim.effects.local_stiff_patch import LocalStiffPatch
 from cusick_bench.sim.effects.off_centre import OffCentre
 from cusick_bench.sim.effects.perspective import Perspective
 from cusick_bench.sim.effects.plate_radius import PlateRadius
 from cusick_bench.sim.effects.plate_slip import PlateSlip
 from cusick_bench.sim.effects.plate_tilt import PlateTilt
+from cusick_bench.sim.effects.rest_curvature import RestCurvature
+from cusick_bench.sim.effects.rim_stiffening import RimStiffening
+from cusick_bench.sim.effects.self_contact import SelfContact
+from cusick_bench.sim.effects.shear_friction import ShearFriction
+from cusick_bench.sim.effects.stiffness_field import StiffnessField
 from cusick_bench.sim.effects.threshold import Threshold
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup
@@ -27,11 +39,23 @@ from cusick_bench.sim.setup import Setup
 ENTRY_POINTS = "cusick_bench.effects"
 
 _BUILT_IN: tuple[type[Effect], ...] = (
+    RestCurvature,
+    FaceAsymmetry,
+    GrainSkew,
+    DensityBias,
+    StiffnessField,
+    LocalStiffPatch,
+    LocalMassPatch,
+    RimStiffening,
+    Creep,
+    BendingFriction,
+    ShearFriction,
     OffCentre,
     PlateTilt,
     PlateRadius,
     PlateSlip,
     CutSize,
+    SelfContact,
     CameraScale,
     CameraOffset,
     CameraTilt,
