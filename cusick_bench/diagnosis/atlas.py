@@ -30,10 +30,14 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.statistics import NAMES as STATISTICS
 from cusick_bench.diagnosis.statistics import capture_statistics, mirrored
 from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
 ANGLES = 360
 BASE = "base"
+FINE = "fine-mesh"
+"""The base model again, on a finer mesh with shorter steps: what a simulator's own errors do to the statistics."""
+_FINE_VERTICES, _FINE_SETTINGS = 1205, DrapeSettings(steps=150, step_seconds=0.03)
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
 """Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
 LEAST, MOST = 0.7, 6.0  # range of severities, in typical ones
@@ -49,12 +53,14 @@ class Design:
     Attributes:
         points: Fabrics.
         effect_points: How many of them, the first ones, have every effect too.
+        fine_points: How many of them have drapes on a finer mesh.
         samples: Samples of each, draped on both sides.
         vertices: Mesh size.
     """
 
     points: int = 320
     effect_points: int = 160
+    fine_points: int = 40
     samples: int = 4
     vertices: int = 480
 
@@ -70,7 +76,11 @@ class Design:
         return [
             (point, name)
             for point in range(self.points)
-            for name in (BASE, *(effects if point < self.effect_points else ()))
+            for name in (
+                BASE,
+                *([FINE] if point < self.fine_points else ()),
+                *(effects if point < self.effect_points else ()),
+            )
         ]
 
 
@@ -220,6 +230,8 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
         setups = samples_of(design, point)
         if name == BASE:
             value, statistics = np.zeros(0), observe(setups, _draped(folder, point, setups))
+        elif name == FINE:
+            value, statistics = np.zeros(0), statistics_of(_finer(design, point), _SIMULATORS)
         else:
             effect = registered()[name]
             generator = np.random.default_rng([_SEED, point, zlib.crc32(name.encode())])
@@ -229,6 +241,12 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
             value = np.array([chosen[p.name] for p in effect.parameters])
         _write(_file(folder, point, name), value, statistics.reshape(design.samples, 2, -1))
     return len(tasks)
+
+
+def _finer(design: Design, point: int) -> list[Setup]:
+    """The same samples on finer meshes: their fields are functions of the cloth's points."""
+    fine = BaseModel(_FINE_VERTICES, _FINE_SETTINGS)
+    return fine.samples(_theta(design)[point], design.samples, (_SEED, point))
 
 
 def _as_later(effect: Effect, setups: list[Setup]) -> list[Setup]:

@@ -61,6 +61,7 @@ class Effect(ABC):
         gradient: `adjoint` where drapes are differentiable to its parameters, else `differences` with common random
             numbers.
         signed: Whether negative severities mean something.
+        face_odd: Whether it acts with the opposite sign when the cloth is turned over.
     """
 
     name: ClassVar[str]
@@ -72,6 +73,7 @@ class Effect(ABC):
     located: ClassVar[Literal["", "direction", "patch", "ring"]] = ""
     gradient: ClassVar[Literal["adjoint", "differences"]] = "differences"
     signed: ClassVar[bool] = True
+    face_odd: ClassVar[bool] = False
 
     @abstractmethod
     def _apply(self, setup: Setup, value: Values) -> Setup:

@@ -40,6 +40,7 @@ class FaceAsymmetry(Effect):
 
     name = "face-asymmetry"
     kind = "material"
+    face_odd = True
     summary = "the cloth is stiffer when bent over one face"
     physics = (
         "Bending stiffness B (1 + asymmetry) where the cloth is bent convex seen from its face, from its rest shape, "

@@ -62,6 +62,7 @@ class RestCurvature(Effect):
         Parameter("direction", "deg", -360.0, 360.0, 0.0, "warp", "direction", summary="that curls, from the warp"),
     )  # fmt: skip
     located = "direction"
+    face_odd = True
     gradient = "adjoint"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
