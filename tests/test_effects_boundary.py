@@ -74,7 +74,8 @@ def test_a_cloth_laid_otherwise_is_flat_and_free_of_strain(text):
     laid = setup.initial().numpy()
     system = DrapeSimulator(setup.mesh, setup.settings).system
     np.testing.assert_array_equal(laid[:, :2], setup.mesh.material)
-    areas = 0.5 * np.cross(*(laid[setup.mesh.faces[:, k]] - laid[setup.mesh.faces[:, 0]] for k in (1, 2)))[:, 2]
+    first, second = (laid[setup.mesh.faces[:, k]] - laid[setup.mesh.faces[:, 0]] for k in (1, 2))
+    areas = 0.5 * np.cross(first, second)[:, 2]
     np.testing.assert_allclose(areas, system.elements.face_area, rtol=1e-12)
 
 
@@ -102,6 +103,7 @@ def test_a_tilted_plate_rests_under_turned_gravity():
     angle, downhill = math.radians(12), np.array([math.cos(math.radians(40)), math.sin(math.radians(40)), 0])
     settings = DrapeSettings(mode="equilibrium")
     (shape,) = drape_setups([parse("plate-tilt:angle=12,direction=40").apply(_setup(settings=settings))])
+    assert shape is not None
     across = np.cross([0, 0, 1], downhill)
     frame = np.stack([math.cos(angle) * downhill - math.sin(angle) * np.array([0, 0, 1]), across])
     basis = np.column_stack([downhill, across, [0, 0, 1]])  # of the level plate
@@ -130,6 +132,7 @@ def test_a_tilted_drape_is_differentiable_to_its_angle_and_direction():
     def measure(angle, direction):
         value = {"angle": angle, "direction": direction}
         (shape,) = drape_setups([effect("plate-tilt").apply(_setup(settings=DrapeSettings(steps=8)), value)])
+        assert shape is not None
         return (shape * weights).sum()
 
     at = [torch.tensor(v, dtype=torch.float64, requires_grad=True) for v in (5.0, 20.0)]

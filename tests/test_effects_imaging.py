@@ -12,7 +12,7 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.material import uniform_material
 from cusick_bench.sim.mesh import disc_mesh
 from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.setup import Setup
+from cusick_bench.sim.setup import Setup, Side
 from cusick_bench.sim.silhouette import render
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -31,7 +31,7 @@ def _draped() -> torch.Tensor:
     return torch.stack([seen * torch.cos(angle), seen * torch.sin(angle), -0.04 * hanging], dim=1)
 
 
-def _seen(text: str, points: torch.Tensor, side="up") -> torch.Tensor:
+def _seen(text: str, points: torch.Tensor, side: Side = "up") -> torch.Tensor:
     return parse(text).apply(Setup(MESH, BASE.settings, BASE.material, side=side)).to_camera(points)
 
 
