@@ -8,10 +8,11 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 COMMANDS = (
-    "data", "simulate", "run", "leaderboard", "report", "solvers", "convergence", "benchmark", "robustness",
+    "data", "simulate", "run", "leaderboard", "report", "solvers", "effects", "convergence", "benchmark", "robustness",
     "verify", "check", "submit", "paper",
     "optimisers",
     "garment",
+    "withheld",
 )  # fmt: skip
 """Commands, each the `app` of the module of its name; a module is imported when its command is called for."""
 

@@ -1,0 +1,87 @@
+"""`cusick-bench withheld`: cases whose effect is sealed."""
+
+import json
+import secrets
+from pathlib import Path
+from typing import Annotated
+
+import numba
+import torch
+import typer
+from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.withheld.design import EFFECTS, MULTIPLES
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.generate import COMMITMENT, LABELS, SUITE, Suite, generate
+
+app = typer.Typer(help="Cases whose effect is sealed: make them, answer them blind, score the answers.")
+
+
+@app.callback()
+def _root() -> None:
+    """Cases whose effect is sealed: make them, answer them blind, score the answers."""
+
+
+@app.command("generate")
+@user_errors
+def generate_suite(
+    out: Annotated[Path, typer.Option(help="Folder of the cases and of the commitment to their labels.")],
+    labels: Annotated[Path, typer.Option(help="Folder of the labels, outside of the cases.")],
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Who knows it knows all labels; by default random, kept in LABELS.")
+    ] = None,
+    nulls: Annotated[int, typer.Option(min=0, help="Cases without any effect.")] = 200,
+    singles: Annotated[
+        int, typer.Option(min=0, help="Cases with one effect; all effects and severities in turn.")
+    ] = len(EFFECTS) * len(MULTIPLES),
+    pairs: Annotated[int, typer.Option(min=0, help="Cases with two effects.")] = 22,
+    unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect outside of the list.")] = 48,
+    detectable: Annotated[
+        Path | None, typer.Option(help="JSON {effect: detectable severity}; by default typical severities count.")
+    ] = None,
+    vertices: Annotated[int, typer.Option(min=100, help="Mesh size of the truth.")] = 1205,
+    samples: Annotated[int, typer.Option(min=1, help="Samples of each case, with two faces and two captures.")] = 12,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
+    counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
+    asked = Suite(_seed(seed, labels), counts, vertices, samples, _severities(detectable))  # pyright: ignore[reportArgumentType]
+    threads = numba.get_num_threads(), torch.get_num_threads()
+    columns = (
+        *Progress.get_default_columns()[:-1],
+        TimeElapsedColumn(),
+        "left",
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("cases", total=sum(counts.values()))
+        made = generate(asked, out, labels, workers=workers, step=lambda case: progress.advance(task))
+    numba.set_num_threads(threads[0])
+    torch.set_num_threads(threads[1])
+    if as_json:
+        print_json({"cases": [str(case) for case in made], "commitment": out / COMMITMENT, "labels": labels / LABELS})
+    else:
+        output.print(f"{len(made)} cases in {out}, bound to their labels by {out / COMMITMENT}; labels in {labels}")
+
+
+def _seed(given: int | None, labels: Path) -> int:
+    """The seed that was given, or that of the suite to go on with, or a new one that cannot be guessed."""
+    if given is not None:
+        return given
+    try:
+        return int(json.loads((labels / SUITE).read_text())["seed"])
+    except FileNotFoundError:
+        return secrets.randbits(128)
+    except (ValueError, KeyError, TypeError) as error:
+        raise WithheldError(f"{labels / SUITE} is no description of a suite; choose an empty folder") from error
+
+
+def _severities(path: Path | None) -> dict[str, float] | None:
+    if path is None:
+        return None
+    try:
+        return {str(name): float(severity) for name, severity in json.loads(path.read_text()).items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise WithheldError(f"{path} must be JSON with a number for each effect; correct it ({error})") from error

@@ -1,0 +1,179 @@
+"""Which cases a withheld suite holds: nulls, single effects by severity, pairs, and effects outside the list.
+
+Severities are multiples of the detectable shift where a table of these is given, else of what is typical. Numbers are
+written out here rather than taken from the package's effects: a suite must mean the same after those have changed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cusick_bench.withheld.errors import WithheldError
+
+Kind = Literal["null", "single", "pair", "unknown"]
+KINDS: tuple[Kind, ...] = ("null", "single", "pair", "unknown")
+MULTIPLES = (0.5, 1.0, 2.0, 4.0)
+_PAIR_MULTIPLES = (2.0, 4.0)
+_ALIKE = ({"plate-radius", "cut-size", "camera-scale", "threshold"}, {"creep", "bending-friction"})  # no pairs of these
+_DIRECTION = (0.0, 360.0)  # [deg]
+_AXIS = (0.0, 180.0)  # [deg]
+_PATCH = {"direction": _DIRECTION, "radius": (0.115, 0.135), "size": (0.017, 0.023)}
+
+
+@dataclass(frozen=True)
+class Draw:
+    """How the parameters of an effect are drawn.
+
+    Attributes:
+        severity: Name of the parameter that is 0 where the effect is absent.
+        typical: Its value that is met in practice, in its own unit.
+        most: Its largest magnitude.
+        negative: Share of cases where it is negative.
+        others: Ranges of the other parameters.
+    """
+
+    severity: str
+    typical: float
+    most: float
+    negative: float = 0.0
+    others: Mapping[str, tuple[float, float]] | None = None
+
+    def parameters(self, severity: float, generator: np.random.Generator) -> dict[str, float]:
+        """All parameters at a magnitude of the severity, rounded as they are written."""
+        sign = -1 if generator.uniform() < self.negative else 1
+        drawn = {name: float(f"{generator.uniform(*ends):.4g}") for name, ends in (self.others or {}).items()}
+        return {self.severity: sign * float(f"{min(severity, self.most):.4g}"), **drawn}
+
+
+EFFECTS: dict[str, Draw] = {
+    "rest-curvature": Draw("curvature", 10, 60, 0.5, {"direction": _AXIS}),
+    "face-asymmetry": Draw("asymmetry", 0.2, 0.85, 0.5),
+    "grain-skew": Draw("angle", 2, 45, 0.5),
+    "density-bias": Draw("bias", 0.03, 0.5, 0.5),
+    "stiffness-field": Draw("spread", 0.2, 1.0, 0.0, {"length": (0.03, 0.05)}),
+    "local-stiff-patch": Draw("stiffening", float(np.log(3)), 3, 0.2, _PATCH),
+    "local-mass-patch": Draw("mass", 1, 10, 0.0, _PATCH),
+    "rim-stiffening": Draw("stiffening", float(np.log(3)), 3, 0.2, {"width": (0.008, 0.015)}),
+    "creep": Draw("loss", 0.15, 0.8),
+    "bending-friction": Draw("ratio", 20, 150),
+    "shear-friction": Draw("ratio", 0.6, 8),
+    "off-centre": Draw("shift", 2e-3, 0.02, 0.0, {"direction": _DIRECTION}),
+    "plate-tilt": Draw("angle", 1, 15, 0.0, {"direction": _DIRECTION}),
+    "plate-radius": Draw("error", 1e-3, 0.01, 0.5),
+    "plate-slip": Draw("slide", 2e-3, 0.015),
+    "cut-size": Draw("error", 1e-3, 0.01, 0.5),
+    "self-contact": Draw("thickness", 1e-3, 5e-3),
+    "camera-scale": Draw("error", 0.02, 0.15, 0.5),
+    "camera-offset": Draw("shift", 1.4e-3, 0.02, 0.0, {"direction": _DIRECTION}),
+    "camera-tilt": Draw("angle", 2, 25, 0.0, {"direction": _DIRECTION}),
+    "perspective": Draw("inverse_height", 0.7, 2.5),
+    "threshold": Draw("shift", 0.7e-3, 4e-3, 0.5),
+}
+"""Draws of the package's effects."""
+
+OUTSIDE: dict[str, Draw] = {
+    "draught": Draw("speed", 0.3, 2, 0.0, {"direction": _DIRECTION}),
+    "charge": Draw("share", 0.1, 1),
+    "seam": Draw("size", 0.5, 2, 0.0, {"direction": _AXIS, "offset": (-0.1, 0.1)}),
+    "crease-ring": Draw("angle", 10, 80, 0.5, {"radius": (0.105, 0.135)}),
+    "elliptical-cut": Draw("elongation", 0.01, 0.05, 0.0, {"direction": _AXIS}),
+    "lens": Draw("strength", 1.5, 8, 0.3),
+    "smear": Draw("length", 4, 16, 0.0, {"direction": _AXIS}),
+    "frilled": Draw("growth", 0.01, 0.06),
+}
+"""Draws of what is outside of the list, at 1, 2 and 4 times the typical severity."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a case holds.
+
+    Attributes:
+        case: Its name.
+        number: From 1; with the suite's seed it decides the fabric and all chance.
+        kind: What it is for.
+        causes: Effects with their parameters.
+        multiple: Of the reference severity; 0 for a null.
+        reference: What the severities are multiples of.
+    """
+
+    case: str
+    number: int
+    kind: Kind
+    causes: Mapping[str, Mapping[str, float]]
+    multiple: float
+    reference: Literal["detectable", "typical"]
+
+
+def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: Mapping[str, float] | None = None) -> list[Plan]:
+    """Draws the cases of a suite, in an order that tells nothing.
+
+    Args:
+        seed: Of the suite.
+        counts: How many cases of each kind. Single effects and severities are spread evenly.
+        detectable: Severity at which each effect is detected in most cases.
+
+    Raises:
+        WithheldError: No cases, or a detectable severity of an unknown effect or that is not positive.
+    """
+    _check(counts, detectable or {})
+    generator = np.random.default_rng([seed, 0])
+    drawn: list[tuple[Kind, dict[str, dict[str, float]], float]] = [("null", {}, 0.0)] * counts["null"]
+    for name, multiple in _spread(tuple(EFFECTS), MULTIPLES, counts["single"], generator):
+        drawn.append(("single", {name: _drawn(name, multiple, detectable, generator)}, multiple))
+    for first, multiple in _spread(tuple(EFFECTS), _PAIR_MULTIPLES, counts["pair"], generator):
+        second = _partner(first, generator)
+        causes = {name: _drawn(name, multiple, detectable, generator) for name in EFFECTS if name in (first, second)}
+        drawn.append(("pair", causes, multiple))
+    for name, multiple in _spread(tuple(OUTSIDE), MULTIPLES[1:], counts["unknown"], generator):
+        severity = multiple * OUTSIDE[name].typical
+        drawn.append(("unknown", {name: OUTSIDE[name].parameters(severity, generator)}, multiple))
+    order = generator.permutation(len(drawn))
+    reference = "detectable" if detectable else "typical"
+    return [
+        Plan(
+            f"case_{place:04d}",
+            place,
+            *drawn[which],
+            reference="typical" if drawn[which][0] == "unknown" else reference,
+        )
+        for place, which in enumerate(order, 1)
+    ]
+
+
+def _check(counts: Mapping[Kind, int], detectable: Mapping[str, float]) -> None:
+    if sum(counts.values()) < 1 or min(counts.values()) < 0:
+        raise WithheldError(f"a suite needs at least one case, got {dict(counts)}; ask for nulls, singles or others")
+    for name, severity in detectable.items():
+        if name not in EFFECTS or not severity > 0:
+            raise WithheldError(
+                f"detectable shifts are positive severities of known effects, got {name!r}: {severity}; "
+                f"known are {', '.join(EFFECTS)}"
+            )
+
+
+def _spread(
+    names: Sequence[str], multiples: Sequence[float], count: int, generator: np.random.Generator
+) -> list[tuple[str, float]]:
+    """As many of every name and multiple as can be, in a random order."""
+    cells = [(name, multiple) for multiple in multiples for name in names]
+    found: list[tuple[str, float]] = []
+    while len(found) < count:
+        found += [cells[i] for i in generator.permutation(len(cells))]
+    return found[:count]
+
+
+def _drawn(
+    name: str, multiple: float, detectable: Mapping[str, float] | None, generator: np.random.Generator
+) -> dict[str, float]:
+    draw = EFFECTS[name]
+    return draw.parameters(multiple * (detectable or {}).get(name, draw.typical), generator)
+
+
+def _partner(first: str, generator: np.random.Generator) -> str:
+    """Another effect that silhouettes can tell from the first."""
+    alike = {name for group in _ALIKE for name in group if first in group} | {first}
+    others = [name for name in EFFECTS if name not in alike]
+    return others[int(generator.integers(len(others)))]
