@@ -1,4 +1,9 @@
-"""The cloth bends more easily over one face than over the other."""
+"""The cloth bends more easily over one face than over the other.
+
+The law acts hinge by hinge. Where a sheet is rolled up along a direction of its mesh's edges, the hinges along that
+direction bend backwards by a third of its curvature: there the sheet shows 7/9 of the asymmetry, all of it where it is
+rolled up across edges, and 0.885 on the mean over all directions.
+"""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
