@@ -9,7 +9,18 @@ from rich.table import Table
 
 from cusick_bench.cli.common import console, print_json, user_errors
 from cusick_bench.problem import Budget
-from cusick_bench.runner import ProblemSettings, ProgressBars, RunnerError, Source, Store, load_once, plan, run, shard
+from cusick_bench.runner import (
+    ProblemSettings,
+    ProgressBars,
+    RunnerError,
+    Source,
+    Store,
+    labelled,
+    load_once,
+    plan,
+    run,
+    shard,
+)
 from cusick_bench.sim.settings import DrapeSettings
 
 app = typer.Typer()
@@ -47,6 +58,13 @@ def run_command(
     loss: Annotated[str, typer.Option(help="Training loss: mse, profile or mse+profile.")] = "mse",
     camera: Annotated[str, typer.Option(help="parallel or pinhole.")] = "parallel",
     renderer: Annotated[str, typer.Option(help="coverage or soft.")] = "coverage",
+    with_effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="What the base model leaves out and the fit shall not; repeatable; see `effects`.",
+        ),
+    ] = None,
     executor: Annotated[str, typer.Option(help="What runs the cells: process.")] = "process",
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     only: Annotated[str | None, typer.Option("--shard", help="Run the i-th of n parts of the grid: i/n.")] = None,
@@ -67,6 +85,7 @@ def run_command(
         loss=loss,
         laying=laying,
         budget=Budget(budget, seconds),
+        causes=tuple(with_effect or ()),
     )
     Store(out).prepare()
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
@@ -95,6 +114,7 @@ def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
     metrics, spent = result["metrics"], result["spent"]
     return {
         "solver": result["solver"],
+        "causes": result["settings"].get("causes", []),
         "cloth": result["cloth"],
         "seed": result["seed"],
         "status": result["status"],
@@ -113,7 +133,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
     for row in rows:
         table.add_row(
             row["cloth"],
-            row["solver"],
+            labelled(row["solver"], row["causes"]),
             str(row["seed"]),
             row["status"],
             _number(row["train_mse"], ".4f"),

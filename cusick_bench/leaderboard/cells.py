@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.runner import labelled
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")
@@ -102,7 +103,7 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     for name in _REQUIRED:
         if name not in result:
             raise ValueError(f"result.json lacks {name!r}")
-    identity = {"solver": str(result["solver"]), "cloth": str(result["cloth"]), "seed": int(result["seed"])}
+    identity = _named(result)
     if result.get("status") == "failed":
         return Skipped(folder, "failed", str(result.get("failure") or "no reason recorded"), **identity)
     if not (folder / "done").exists():
@@ -138,10 +139,16 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 def _identity(path: Path) -> dict[str, Any]:
     try:
-        record = _read_json(path)
-        return {"solver": str(record["solver"]), "cloth": str(record["cloth"]), "seed": int(record["seed"])}
+        return _named(_read_json(path))
     except (OSError, ValueError, TypeError, KeyError):
         return {}
+
+
+def _named(record: dict[str, Any]) -> dict[str, Any]:
+    """Solver, with the causes that its simulator knew of, cloth and seed."""
+    causes = [str(cause) for cause in (record.get("settings") or {}).get("causes", ())]
+    solver = labelled(str(record["solver"]), causes)
+    return {"solver": solver, "cloth": str(record["cloth"]), "seed": int(record["seed"])}
 
 
 def _read_run(folder: Path) -> dict[str, Any]:

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
+from torch import Tensor
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -26,7 +27,6 @@ from cusick_bench.metrics import from_levels, score
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
-from cusick_bench.sim.drape import Drape
 from cusick_bench.sim.material import Material
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.base import Prediction
@@ -249,14 +249,9 @@ def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Materi
         DrapeDiverged: The drape fails.
     """
     with torch.no_grad():
-        specimen = problem.space.specimen(torch.as_tensor(tau))
-        drape = problem.simulator.drape(
-            specimen.material,
-            initial=problem.initial if specimen.initial is None else specimen.initial,
-            rest_angle=specimen.rest_angle,
-            warm=_start(start, problem),
-        )
-        return specimen.material, drape.vertices.numpy(), problem.render(drape.vertices).numpy()
+        vector, warm = torch.as_tensor(tau), _start(start, problem)
+        vertices = problem.simulate(vector[None], warm).member(0).vertices
+        return problem.space.specimen(vector).material, vertices.numpy(), problem.render(vertices).numpy()
 
 
 def _with_draws(
@@ -291,11 +286,11 @@ def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generat
     return sorted(generator.choice(len(numbers), min(count, len(numbers)), replace=False).tolist())
 
 
-def _start(vertices: ndarray, problem: DrapeProblem) -> Drape | None:
+def _start(vertices: ndarray, problem: DrapeProblem) -> Tensor | None:
     """An equilibrium is one of many, so it is sought from where it is said to be."""
     if problem.simulator.settings.mode != "equilibrium":
         return None
-    return Drape(torch.as_tensor(vertices), True, 0.0, 0.0, 0)
+    return torch.as_tensor(vertices)[None]
 
 
 def _is_the_fit(stored: dict[str, ndarray]) -> bool:

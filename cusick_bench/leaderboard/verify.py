@@ -133,7 +133,7 @@ def data_of(cells: Cells) -> tuple[str, str | None]:
 def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redrawn: int, seed: int) -> Verification:
     result, cell = read_json(folder / "result.json"), cell_of(record)
     checks, notes = list(_identity_checks(folder, record, result, dataset)), []
-    identity = (folder.name, cell.solver, cell.cloth, cell.seed)
+    identity = (folder.name, cell.label, cell.cloth, cell.seed)
     if result.get("status") != "done":
         return Verification(*identity, "unreadable", (), ("the cell has failed; it claims nothing",))
     if cell.code_version != code_version():

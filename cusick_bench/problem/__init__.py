@@ -8,6 +8,7 @@ from cusick_bench.problem.journal import Checkpoint, Journal
 from cusick_bench.problem.laying import laid_like
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.problem.scene import Scene, canonical, parse_causes
 from cusick_bench.problem.space import HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
 from cusick_bench.problem.spaces import SPACES
 from cusick_bench.problem.train_mesh import TrainMesh
@@ -28,8 +29,11 @@ __all__ = [
     "Observation",
     "ParameterSpace",
     "ProblemError",
+    "Scene",
     "Specimen",
     "StiffnessPrior",
     "TrainMesh",
+    "canonical",
     "laid_like",
+    "parse_causes",
 ]

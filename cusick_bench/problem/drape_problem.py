@@ -23,6 +23,7 @@ from cusick_bench.problem.budget import COST, Evaluation, Meter
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.losses import LOSSES
+from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.branch import follow
@@ -83,6 +84,7 @@ class DrapeProblem:
         journal: Evaluations kept for resumption.
         checkpoint: Place for a solver's own state.
         train_mesh: The training drape in three dimensions, where its shape is known and the solver asks for it.
+        scene: What the base model leaves out, if anything; the simulator is that of its mesh and settings.
     """
 
     train_image: Float[np.ndarray, "256 256"]
@@ -98,6 +100,7 @@ class DrapeProblem:
     journal: Journal = field(default_factory=Journal)
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
     train_mesh: TrainMesh | None = None
+    scene: Scene | None = None
     _branch: _Branch = field(default_factory=_Branch, repr=False)
 
     def __post_init__(self) -> None:
@@ -172,6 +175,11 @@ class DrapeProblem:
         """
         if not self.space.differentiable:
             raise ProblemError(f"the space {self.space.name!r} has no gradients; use a gradient-free solver")
+        if self.scene is not None and self.scene.stateful:
+            raise ProblemError(
+                f"effect {self.scene.stateful} has internal variables, so drapes have no gradients; "
+                "use a gradient-free solver, such as cmaes or nlopt:LN_BOBYQA"
+            )
         entries = self._metered("gradient", taus, measure)
         losses = np.array([entry.evaluation.loss for entry in entries])
         nothing = np.zeros(self.dimension)
@@ -193,19 +201,35 @@ class DrapeProblem:
         """Vertices of the drape at tau [m] (see `observe`)."""
         return self.observe(tau).vertices
 
-    def simulate(self, taus: Float[Tensor, "members dimension"]) -> DrapeBatch:
-        """Drapes with gradients to the vectors, neither metered nor kept."""
+    def simulate(
+        self, taus: Float[Tensor, "members dimension"], warm: Float[Tensor, "members vertices 3"] | None = None
+    ) -> DrapeBatch:
+        """Drapes with gradients to the vectors, neither metered nor kept.
+
+        Args:
+            taus: Parameter vectors.
+            warm: Where equilibria are sought from [m]; by default from the branch that is followed.
+        """
         specimens = [self.space.specimen(tau) for tau in taus]
-        initial = [self.initial if one.initial is None else one.initial for one in specimens]
-        return self.simulator.drape_batch(
-            [one.material for one in specimens],
-            initial=_stacked(initial),
-            rest_angle=_stacked([one.rest_angle for one in specimens]),
-            warm=self._warm(len(taus)),
+        materials = [one.material for one in specimens]
+        initial = _stacked([self.initial if one.initial is None else one.initial for one in specimens])
+        rest_angle = _stacked([one.rest_angle for one in specimens])
+        warm = self._warm(len(taus)) if warm is None else warm
+        if self.scene is None:
+            return self.simulator.drape_batch(materials, initial=initial, rest_angle=rest_angle, warm=warm)
+        laid, flat = torch.from_numpy(self.simulator.laid_down()), self.simulator.rest_angles()
+        return self.scene.drape(
+            self.simulator,
+            materials,
+            laid.expand(len(taus), -1, -1) if initial is None else initial,
+            flat.expand(len(taus), -1) if rest_angle is None else rest_angle,
+            warm,
         )
 
     def render(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "256 256"]:
         """Silhouette of given vertices, as the problem's camera and renderer see them."""
+        if self.scene is not None:
+            vertices = self.scene.seen(vertices)
         return render(vertices, self.simulator.mesh.faces, self.camera, method=self.renderer)
 
     def save(self, **arrays: np.ndarray) -> None:

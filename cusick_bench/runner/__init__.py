@@ -3,7 +3,7 @@
 from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.execute import run
-from cusick_bench.runner.grid import Cell, ProblemSettings, plan, shard
+from cusick_bench.runner.grid import Cell, ProblemSettings, labelled, plan, shard
 from cusick_bench.runner.pool import Source, load_once
 from cusick_bench.runner.progress import ProgressBars, Unwatched, Watcher
 from cusick_bench.runner.store import Store
@@ -18,6 +18,7 @@ __all__ = [
     "Unwatched",
     "Watcher",
     "build_problem",
+    "labelled",
     "load_once",
     "load_prediction",
     "plan",

@@ -14,7 +14,18 @@ import torch
 from cusick_bench.datasets import DrapeDataset, DrapeSample, synthetic_recipe
 from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.metrics import score, to_levels
-from cusick_bench.problem import SPACES, Checkpoint, DrapeProblem, Journal, Meter, StiffnessPrior, TrainMesh, laid_like
+from cusick_bench.problem import (
+    SPACES,
+    Checkpoint,
+    DrapeProblem,
+    Journal,
+    Meter,
+    Scene,
+    StiffnessPrior,
+    TrainMesh,
+    laid_like,
+    parse_causes,
+)
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
@@ -37,6 +48,30 @@ def _simulator(vertices: int, settings: DrapeSettings, cloth_radius: float) -> D
     return DrapeSimulator(mesh, settings)
 
 
+@lru_cache(maxsize=4)
+def _simulator_of(mesh: Mesh, settings: DrapeSettings) -> DrapeSimulator:
+    """The same for meshes that effects have moved."""
+    return DrapeSimulator(mesh, settings)
+
+
+def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scene | None:
+    """What the base model leaves out, for the picture that is fitted."""
+    if not cell.settings.causes:
+        return None
+    row, table = cell.train[0], dataset.index
+    shown = [*table.index[table["image"] == table.at[row, "same_as"]], row][0]  # a named image's capture has the number
+    capture = int(table.at[shown, "capture"])
+    return Scene(
+        parse_causes(cell.settings.causes),
+        simulator.mesh,
+        simulator.settings,
+        side="down" if table.at[row, "side"] == "down" else "up",
+        capture=capture,
+        later=any(int(table.at[other, "capture"]) < capture for other in dataset.repeats(row)),
+        seed=cell.seed,
+    )
+
+
 def _camera(name: str, protocol: Protocol) -> Camera:
     """Where the data have the plate's axis and which way is up; "parallel" has their scale, too."""
     image_y: Any = protocol.image_y
@@ -51,12 +86,16 @@ def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None)
     known: dict[str, Any] = sample.row.to_dict()
     drape = replace(settings.drape, seed=cell.seed, plate_radius=protocol.plate_radius_m, gravity=protocol.gravity_m_s2)
     simulator = _simulator(settings.vertices, drape, protocol.cloth_radius_m)
-    prior = StiffnessPrior(drape.law, float(known["areal_density"]))
-    laid = laid_like(sample.profile.radii, simulator.mesh, plate_radius=drape.plate_radius)
+    scene = _scene(dataset, cell, simulator)
+    if scene is not None:
+        simulator = _simulator_of(scene.warped, scene.simulated)
+    prior, plate_radius = StiffnessPrior(drape.law, float(known["areal_density"])), simulator.settings.plate_radius
+    radii = sample.profile.radii if scene is None else scene.profile(sample.profile.radii)
+    laid = laid_like(radii, simulator.mesh, plate_radius=plate_radius)
     return DrapeProblem(
         train_image=_image(dataset, cell.train[0]),
         simulator=simulator,
-        space=SPACES[settings.space](simulator.mesh, prior, drape.plate_radius),
+        space=SPACES[settings.space](simulator.mesh, prior, plate_radius),
         thickness=float(known["thickness"]),
         camera=_camera(settings.camera, protocol),
         renderer=settings.renderer,  # pyright: ignore[reportArgumentType]
@@ -66,6 +105,7 @@ def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None)
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
         train_mesh=_train_mesh(sample, simulator.mesh) if make_solver(cell.solver).needs_mesh else None,
+        scene=scene,
     )
 
 

@@ -2,11 +2,12 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.problem import LOSSES, SPACES, Budget, ProblemError
+from cusick_bench.problem import LOSSES, SPACES, Budget, ProblemError, canonical
 from cusick_bench.runner.environment import code_version
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.sim.settings import DrapeSettings
@@ -31,6 +32,8 @@ class ProblemSettings:
         loss: What is minimised on the training image.
         laying: "image" lays the cloth with the folds that the training image shows, "random" by the seed alone.
         budget: Most a solver may spend.
+        causes: What the base model leaves out and the problem's simulator does not, as `plate-tilt:angle=2`; kept with
+            all parameters.
     """
 
     space: str = "homo"
@@ -41,8 +44,10 @@ class ProblemSettings:
     loss: str = "mse"
     laying: str = "image"
     budget: Budget = field(default_factory=Budget)
+    causes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "causes", tuple(canonical(text) for text in self.causes))
         for name, value, options in (
             ("space", self.space, SPACES),
             ("camera", self.camera, CAMERAS),
@@ -53,6 +58,11 @@ class ProblemSettings:
         ):
             if value not in options:
                 raise ProblemError(f"unknown {name} {value!r}; use one of {', '.join(options)}")
+
+    def record(self) -> dict[str, Any]:
+        """The settings as a document; causes only where there are any, so that cells without keep their names."""
+        record = asdict(self) | {"causes": list(self.causes)}
+        return record if self.causes else {name: value for name, value in record.items() if name != "causes"}
 
 
 @dataclass(frozen=True)
@@ -86,7 +96,7 @@ class Cell:
     def problem_hash(self) -> str:
         """Fingerprint of the problem, whoever solves it."""
         record = {"dataset": self.dataset_hash, "cloth": self.cloth, "train": self.train, "test": self.test}
-        return _digest(record | {"settings": asdict(self.settings)})
+        return _digest(record | {"settings": self.settings.record()})
 
     def record(self) -> dict[str, Any]:
         """Contents of `cell.json`; the cell's key is their hash."""
@@ -105,15 +115,25 @@ class Cell:
             "protocol": self.protocol,
             "train": list(self.train),
             "test": list(self.test),
-            "settings": asdict(self.settings),
+            "settings": self.settings.record(),
             "budget": asdict(self.settings.budget),
             "code_version": self.code_version,
         }
 
     @property
+    def label(self) -> str:
+        """Solver and causes, as leaderboards name them."""
+        return labelled(self.solver, self.settings.causes)
+
+    @property
     def key(self) -> str:
         """Name of the cell's folder."""
         return _digest(self.record())
+
+
+def labelled(solver: str, causes: Sequence[str]) -> str:
+    """A solver's name with the causes that its simulator knows of."""
+    return " + ".join([solver, *causes])
 
 
 def _digest(record: dict[str, Any]) -> str:
@@ -140,12 +160,16 @@ def plan(
         protocol: How to split each cloth's samples.
 
     Raises:
-        CusickError: An unknown solver or cloth, no solver, or a cloth to be simulated has no areal density.
+        CusickError: An unknown solver or cloth, no solver, one that knows no effects where some are asked for, or a
+            cloth to be simulated has no areal density.
     """
     if not solvers:
         raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
     made = {text: make_solver(text) for text in solvers}
     asked = settings or ProblemSettings()
+    meshed = [text for text, solver in made.items() if solver.needs_mesh]
+    if asked.causes and meshed:
+        raise RunnerError(f"{meshed[0]} balances forces without draping, so it knows no effects; run it without")
     cells = [
         Cell(
             solver=text,
@@ -153,7 +177,11 @@ def plan(
             seed=seed,
             train=tuple(split.train),
             test=tuple(split.test),
-            settings=replace(asked, space=made[text].space or asked.space),
+            settings=replace(
+                asked,
+                space=made[text].space or asked.space,
+                causes=asked.causes if made[text].kind == "solver" else (),  # the others do not simulate
+            ),
             dataset=dataset.name,
             dataset_hash=dataset.content_hash,
             protocol=protocol,

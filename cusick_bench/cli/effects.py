@@ -1,0 +1,55 @@
+"""`cusick-bench effects`: what the base model leaves out, and how to ask for it."""
+
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.sim.effects import Effect, Parameter, registered
+
+PIPED_WIDTH = 160
+
+app = typer.Typer()
+
+
+@app.command("effects")
+@user_errors
+def effects(
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """List the effects that `simulate` and `run` take as --with-effect NAME:param=value,...
+
+    The first parameter of each is its severity, 0 where the effect is absent; it is the typical one if not given.
+    """
+    if json:
+        print_json({"effects": [_document(effect) for effect in registered().values()]})
+        return
+    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
+    table = Table("name", "class", "what it is", "parameters: typical (bounds), source", "gradient", "located")
+    for effect in registered().values():
+        numbers = "\n".join(_line(parameter) for parameter in _severity_first(effect))
+        table.add_row(effect.name, effect.kind, effect.summary, numbers, effect.gradient, effect.located or "-")
+    screen.print(table)
+
+
+def _severity_first(effect: Effect) -> list[Parameter]:
+    return sorted(effect.parameters, key=lambda parameter: parameter.role != "severity")
+
+
+def _line(parameter: Parameter) -> str:
+    p = parameter
+    usual = p.typical if p.role == "severity" else p.default
+    unit = f" {p.unit}" if p.unit else ""
+    source = f", {p.source}" if p.role == "severity" else ""
+    return f"{p.name}: {usual:g}{unit} ({p.low:g} to {p.high:g}{unit}){source}"
+
+
+def _document(effect: Effect) -> dict[str, Any]:
+    return {
+        **{name: getattr(effect, name) for name in ("name", "summary", "physics", "reference", "gradient", "signed")},
+        "class": effect.kind,
+        "located": effect.located,
+        "parameters": [vars(parameter) for parameter in _severity_first(effect)],
+    }

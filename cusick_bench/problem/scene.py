@@ -1,0 +1,178 @@
+"""What the base model leaves out, in a fit: a specimen is put into a `Setup`, and the causes change it.
+
+Which mesh and settings the causes ask for is settled once, before the parameter space is laid over them; all else is
+applied at every evaluation, since causes may depend on the cloth. Drapes are handed over in the laboratory's frame,
+as the camera sees it; a cloth that lies face down is simulated as its mirror image, x -> -x.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from cusick_bench.problem.errors import ProblemError
+from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
+from cusick_bench.sim.effects import Cause, apply_all, parse
+from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.history import drop_with_history
+from cusick_bench.sim.material import Material, uniform_material
+from cusick_bench.sim.mesh import Mesh
+from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.setup import Setup, Side
+
+_ANY_CLOTH = uniform_material(density=0.2, bending=1e-5)  # which mesh a cause asks for does not depend on it
+_MIRROR = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
+
+
+def parse_causes(texts: Sequence[str]) -> tuple[Cause, ...]:
+    """Causes of texts as `plate-tilt:angle=2,direction=90`.
+
+    Raises:
+        SimulationError: An unknown effect or parameter, or a value that is no number or out of bounds.
+    """
+    return tuple(parse(text) for text in texts)
+
+
+def canonical(text: str) -> str:
+    """A cause with all its parameters, the same however it was written; raises as `parse_causes`."""
+    cause = parse(text)
+    full = cause.effect.complete(cause.value)
+    return f"{cause.effect.name}:{','.join(f'{name}={float(value):.15g}' for name, value in full.items())}"
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """How specimens are draped and seen.
+
+    Attributes:
+        causes: What the base model leaves out, in the order in which it acts.
+        mesh: The cloth without them.
+        settings: Of the simulator without them.
+        side: Which face lies up.
+        capture: Number of the picture, from 1.
+        later: Whether an earlier picture of the same face lies before it.
+        seed: Whatever is random in the causes follows from it.
+
+    Raises:
+        SimulationError: A cause that cannot act on this mesh.
+        ProblemError: A cause that acts in the course of a drop, but the mode is not `drop`.
+    """
+
+    causes: tuple[Cause, ...]
+    mesh: Mesh
+    settings: DrapeSettings
+    side: Side = "up"
+    capture: int = 1
+    later: bool = False
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        stateful, mode = self.stateful, self.simulated.mode
+        if stateful and mode != "drop":
+            raise ProblemError(
+                f"effect {stateful} acts in the course of a drop, got mode {mode!r}"
+                + (" (which self-contact asks for)" if self._applied.self_contact > 0 else "")
+                + "; use mode 'drop', or leave the effect out"
+            )
+
+    @property
+    def warped(self) -> Mesh:
+        """The mesh that the causes ask for."""
+        return self._applied.mesh
+
+    @property
+    def simulated(self) -> DrapeSettings:
+        """The settings that they ask for."""
+        thickness = float(self._applied.self_contact)
+        if thickness == 0:
+            return self._applied.settings
+        return replace(self._applied.settings, mode="equilibrium", self_contact=thickness)
+
+    @cached_property
+    def stateful(self) -> str:
+        """Name of the first effect with internal variables, which has no gradients; "" where there is none."""
+        return next((c.effect.name for c in self.causes if c.apply(self._plain(_ANY_CLOTH)).states), "")
+
+    def to_cloth(self, vertices: Float[Tensor, "*batch vertices 3"]) -> Float[Tensor, "*batch vertices 3"]:
+        """From the laboratory's frame to that of the simulated cloth, or back."""
+        return vertices if self.side == "up" else vertices * _MIRROR
+
+    def profile(self, radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, " angles"]:
+        """A silhouette's radii at equidistant angles from +x, an even number, in the frame of the simulated cloth."""
+        half, every = len(radii) // 2, np.arange(len(radii))
+        return radii if self.side == "up" else radii[(half - every) % len(radii)]
+
+    def seen(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
+        """Where points of the laboratory seem to be, for the nominal camera [m]."""
+        return self._applied.to_camera(self.to_cloth(vertices))
+
+    def drape(
+        self,
+        simulator: DrapeSimulator,
+        materials: Sequence[Material],
+        initial: Float[Tensor, "members vertices 3"],
+        rest_angle: Float[Tensor, "members hinges"],
+        warm: Float[Tensor, "members vertices 3"] | None = None,
+    ) -> DrapeBatch:
+        """Drapes cloths under the causes.
+
+        Args:
+            simulator: Of the warped mesh and the simulated settings.
+            materials: The cloths without the causes.
+            initial: How they are laid down, in the frame of the simulated cloth [m].
+            rest_angle: Their stress-free dihedral angles, positive where convex seen from the face [rad].
+            warm: Where equilibria are sought from, in the laboratory's frame [m].
+
+        Returns:
+            The drapes, in the laboratory's frame, with gradients where no effect has internal variables.
+        """
+        setups = [self._setup(*one) for one in zip(materials, initial, rest_angle, strict=True)]
+        if any(setup.states for setup in setups):
+            batch = _dropped(simulator, setups)
+        else:
+            batch = simulator.drape_batch(
+                [setup.cloth() for setup in setups],
+                initial=torch.stack([setup.initial() for setup in setups]),
+                rest_angle=torch.stack([setup.rest_angle() for setup in setups]),
+                warm=None if warm is None else self.to_cloth(warm),
+            )
+        return batch if self.side == "up" else replace(batch, vertices=self.to_cloth(batch.vertices))
+
+    @cached_property
+    def _applied(self) -> Setup:
+        return apply_all(self.causes, self._plain(_ANY_CLOTH))
+
+    def _plain(self, material: Material) -> Setup:
+        return Setup(
+            self.mesh, self.settings, material, self.side, self.capture, self.later,
+            specimen_seed=(self.seed,), laying_seed=(self.seed,),
+        )  # fmt: skip
+
+    def _setup(self, material: Material, initial: Tensor, rest_angle: Tensor) -> Setup:
+        """One specimen under the causes; its shape comes first, so that they act on it."""
+        shaped = self._plain(material).with_added(laid=lambda _: initial, rest_angles=lambda _: rest_angle)
+        return apply_all(self.causes, shaped)
+
+
+def _dropped(simulator: DrapeSimulator, setups: Sequence[Setup]) -> DrapeBatch:
+    """Drops with internal variables, one by one; nobody knows their residual."""
+    clock, shapes, failures = time.perf_counter(), [], []
+    for setup in setups:
+        try:
+            shapes.append(
+                drop_with_history(simulator, setup.cloth(), setup.initial(), setup.rest_angle(), setup.states)
+            )
+            failures.append(None)
+        except DrapeDiverged as error:
+            shapes.append(torch.full((simulator.mesh.vertices, 3), torch.nan, dtype=torch.float64))
+            failures.append(str(error))
+    members = len(setups)
+    return DrapeBatch(
+        torch.stack(shapes), failures, np.zeros(members, bool), np.full(members, np.nan),
+        np.full(members, simulator.settings.steps), time.perf_counter() - clock,
+    )  # fmt: skip
