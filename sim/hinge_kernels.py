@@ -183,6 +183,37 @@ def hinge_stiffness(
 
 
 @kernel()
+def hinge_angles(hinges, x, angle):
+    """Dihedral angles of one cloth.
+
+    Args:
+        hinges: From `Elements`.
+        x: Positions (vertices, 3) [m].
+        angle: Receives (hinges) [rad].
+    """
+    for i in range(len(hinges)):
+        e, p, r = _legs(hinges[i], x)
+        angle[i] = _hinge(e, p, r)[0]
+
+
+@kernel()
+def hinge_secants(law, scale, low, fraction, angle, bending, secant):
+    """Bending stiffness that the hinges of one cloth have at their angles.
+
+    Args:
+        law: PUBLISHED or PAPER.
+        scale, low, fraction: From `Elements`.
+        angle: Dihedral angles less the rest angles (hinges) [rad].
+        bending: (hinges or 1, 3, 5) [N m].
+        secant: Receives B (hinges) [N m].
+    """
+    for i in range(len(angle)):
+        table = bending[i if bending.shape[0] > 1 else 0]
+        low_row, high_row = table[low[i]], table[low[i] + 1]
+        secant[i] = _bending_law(law, angle[i], scale[i], fraction[i], low_row, high_row)[0]
+
+
+@kernel()
 def _hessian_product(e, p, r, n0, n1, a, b, t0, t1, de, dp, dr):
     """Change of grad theta to e, p and r when edge and legs change by de, dp, dr."""
     length2 = dot(e, e)

@@ -18,11 +18,9 @@ from torch import Tensor
 
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.drop import Stepper, too_far
-from cusick_bench.sim.elements import Elements
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.material import Material
 from cusick_bench.sim.outcome import flown_apart
-from cusick_bench.sim.shape import dihedral_angles
 from cusick_bench.sim.system import DrapeSystem, Parameters
 
 
@@ -123,11 +121,6 @@ def drop_with_history(
     if failure is not None:
         raise DrapeDiverged(failure)
     return torch.from_numpy(x[0])
-
-
-def bent(elements: Elements, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "hinges"]:
-    """Dihedral angles [rad], positive where the cloth is convex seen from its face (in the simulated frame)."""
-    return dihedral_angles(torch.from_numpy(x), elements.hinges).numpy()
 
 
 def _array(tensor: Tensor) -> ndarray:

@@ -200,6 +200,26 @@ class DrapeSystem:
         )  # fmt: skip
         return Evaluation(self, work, x, anchor, p, exact, everywhere)
 
+    def bent(self, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "hinges"]:
+        """Dihedral angles of one cloth [rad], positive where it is convex seen from its face."""
+        angle = np.empty(len(self.elements.hinges))
+        hinge_kernels.hinge_angles(self.elements.hinges, x, angle)
+        return angle
+
+    def secant_bending(self, angle: Float[ndarray, "hinges"], p: Parameters) -> Float[ndarray, "hinges"]:
+        """B of one cloth's hinges at their angles [N m].
+
+        Args:
+            angle: Dihedral angles [rad].
+            p: The cloth.
+        """
+        el, secant = self.elements, np.empty(len(angle))
+        hinge_kernels.hinge_secants(
+            _LAWS[self.law], el.hinge_scale, el.direction_low, el.direction_fraction, angle - p.rest_angle, p.bending,
+            secant,
+        )  # fmt: skip
+        return secant
+
     def forces(
         self, x: Float[ndarray, "vertices 3"], anchor: Float[ndarray, "vertices 3"], p: Parameters, *, exact: bool
     ) -> tuple[Float[ndarray, "vertices 3"], Float[ndarray, "slots 3 3"], float]:

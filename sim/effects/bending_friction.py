@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.history import Rank, State, StateLaw, bent
+from cusick_bench.sim.history import Rank, State, StateLaw
 from cusick_bench.sim.setup import Setup
 from cusick_bench.sim.system import DrapeSystem, Parameters
-from cusick_bench.sim.torch_laws import bending
 
 YIELD_CURVATURE = 2.0
 """Change of curvature [1/m] over which the friction turns round: a tenth of a drape's, so that loops are nearly
@@ -60,23 +58,14 @@ class SlidHinges(State):
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
     ) -> tuple[DrapeSystem, Parameters]:
         """Springs B and k_f in parallel as one: stiffness B + k_f, rest angle (B rest + k_f slid) / (B + k_f)."""
-        angle, reach = bent(system.elements, x), YIELD_CURVATURE / system.elements.hinge_scale
+        angle, reach = system.bent(x), YIELD_CURVATURE / system.elements.hinge_scale
         self.slid = np.clip(self.slid, angle - reach, angle + reach)
         more = HINGE_SHARE * self.ratio / YIELD_CURVATURE  # k_f / B
         rest = (parameters.rest_angle + more * self.slid) / (1 + more)
-        stiffness = (1 + more) * _secant(system, parameters, angle)
+        # B at the elastic curvature, which is not the curvature from the joint rest angle
+        stiffness = (1 + more) * system.secant_bending(angle, parameters)
         tables = np.broadcast_to(stiffness[:, None, None], (len(angle), 3, 5))
         return system, replace(parameters, bending=np.ascontiguousarray(tables), rest_angle=rest)
-
-
-def _secant(system: DrapeSystem, parameters: Parameters, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"]:
-    """B of every hinge at its elastic curvature, which is not the curvature from the joint rest angle [N m]."""
-    elements = system.elements
-    tables, hinge = parameters.bending, np.arange(len(angle)) if len(parameters.bending) > 1 else 0
-    upper = elements.direction_fraction[:, None]
-    rows = (1 - upper) * tables[hinge, elements.direction_low] + upper * tables[hinge, elements.direction_low + 1]
-    curvature = (angle - parameters.rest_angle) * elements.hinge_scale
-    return bending(system.law, torch.from_numpy(curvature)[None], torch.from_numpy(rows)[None])[0].numpy()
 
 
 class BendingFriction(Effect):

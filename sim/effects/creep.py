@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.history import Rank, State, StateLaw, bent
+from cusick_bench.sim.history import Rank, State, StateLaw
 from cusick_bench.sim.setup import Setup
 from cusick_bench.sim.system import DrapeSystem, Parameters
 
@@ -48,7 +48,7 @@ class Relaxing(State):
         if share < _REACHED:
             return system, parameters
         if self.reached is None:
-            self.reached = bent(system.elements, x)
+            self.reached = system.bent(x)
         gone = self.loss * min(1.0, (share - _REACHED) / (_RELAXED - _REACHED))
         rest = parameters.rest_angle + gone * (self.reached - parameters.rest_angle)
         return system, replace(parameters, rest_angle=np.ascontiguousarray(rest))

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.history import Rank, State, StateLaw, bent
+from cusick_bench.sim.history import Rank, State, StateLaw
 from cusick_bench.sim.setup import Setup
 from cusick_bench.sim.system import DrapeSystem, Parameters
 
@@ -35,7 +35,7 @@ class TwoSided(StateLaw, State):
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
     ) -> tuple[DrapeSystem, Parameters]:
-        away = bent(system.elements, x) - parameters.rest_angle
+        away = system.bent(x) - parameters.rest_angle
         factor = 1 + self.convex * np.sign(away)
         return system, replace(parameters, bending=parameters.bending * factor[:, None, None])
 
