@@ -20,12 +20,14 @@ from numpy import ndarray
 from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.image import PlateFit, fit_plate
+from cusick_bench.datasets.profile import PIXELS_PER_METRE
 from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.diagnosis.errors import DiagnosisError
 
 ANGLES = 360  # a radius per degree: twelve to the narrowest fold
 SIDES = ("up", "down", "")
-_COMMON_FAULT = 0.2  # a fault of more than this share of a fabric's images is the camera's or the cloth's, no slip
+_PIXEL = 1 / PIXELS_PER_METRE  # [m]
+_SLIP = 4.0  # robust standard deviations from the fabric's median; what lies nearer belongs to its spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +132,9 @@ def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
     """Silhouettes of one fabric of a data set, with the corrections that it was loaded with.
 
     An image is left out, and a note says so, if it cannot be read, if a ray from the plate's axis meets no cloth, or
-    if the plate does not fit into the silhouette where it should be. But where a fifth of the fabric's images share
-    the last fault, it is no slip of single images but something to be diagnosed (the camera's place or scale, a cloth
-    laid off centre), and they stay.
+    if the plate does not fit into the silhouette where it should be and the silhouette's place or size is unlike the
+    fabric's others'. Where it is like theirs it is no slip but something to be diagnosed (the camera's place or scale,
+    cloths laid off centre), and it stays.
 
     Args:
         dataset: Data.
@@ -149,11 +151,13 @@ def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
             rows.append(_read(chosen, row))
         except DataError as error:
             notes.append(f"left out: {error}")
-    faults = Counter(read.plate.fault for read in rows)
-    common = {fault for fault, count in faults.items() if fault and count > _COMMON_FAULT * len(rows)}
-    notes += [f"{faults[fault]} of {len(rows)} images are {fault}; kept" for fault in sorted(common)]
-    notes += [f"left out: {read.image}: {read.plate.fault}" for read in rows if read.plate.fault not in {"", *common}]
-    kept = [read for read in rows if read.plate.fault in {"", *common}]
+    slips = _slips(rows)
+    notes += [f"left out: {read.image}: {read.plate.fault}" for read, slip in zip(rows, slips, strict=True) if slip]
+    kept = [read for read, slip in zip(rows, slips, strict=True) if not slip]
+    faults = Counter(read.plate.fault for read in kept if read.plate.fault)
+    notes += [
+        f"{count} of {len(kept)} images are {fault}, but like the others; kept" for fault, count in faults.items()
+    ]
     unknown = sum(not read.side for read in kept)
     notes += [f"the face of {unknown} of {len(kept)} images is unknown"] if unknown else []
     if not kept:
@@ -200,6 +204,19 @@ def _read(dataset: DrapeDataset, row: int) -> _Read:
         int(labels["observation"] or labels["capture"]),
         fit_plate(image, protocol),
     )
+
+
+def _slips(rows: Sequence[_Read]) -> list[bool]:
+    """Which images do not hold the plate and lie apart from the others by place (first harmonic) or size."""
+    if not rows:
+        return []
+    radii = np.stack([read.radii for read in rows])
+    transform = np.fft.rfft(radii, axis=1)[:, :2] / radii.shape[1]
+    place = np.stack([2 * np.real(transform[:, 1]), 2 * np.imag(transform[:, 1]), np.real(transform[:, 0])], axis=1)
+    distance = np.abs(place - np.median(place, axis=0))
+    scale = np.maximum(1.4826 * np.median(distance, axis=0), _PIXEL)
+    apart = np.any(distance > _SLIP * scale, axis=1)
+    return [bool(read.plate.fault) and far for read, far in zip(rows, apart.tolist(), strict=True)]
 
 
 def _turned_about_x(protocol: Protocol) -> bool:

@@ -126,7 +126,7 @@ class ClusterDistances:
         self, first: Float[ndarray, "*batch nodes"], second: Float[ndarray, "*batch nodes"]
     ) -> Float[ndarray, "*batch"]:
         """Energy distances of sets of weighted nodes; NaN where a set has fewer than two clusters."""
-        return 2 * self._mean(first, second) - self._mean(first, first) - self._mean(second, second)
+        return np.asarray(2 * self._mean(first, second) - self._mean(first, first) - self._mean(second, second))
 
     def _mean(self, weights: ndarray, others: ndarray) -> ndarray:
         total, number = ((weights @ part * others).sum(-1) for part in (self.sums, self.pairs))
@@ -168,13 +168,18 @@ def cluster_distances(
     values = np.concatenate([first, second])
     row = np.concatenate([own_row, len(own) + other_row])
     nodes = len(own) + len(other)
-    indicator = np.zeros((nodes, len(row)))
-    indicator[row, np.arange(len(row))] = 1.0
     cluster = np.concatenate([own, other]) if shared else np.arange(nodes)
     apart = cluster[:, None] != cluster[None, :]
-    sizes = indicator.sum(1)
-    sums = indicator @ cdist(values, values) @ indicator.T
+    sizes = np.bincount(row).astype(np.float64)
+    sums = _sums_by_node(values[np.argsort(row, kind="stable")], np.cumsum(sizes) - sizes)
     return ClusterDistances(sums * apart, np.outer(sizes, sizes) * apart, np.arange(nodes) < len(own))
+
+
+def _sums_by_node(values: ndarray, starts: ndarray) -> Float[ndarray, "nodes nodes"]:
+    """Sums of distances; the rows of a node follow each other from its start."""
+    first = starts.astype(np.int64)
+    distances = cdist(values, values)
+    return np.add.reduceat(np.add.reduceat(distances, first, axis=0), first, axis=1)
 
 
 def _labels(values: ndarray, clusters: ndarray | None) -> tuple[ndarray, ndarray]:
