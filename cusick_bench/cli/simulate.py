@@ -1,6 +1,7 @@
 """`cusick-bench simulate`: one or many drapes of a cloth given by a few numbers."""
 
 import itertools
+import math
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -25,18 +26,22 @@ from cusick_bench.datasets.profile import (
     fold_count,
     profile_from_image,
 )
+from cusick_bench.problem import Scene, parse_causes
 from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
 from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
+from cusick_bench.sim.effects import Cause
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.heterogeneity import random_heterogeneity
 from cusick_bench.sim.material import PUBLISHED_BENDING_FACTOR, Material, uniform_material
 from cusick_bench.sim.mesh import disc_mesh, mesh_from_obj, write_obj
 from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.setup import Simulators
 from cusick_bench.sim.silhouette import render
 
 app = typer.Typer()
 
 _MOST_ROWS = 40  # draws that the table shows one by one
+_AT_REST = {True: "yes", False: "no", None: "?"}
 
 
 class Mode(StrEnum):
@@ -62,7 +67,7 @@ class CameraName(StrEnum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """One simulated drape with the numbers that describe it."""
+    """One simulated drape with the numbers that describe it; nobody knows whether one with history is at rest."""
 
     drape: Drape
     image: torch.Tensor
@@ -73,7 +78,7 @@ class Outcome:
         return {
             "drape_coefficient": drape_coefficient(self.image),
             "folds": fold_count(self.profile),
-            "converged": self.drape.converged,
+            "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
             "residual": self.drape.residual,
             "seconds": self.drape.seconds,
             "mean_radius_m": float(self.profile.radii.mean()),
@@ -101,15 +106,23 @@ class Draws:
         cloth: Their mean.
         heterogeneity: Spread of log stiffness.
         seed: Of the first.
+        causes: What the base model leaves out.
     """
 
     simulator: DrapeSimulator
     cloth: Material
     heterogeneity: float
     seed: int
+    causes: tuple[Cause, ...] = ()
 
     def batches(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
-        """Drapes `count` draws in batches of like size that fit the memory: their numbers, and they, on the CPU."""
+        """Drapes `count` draws in batches of like size that fit the memory: their numbers, and they, on the CPU.
+
+        With causes they are draped one by one, since a cause may be random and ask for a mesh of its own.
+        """
+        if self.causes:
+            yield from self._caused(count)
+            return
         batches = -(-count // self.simulator.at_once())
         ends = [round(count * part / batches) for part in range(batches + 1)]
         for first, end in itertools.pairwise(ends):
@@ -125,6 +138,19 @@ class Draws:
             rest_angle=torch.stack([self.simulator.rest_angles(seed) for seed in seeds]),
         )
         return replace(batch, vertices=batch.vertices.cpu())
+
+    def scene(self, number: int) -> Scene:
+        """A draw's causes, as in a later picture of it."""
+        plain = self.simulator
+        return Scene(self.causes, plain.mesh, plain.settings, capture=2, later=True, seed=self.seed + number)
+
+    def _caused(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
+        simulators = Simulators()
+        for number in range(count):
+            scene, seed = self.scene(number), self.seed + number
+            simulator = simulators.get(scene.warped, scene.simulated)
+            laid, rest = torch.from_numpy(simulator.laid_down(seed)), simulator.rest_angles(seed)
+            yield range(number, number + 1), scene.drape(simulator, [self._drawn(number)], laid[None], rest[None])
 
     def _drawn(self, number: int) -> Material:
         if self.heterogeneity == 0:
@@ -154,6 +180,13 @@ def simulate(
     camera: Annotated[CameraName, typer.Option()] = CameraName.parallel,
     steps: Annotated[int, typer.Option(help="Steps of 0.05 s of the drop.")] = 100,
     seed: Annotated[int, typer.Option()] = 0,
+    with_effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="What the base model leaves out; repeatable; see `effects`. Draws are then made one by one.",
+        ),
+    ] = None,
     device: Annotated[
         str,
         typer.Option(help="cpu, cuda or cuda:N (mode drop, big batches), or cpu:torch (the GPU's code on the CPU)."),
@@ -165,7 +198,9 @@ def simulate(
 
     The bending stiffness is that of the cloth as a plate, whatever the law.
     """
-    rows = _bending_rows(bending)
+    rows, causes = _bending_rows(bending), parse_causes(with_effect or ())
+    if causes and device != "cpu":
+        raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
     cloth = uniform_material(
         density=density, bending=(factor * rows[0], factor * rows[1], factor * rows[2]), stretch=stretch, shear=shear
@@ -184,7 +219,7 @@ def simulate(
         seed=seed,
         self_contact=self_contact,
     )
-    drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed)
+    drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
     view: Camera = ParallelCamera() if camera is CameraName.parallel else PinholeCamera()
     clock = time.perf_counter()
     results = _simulated(drawn, draws, view, out)
@@ -211,7 +246,8 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
                     results.append({"draw": number, "converged": False, "failure": batch.failures[place]})
                     continue
                 drape = batch.member(place)
-                image = render(drape.vertices, faces, view)
+                seen = drawn.scene(number).seen(drape.vertices) if drawn.causes else drape.vertices
+                image = render(seen, faces, view)
                 outcome = Outcome(drape, image, profile_from_image(image))
                 results.append({"draw": number, **outcome.summary()})
                 if out is not None:
@@ -236,7 +272,8 @@ def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any])
     if as_json:
         keys = ("drape_coefficient", "folds", "residual", "seconds")
         means = {key: float(np.mean([result[key] for result in done])) if done else None for key in keys}
-        converged = len(done) == len(results) and all(result["converged"] for result in done)
+        known = {result["converged"] for result in results}
+        converged = None if None in known and False not in known else known == {True}
         print_json({**means, "converged": converged, "failed": len(results) - len(done), **extra, "draws": results})
     else:
         _print_table(results, done, extra)
@@ -269,7 +306,7 @@ def _print_table(results: list[dict[str, Any]], done: list[dict[str, Any]], extr
             table.add_row(str(r["draw"]), "-", "-", "failed", "-", "-")
             continue
         table.add_row(
-            str(r["draw"]), f"{r['drape_coefficient']:.4f}", str(r["folds"]), "yes" if r["converged"] else "no",
+            str(r["draw"]), f"{r['drape_coefficient']:.4f}", str(r["folds"]), _AT_REST[r["converged"]],
             f"{r['residual']:.1e}", f"{r['seconds']:.2f}",
         )  # fmt: skip
     if len(results) > _MOST_ROWS:
@@ -278,6 +315,7 @@ def _print_table(results: list[dict[str, Any]], done: list[dict[str, Any]], extr
         table.add_section()
         coefficient, folds = (np.array([r[key] for r in done]) for key in ("drape_coefficient", "folds"))
         spreads = (f"{coefficient.mean():.4f} ± {coefficient.std():.4f}", f"{folds.mean():.1f} ± {folds.std():.1f}")
-        rest = np.mean([r["converged"] for r in done])
-        table.add_row("mean ± sd", *spreads, f"{100 * rest:.0f} %", "", f"{np.mean([r['seconds'] for r in done]):.3f}")
+        known = [r["converged"] for r in done if r["converged"] is not None]
+        rest = f"{100 * np.mean(known):.0f} %" if known else _AT_REST[None]
+        table.add_row("mean ± sd", *spreads, rest, "", f"{np.mean([r['seconds'] for r in done]):.3f}")
     output.print(table)
