@@ -27,11 +27,15 @@ from numpy import ndarray
 from scipy.special import digamma
 
 from cusick_bench.diagnosis.atlas import BASE, FINE, Design, Point
-from cusick_bench.diagnosis.base_model import HIGH, LOW
+from cusick_bench.diagnosis.base_model import DENSITY, HIGH, LOW
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.features import Features, features
 from cusick_bench.diagnosis.statistics import LOCKED_ORDERS, LOCKED_PAIRS, NAMES, PHASE_FREE, RESOLUTION, rotated
 from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.material import uniform_material
+from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.setup import Setup
 
 _COUNT = len(NAMES)
 _REAL = [real for real, _ in LOCKED_PAIRS]
@@ -197,6 +201,12 @@ def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray,
     return np.stack(columns, axis=1) if columns else np.zeros((rows, 0))
 
 
+def acts_later(effect: Effect) -> bool:
+    """Whether it is seen in later captures only."""
+    first = Setup(disc_mesh(60), DrapeSettings(), uniform_material(density=DENSITY, bending=1e-5))
+    return effect.apply(first, {}) is first
+
+
 def in_lab(effect: Effect) -> bool:
     """Whether its direction is the laboratory's rather than the cloth's."""
     return effect.located == "direction" and effect.kind in ("boundary", "imaging")
@@ -230,7 +240,7 @@ def _allowed(effect: Effect) -> list[int]:
 def _response(
     effect: Effect, theta: ndarray, base: Mapping[int, Point], own: Mapping[int, Point], sd: ndarray
 ) -> Response:
-    rows: list[tuple[ndarray, ndarray, ndarray, float]] = []
+    rows: list[tuple[ndarray, ndarray, ndarray, ndarray]] = []
     names = [p.name for p in effect.parameters]
     for point, changed in own.items():
         found = _difference(effect, base[point], changed) if point in base else None
@@ -249,7 +259,7 @@ def _response(
     values[:, forbidden] = 0
     mean = ridge(terms, values, 1)
     spread = ridge(np.abs(severity)[:, None] * spread_terms(at), np.stack([row[3] for row in rows]), 1)
-    return Response(effect.name, mean, spread, effect.kind == "history")
+    return Response(effect.name, mean, spread, acts_later(effect))
 
 
 def _log_variance(points: Mapping[int, Point], numbers: list[int]) -> Float[ndarray, "points statistics"]:

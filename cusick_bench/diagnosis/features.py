@@ -71,7 +71,7 @@ def features(
         specimens: Means over captures; NaN where there is none.
         drift: Last minus first capture; NaN where there is none.
     """
-    known: ndarray = np.isfinite(specimens).all(axis=2)
+    known = np.isfinite(specimens).min(axis=2)
     count = known.sum(0)
     total = np.where(known[..., None], specimens, 0.0).sum(0)
     mean = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)

@@ -1,0 +1,174 @@
+"""How well each cause explains what the base model leaves: marginal likelihoods, and the probability that none acts.
+
+With w white noise where the base model holds, and d the shift of w by an effect at one point of its grid,
+
+    log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ],   v_k = 1 + e^2 (d_k^2 + |d|^2 / K) / 2 + u
+
+where e is how far another law for the same effect may differ from ours, and u the atlas' own uncertainty. The evidence
+of a cause is the mean over its grid, which charges it for freedom that it does not need. Two causes compete that claim
+nothing in particular: `none`, d = 0, and `unknown`, w ~ N(0, (1 + t^2) I) over a range of t: a shift in any
+direction. The detection test compares the best evidence with that of white noise, so its level holds over all
+causes together.
+
+References:
+    MacKay. Information theory, inference, and learning algorithms, 2003, Chapter 28 (Occam's razor in the evidence).
+    Kass, Raftery. Bayes factors. JASA 90(430), 1995.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.emulator import Emulator
+from cusick_bench.diagnosis.hypotheses import Hypothesis, hypotheses, shifts
+from cusick_bench.diagnosis.residual import Residual
+
+NONE, UNKNOWN = "none", "unknown"
+DENSITY_BIAS = "density-bias"
+LAW_DIFFERENCE = 0.25
+_UNKNOWN_SIZES = np.geomspace(0.15, 6, 9)
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_PAIR = 0.4, 0.08, 0.05
+
+
+def log_sum(values: Float[ndarray, "terms"] | Sequence[float]) -> float:
+    """ln of the sum of exponentials."""
+    return float(np.logaddexp.reduce(np.asarray(values, dtype=np.float64)))
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """One hypothesis at one fabric.
+
+    Attributes:
+        hypothesis: Which.
+        shift: Of w, at every point of its grid.
+        variance: u of every point.
+    """
+
+    hypothesis: Hypothesis
+    shift: Float[ndarray, "points kept"]
+    variance: Float[ndarray, "points"]
+
+    def log_likelihood(self, white: Float[ndarray, "kept"]) -> Float[ndarray, "points"]:
+        """Of every point."""
+        return log_likelihood(white, self.shift, self.variance)
+
+
+def log_likelihood(
+    white: Float[ndarray, "kept"], shift: Float[ndarray, "points kept"], variance: Float[ndarray, "points"]
+) -> Float[ndarray, "points"]:
+    """log p(w | shift), but for a constant (see the module)."""
+    size = (shift**2).mean(1, keepdims=True)
+    v = 1 + LAW_DIFFERENCE**2 * (shift**2 + size) / 2 + variance[:, None]
+    return -0.5 * ((white - shift) ** 2 / v + np.log(v)).sum(1)
+
+
+def grids(emulator: Emulator, residual: Residual) -> list[Grid]:
+    """All hypotheses at a fabric's base parameters."""
+    made = []
+    for hypothesis in hypotheses(emulator):
+        moved = shifts(emulator, hypothesis, residual.theta, residual.sd, residual.drift)
+        made.append(Grid(hypothesis, residual.whiten(moved.rows), moved.variance))
+    return made
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """The best point of one hypothesis.
+
+    Attributes:
+        hypothesis: Which.
+        value: Its parameters.
+        log_likelihood: There, less that of no effect.
+        log_evidence: Of the hypothesis, less that of no effect; with its share of the effect's prior.
+        size: |d| there: how many standard deviations of noise the effect moves w.
+    """
+
+    hypothesis: Hypothesis
+    value: dict[str, float]
+    log_likelihood: float
+    log_evidence: float
+    size: float
+
+
+def candidates(white: Float[ndarray, "kept"], made: Sequence[Grid]) -> list[Candidate]:
+    """Every hypothesis, best evidence first."""
+    nothing = -0.5 * float(white @ white)
+    found = []
+    for grid in made:
+        likelihood = grid.log_likelihood(white) - nothing
+        best = int(np.argmax(likelihood))
+        evidence = log_sum(likelihood) - float(np.log(len(likelihood) / grid.hypothesis.prior))
+        value = {name: float(column[best]) for name, column in grid.hypothesis.values.items()}
+        size = float(np.linalg.norm(grid.shift[best]))
+        found.append(Candidate(grid.hypothesis, value, float(likelihood[best]), evidence, size))
+    return sorted(found, key=lambda one: -one.log_evidence)
+
+
+def unknown_evidence(white: Float[ndarray, "kept"]) -> float:
+    """Of a shift in any direction, less that of no effect."""
+    squared, count = float(white @ white), len(white)
+    v = 1 + _UNKNOWN_SIZES**2
+    terms = -0.5 * squared * (1 / v - 1) - 0.5 * count * np.log(v)
+    return log_sum(terms) - float(np.log(len(v)))
+
+
+def by_effect(found: Sequence[Candidate]) -> dict[str, float]:
+    """Log evidence of every effect, its frames added up."""
+    names = dict.fromkeys(one.hypothesis.name for one in found)
+    return {name: log_sum([c.log_evidence for c in found if c.hypothesis.name == name]) for name in names}
+
+
+def posterior(
+    effects: Mapping[str, float], unknown: float, *, tempering: float = 1.0, extra: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Probabilities of `none`, every effect (and pair, named with a plus sign) and `unknown`; they add up to 1.
+
+    A wrong density changes nothing but the unit of stiffness: its evidence is that of no effect.
+
+    Args:
+        effects: Log evidence by effect.
+        unknown: Log evidence of an unknown shift.
+        tempering: Power of the likelihoods, from calibration.
+        extra: Log evidence of pairs.
+    """
+    share = (1 - PRIOR_NONE - PRIOR_UNKNOWN - PRIOR_PAIR) / (len(effects) + 1)
+    log = {NONE: np.log(PRIOR_NONE), UNKNOWN: np.log(PRIOR_UNKNOWN) + tempering * unknown}
+    log |= {name: np.log(share) + tempering * value for name, value in effects.items()}
+    log[DENSITY_BIAS] = np.log(share)
+    pairs = extra or {}
+    log |= {name: np.log(PRIOR_PAIR / len(pairs)) + tempering * value for name, value in pairs.items()}
+    total = log_sum(list(log.values()))
+    return {name: float(np.exp(value - total)) for name, value in log.items()}
+
+
+def detection_statistic(white: Float[ndarray, "kept"], made: Sequence[Grid]) -> float:
+    """Log of the prior-weighted evidence of anything against nothing."""
+    values = [one.log_evidence for one in candidates(white, made)]
+    return float(np.logaddexp(log_sum(values) - np.log(len(values)), unknown_evidence(white) + np.log(0.1)))
+
+
+def detection_p_value(
+    residual: Residual,
+    made: Sequence[Grid],
+    generator: np.random.Generator,
+    *,
+    draws: int = 400,
+    inflation: float = 1.0,
+) -> float:
+    """Probability of so much evidence for anything where the base model holds, by parametric bootstrap of w.
+
+    Args:
+        residual: The fabric's.
+        made: All hypotheses.
+        generator: Of the bootstrap.
+        draws: Number of draws.
+        inflation: Standard deviation of w where the base model holds, from calibration; 1 in theory.
+    """
+    seen = detection_statistic(residual.white, made)
+    noise = generator.standard_normal((draws, len(residual.white))) * inflation
+    null = np.array([detection_statistic(row, made) for row in noise])
+    return float((1 + (null >= seen).sum()) / (1 + draws))
