@@ -162,6 +162,22 @@ def test_asymmetry_on_a_lattice(degrees, shown):
     assert convex / -concave == pytest.approx((1 + shown * a) / (1 - shown * a), rel=1e-3)
 
 
+def test_both_start_from_the_rest_shape():
+    """At its rest shape the cloth holds no moment; flat, one that is convex at rest is bent the concave way."""
+    mesh, a = _hexagon(3, 0.005), 0.4
+    system, p = _loose(mesh), _parameters(mesh, CLOTH, bends_only=True)
+    x, flat = _rolled(mesh, 10.0), mesh.flat
+    p = replace(p, rest_angle=system.bent(x))
+    rubbing = effect("bending-friction").apply(_setup(), {}).states[0].start(system, p)
+    two_sided = effect("face-asymmetry").apply(_setup(), {"asymmetry": a}).states[0].start(system, p)
+    elastic = system.forces(flat, flat, p, exact=False)[0]
+    largest = np.abs(elastic).max()
+    at_rest = system.forces(x, x, rubbing.advance(system, p, x, 0.0)[1], exact=False)[0]
+    assert np.abs(at_rest).max() < 1e-12 * largest
+    flattened = system.forces(flat, flat, two_sided.advance(system, p, flat, 0.0)[1], exact=False)[0]
+    np.testing.assert_allclose(flattened, (1 - a) * elastic, atol=1e-6 * largest)
+
+
 # --- shear ------------------------------------------------------------------------------------------------------------
 
 
