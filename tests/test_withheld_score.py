@@ -24,9 +24,11 @@ from cusick_bench.withheld.calibration import (
 )
 from cusick_bench.withheld.case_label import read_label
 from cusick_bench.withheld.causes import EFFECTS, class_of
+from cusick_bench.withheld.design import plan_suite
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.failures import confusion_by_class, failures
 from cusick_bench.withheld.judge import judge
+from cusick_bench.withheld.labels import label_of
 from cusick_bench.withheld.location import Region, angular_overlap
 from cusick_bench.withheld.measures import CLEAR, Goal
 from cusick_bench.withheld.reveal import reveal
@@ -188,6 +190,7 @@ class TestJudgement:
             ("density-bias", ["camera-scale", "threshold"], False),
             ("density-bias", [n for n in EFFECTS if n != "creep"], False),
             ("camera-tilt", ["threshold", "camera-tilt"], False),
+            ("plate-tilt", ["creep", "bending-friction"], False),
         ],
     )
     def test_equivalents_are_a_right_class_only_as_the_right_set(self, effect, members, right):
@@ -266,6 +269,14 @@ class TestJudgement:
         assert found.level == "4x"
         assert read_label(label([name, "creep"], [4, 1.1]), "l").level == "1x", "the weakest of a pair"
         assert read_label(label("creep", None, multiple_of_typical=0.5), "l").level == "0.5x"
+
+    def test_a_direction_is_no_place(self):
+        said = answer(
+            "effect", ("plate-tilt", 0.9), where={"kind": "direction", "angle_deg": [3, 9], "localisable": True}
+        )
+        assert self.judged(said, label("plate-tilt")).localised_falsely == 0
+        said["where"]["kind"] = "sector"
+        assert self.judged(said, label("plate-tilt")).localised_falsely == 1
 
 
 class TestVocabulary:
@@ -445,6 +456,21 @@ class TestFiles:
         commitment.write_text(json.dumps({"a": labels["a"]["sha256"]}))
         with pytest.raises(WithheldError, match=r"lacks b"):
             revealed(tmp_path, labels, answers, commitment)
+
+    def test_labels_of_a_generated_suite_are_understood(self, tmp_path):
+        plans = plan_suite(5, {"null": 20, "single": 88, "pair": 10, "unknown": 12})
+        labels = {plan.case: sealed(label_of(plan), f"salt {plan.case}") for plan in plans}
+        (tmp_path / "commitment.json").write_text(json.dumps({"cases": {c: t["sha256"] for c, t in labels.items()}}))
+        both = revealed(tmp_path, labels, {c: perfect(t) for c, t in labels.items()}, tmp_path / "commitment.json")
+        assert {kind: sum(t.kind == kind for t in both.labels.values()) for kind in ("null", "single", "pair")} == {
+            "null": 20,
+            "single": 88,
+            "pair": 10,
+        }
+        assert {t.level for t in both.labels.values() if t.kind == "single"} == {"0.5x", "1x", "2x", "4x"}
+        assert {t.location_kind for t in both.labels.values()} == {"", "patch", "ring"}
+        assert all(t.hidden for t in both.labels.values() if t.kind == "unknown")
+        assert score(both).value("exact effect") == score(both).value("pairs: both found") == 1
 
     def test_detection_falls_back_to_probabilities_and_to_the_verdict(self, tmp_path):
         labels = {"a": label("none"), "b": label("creep"), "c": label("creep")}

@@ -15,6 +15,7 @@ from cusick_bench.withheld.location import Region
 VERDICTS = ("none", "effect", "ambiguous", "unknown")
 SET_LEVEL = 0.9
 _ROUNDING = 1e-6
+_DIRECTION = "direction"  # kind of a place that is none: of a tilt, say
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,8 @@ def _with_location(answer: Answer, where: Mapping[str, Any], place: str) -> Answ
             for row in rows
         ]
         peak = location.peak(np.array(values), kind)
-    return replace(answer, region=region, peak=peak, localisable=bool(where.get("localisable")))
+    localisable = bool(where.get("localisable")) and kind != _DIRECTION
+    return replace(answer, region=region, peak=peak, localisable=localisable)
 
 
 def read_region(found: Mapping[str, Any], where: str) -> Region | None:
