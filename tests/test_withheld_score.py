@@ -268,6 +268,8 @@ class TestJudgement:
         assert found.multiple == pytest.approx(3)
         assert found.level == "4x"
         assert read_label(label([name, "creep"], [4, 1.1]), "l").level == "1x", "the weakest of a pair"
+        severities = [4 * causes.typical_severity("creep"), causes.typical_severity("threshold")]
+        assert read_label(label(["creep", "threshold"], None, severity=severities), "l").level == "1x"
         assert read_label(label("creep", None, multiple_of_typical=0.5), "l").level == "0.5x"
 
     def test_a_direction_is_no_place(self):
