@@ -94,6 +94,12 @@ class TestProblem:
         assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
         assert abs(problem.evaluate(tau) - toy_problem(laid_as_true=True).evaluate(tau)) > 1e-4  # and they act
 
+    def test_a_fit_sees_through_the_camera_of_the_causes(self):
+        plain, tau = toy_problem(laid_as_true=True, budget=Budget()), toy_problem().space.bending_level(2.0)
+        moved = _with((f"camera-offset:shift={4 / 723},direction=90",))
+        np.testing.assert_allclose(moved.image(tau), np.roll(plain.image(tau), -4, axis=0), atol=1e-9)
+        np.testing.assert_array_equal(moved.drape(tau), plain.drape(tau))  # the cloth is where it was
+
     @pytest.mark.parametrize("name", STATEFUL)
     def test_internal_variables_leave_losses_but_no_gradients(self, name):
         problem = _with((name,))
