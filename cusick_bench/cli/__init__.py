@@ -12,7 +12,7 @@ COMMANDS = (
     "verify", "check", "submit", "paper",
     "optimisers",
     "garment",
-    "withheld",
+    "atlas", "diagnose", "withheld",
 )  # fmt: skip
 """Commands, each the `app` of the module of its name; a module is imported when its command is called for."""
 

@@ -174,7 +174,7 @@ def diagnose(
     verdict, named = _verdict(p, probability)
     cause = _named(named, best, together)
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
-    advice = advise(_by_effect(probability))
+    advice = advise(single_causes(probability))
     seen, base, effect = None, None, None
     if chosen.samples:
         progress("simulating", 0.2)
@@ -182,7 +182,7 @@ def diagnose(
         seen, base, effect = _simulated(emulator, data, residual, cause, chosen, kept, generator, progress)
     progress("done", 1.0)
     return Diagnosis(
-        captures.fabric, verdict, p, probability, set90(_by_effect(probability)), tuple(best), cause, spot, advice,
+        captures.fabric, verdict, p, probability, set90(single_causes(probability)), tuple(best), cause, spot, advice,
         seen, residual, found, base, effect, _baselines(emulator, found, data, residual, made), tuple(notes),
     )  # fmt: skip
 
@@ -305,7 +305,7 @@ def _volume(residual: Residual) -> float:
     return float(np.log(np.diag(residual.root)).sum())
 
 
-def _by_effect(probability: Mapping[str, float]) -> dict[str, float]:
+def single_causes(probability: Mapping[str, float]) -> dict[str, float]:
     """A pair's probability given to its likelier half, so that all add up to 1."""
     single = {name: value for name, value in probability.items() if " + " not in name}
     for name, value in probability.items():
@@ -331,7 +331,7 @@ def _verdict(p: float, probability: Mapping[str, float]) -> tuple[str, str]:
         return NONE, ""
     acting = {name: value for name, value in probability.items() if name not in (NONE, DENSITY_BIAS)}
     leading = max(acting, key=lambda name: acting[name])
-    single = _by_effect(acting)
+    single = single_causes(acting)
     total = sum(acting.values())
     if acting[UNKNOWN] >= 0.5 * total:
         return UNKNOWN, ""

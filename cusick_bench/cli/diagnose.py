@@ -1,0 +1,109 @@
+"""`cusick-bench diagnose`: where simulation and data differ, what causes it, how far the gap shrinks."""
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.datasets import load
+from cusick_bench.diagnosis.captures import read_captures
+from cusick_bench.diagnosis.diagnose import Options, diagnose
+from cusick_bench.diagnosis.document import document, table
+from cusick_bench.diagnosis.store import SHIPPED
+from cusick_bench.diagnosis.store import load as load_atlas
+from cusick_bench.report.diagnosis_page import write_diagnosis_page
+from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.effects import effect
+from cusick_bench.sim.setup import Simulators
+
+app = typer.Typer()
+_OUT = Path("runs/diagnosis")
+
+
+@app.command("diagnose")
+@user_errors
+def diagnose_data(
+    data: Annotated[str, typer.Argument(help="Data set: a name, or a folder in the public layout.", metavar="DATA")],
+    fabric: Annotated[
+        list[str] | None, typer.Option(help="Fabric to diagnose (repeatable); by default all with three samples.")
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(min=0, help="Simulated samples of each model; 0 leaves gap and closure out (seconds).")
+    ] = 12,
+    without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
+    out: Annotated[Path, typer.Option(help="Folder of diagnosis.json and a page for each fabric.")] = Path(
+        "runs/diagnosis"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
+    options = Options(samples, tuple(effect(name).name for name in without or ()), seed)
+    emulator, calibration = load_atlas(atlas)
+    dataset = load(data)
+    chosen = fabric or _with_samples(dataset)
+    simulators, found = Simulators(most=20), []
+    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("", total=len(chosen))
+        for number, name in enumerate(chosen):
+            captures = read_captures(dataset, name)
+
+            def step(what: str, share: float, name: str = name, number: int = number) -> None:
+                progress.update(task, description=f"{name}: {what}", completed=number + share)
+
+            result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
+            command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
+            one = document(result, captures, emulator, command=command, version=code_version())
+            found.append(_written(one, out))
+    if as_json:
+        print_json({"fabrics": found})
+        return
+    for one in found:
+        _print(one)
+
+
+def _with_samples(dataset: Any) -> list[str]:
+    """Fabrics with at least three samples."""
+    counts = dataset.index.groupby("cloth", sort=False)["sample"].nunique()
+    return [str(name) for name, count in counts.items() if count >= 3] or dataset.cloths
+
+
+def _written(one: dict[str, Any], out: Path) -> dict[str, Any]:
+    """The document with the paths of its files."""
+    folder = out / re.sub(r"[^\w.-]+", "_", one["fabric"])
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "diagnosis.json"
+    write_atomically(path, json.dumps(plain(one), allow_nan=False).encode())
+    page = write_diagnosis_page(plain(one), folder / "diagnosis.html")
+    return one | {"path": path, "page": page}
+
+
+def _print(one: dict[str, Any]) -> None:
+    gap = one["gap"]
+    output.print(f"\n[bold]{one['fabric']}[/]: {one['headline']}")
+    if gap["base"] is not None:
+        output.print(f"gap {gap['base']:.3f} (floor {gap['floor']:.3f}), p = {gap['p']:.3g}")
+    causes = Table("cause", "class", "probability", "parameters")
+    for row in table(one):
+        causes.add_row(*row)
+    output.print(causes)
+    closure = one["closure"]
+    if closure["fraction"] is not None:
+        low, high = closure["ci90"]
+        output.print(
+            f"with {closure['effect']} the gap on unseen samples shrinks by {closure['fraction']:.0%} "
+            f"(90 %: {low:.0%} to {high:.0%})"
+        )
+    for advice in one["next"]:
+        output.print(f"next: {advice['name']} ({advice['bits']:.2f} bits). {advice['what']}")
+    for note in one["notes"]:
+        output.print(f"note: {note}")
+    output.print(f"page: {one['page']}")
