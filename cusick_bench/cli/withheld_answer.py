@@ -1,0 +1,38 @@
+"""`cusick-bench withheld answer`: diagnoses withheld cases blind and freezes the answers."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.diagnosis.store import SHIPPED
+from cusick_bench.sim.effects import effect
+from cusick_bench.withheld.answering import answer_suite, case_folders
+
+
+@user_errors
+def answer(
+    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
+    out: Annotated[Path, typer.Option(help="File for the answers.")] = Path("answers.json"),
+    samples: Annotated[
+        int, typer.Option(min=0, help="Simulated samples of each model; 0 leaves gap and closure out.")
+    ] = 12,
+    without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
+    seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Answers every case from its silhouettes alone; answers that are there already are kept."""
+    options = Options(samples, tuple(effect(name).name for name in without or ()), seed)
+    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("cases", total=len(case_folders(cases)))
+        found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: progress.advance(task))
+    if as_json:
+        print_json({"path": out, "cases": len(found["answers"]), "code_version": found["code_version"]})
+    else:
+        output.print(f"{out}: {len(found['answers'])} answers, frozen by {found['code_version']}")
