@@ -79,9 +79,7 @@ def fit_atlas(
 @user_errors
 def power(
     atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    out: Annotated[
-        Path | None, typer.Option(help="JSON file {effect: severity}, as `withheld generate` takes.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="JSON file of them, as `withheld generate` takes.")] = None,
     samples: Annotated[int, typer.Option(min=2, help="Samples of a fabric, on both sides, each captured twice.")] = 12,
     check: Annotated[bool, typer.Option(help="Also measure the shift that each effect needs (a minute).")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
