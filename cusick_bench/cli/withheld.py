@@ -5,13 +5,12 @@ import secrets
 from pathlib import Path
 from typing import Annotated
 
-import numba
-import torch
 import typer
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
-from cusick_bench.withheld.design import EFFECTS, MULTIPLES
+from cusick_bench.cli.withheld_score import score
+from cusick_bench.withheld.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import COMMITMENT, LABELS, SUITE, Suite, generate
 
@@ -21,6 +20,9 @@ app = typer.Typer(help="Cases whose effect is sealed: make them, answer them bli
 @app.callback()
 def _root() -> None:
     """Cases whose effect is sealed: make them, answer them blind, score the answers."""
+
+
+app.command("score")(score)
 
 
 @app.command("generate")
@@ -34,7 +36,7 @@ def generate_suite(
     nulls: Annotated[int, typer.Option(min=0, help="Cases without any effect.")] = 200,
     singles: Annotated[
         int, typer.Option(min=0, help="Cases with one effect; all effects and severities in turn.")
-    ] = len(EFFECTS) * len(MULTIPLES),
+    ] = len(DRAWN) * len(MULTIPLES),
     pairs: Annotated[int, typer.Option(min=0, help="Cases with two effects.")] = 22,
     unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect outside of the list.")] = 48,
     detectable: Annotated[
@@ -48,7 +50,6 @@ def generate_suite(
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
     asked = Suite(_seed(seed, labels), counts, vertices, samples, _severities(detectable))  # pyright: ignore[reportArgumentType]
-    threads = numba.get_num_threads(), torch.get_num_threads()
     columns = (
         *Progress.get_default_columns()[:-1],
         TimeElapsedColumn(),
@@ -58,8 +59,6 @@ def generate_suite(
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("cases", total=sum(counts.values()))
         made = generate(asked, out, labels, workers=workers, step=lambda case: progress.advance(task))
-    numba.set_num_threads(threads[0])
-    torch.set_num_threads(threads[1])
     if as_json:
         print_json({"cases": [str(case) for case in made], "commitment": out / COMMITMENT, "labels": labels / LABELS})
     else:

@@ -8,9 +8,10 @@ import json
 import multiprocessing
 import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -85,8 +86,9 @@ def generate(
         else:
             missing.append(plan)
     if workers == 1:
-        for plan in missing:
-            step(write_case(suite, plan, out))
+        with _alone():
+            for plan in missing:
+                step(write_case(suite, plan, out))
     elif missing:
         _on_processes(suite, missing, out, workers, step)
     return [out / plan.case for plan in plans]
@@ -180,7 +182,7 @@ def _protocol() -> dict[str, Any]:
 
 def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, step: Callable[[str], None]) -> None:
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(plans)), mp_context=context, initializer=one_thread)
+    pool = ProcessPoolExecutor(min(workers, len(plans)), mp_context=context, initializer=_one_thread)
     failures: list[str] = []
     try:
         for future in as_completed([pool.submit(write_case, suite, plan, out) for plan in plans]):
@@ -196,7 +198,19 @@ def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, 
         raise WithheldError(f"{len(failures)} of {len(plans)} cases cannot be made: {failures[0]}")
 
 
-def one_thread() -> None:
+def _one_thread() -> None:
     """Cases are simulated side by side, each on one thread: bytes then depend on nothing but the seed."""
     torch.set_num_threads(1)
     numba.set_num_threads(1)
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """One thread in this process, as in a worker, for a while."""
+    before = torch.get_num_threads(), numba.get_num_threads()
+    _one_thread()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before[0])
+        numba.set_num_threads(before[1])

@@ -15,7 +15,7 @@ from cusick_bench.sim.silhouette import render
 from cusick_bench.withheld.fabric import Variability
 from cusick_bench.withheld.scene import Scene, Vertices, unit
 
-_RAMP = 0.3  # of the blurred edge's shades that the cut spreads from black to white
+_RAMP = 0.8  # of the shades between the cut's level and the nearer of white and black that it spreads over the scale
 _NOISE = 1.2  # standard deviation of grey levels, of 255
 _QUALITY = 93  # of the JPEG file
 _SMEARED = 9  # exposures over the way of a moving cloth
@@ -50,7 +50,7 @@ def photograph(seen: Vertices, faces: ndarray, scene: Scene) -> UInt8[ndarray, "
     shade = gaussian_filter(_smeared(cover, scene.smear), scene.blur)
     if scene.outwards is not None:
         level = ndtr(-scene.outwards / scene.blur)
-        shade = np.clip((shade - level) / _RAMP + 0.5, 0, 1)
+        shade = np.clip((shade - level) / (_RAMP * min(level, 1 - level)) + 0.5, 0, 1)
     noise = scene.random("capture", "noise").normal(0, _NOISE, shade.shape)
     return np.clip(np.round(255 * (1 - shade) + noise), 0, 255).astype(np.uint8)
 

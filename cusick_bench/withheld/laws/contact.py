@@ -25,6 +25,8 @@ _STIFFNESS = 40.0  # weights of a point's cloth per thickness of overlap
 def self_contact(scene: Scene, value: Values) -> Scene:
     """A cloth whose folds keep off each other."""
     thickness = value["thickness"]
+    if thickness == 0:
+        return scene
 
     def repel(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices) -> Vertices:
         return repulsion(system, mass, x, thickness)

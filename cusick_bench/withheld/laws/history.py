@@ -16,6 +16,11 @@ _RETARDATION = 20.0  # [s] in which a cloth under the camera creeps
 _RECOVERY = 0.1  # of the creep is lost when a cloth is laid again with the same face up,
 _TURNED = 0.65  # and when it is turned over
 _FRICTION_CURVATURE = 2.0  # [1/m] at which bending friction is 76 % of its limit
+_HINGE_SHARE = 0.5**0.5
+"""Friction couple of a hinge over that of the cloth. Hinges whose edges run in all directions see a curvature as
+c cos^2; elastic energies add up where c^2 mean(cos^4) = 1/3, c^2 = 8/9, and couples of constant size then to
+(4/3) / c times each."""
+
 _FRICTION_STRAIN = 0.25  # of the limit's shear angle, likewise for shear friction
 _SLIDES = 2.5  # multiple of these beyond which the friction's own state follows
 
@@ -67,7 +72,7 @@ class _BendingFriction(Remembering):
         limit = _SLIDES * _FRICTION_CURVATURE
         curvature = angle * scale
         self.slid = np.clip(self.slid, curvature - limit, curvature + limit)
-        more = self.ratio * _secant((curvature - self.slid) / _FRICTION_CURVATURE) / _FRICTION_CURVATURE
+        more = _HINGE_SHARE * self.ratio * _secant((curvature - self.slid) / _FRICTION_CURVATURE) / _FRICTION_CURVATURE
         rest = (p.rest_angle + more * self.slid / scale) / (1 + more)
         return replace(p, bending=p.bending * (1 + more)[:, None, None], rest_angle=rest), None
 
@@ -112,6 +117,8 @@ class _ShearFriction(Remembering):
 
 def shear_friction(scene: Scene, value: Values) -> Scene:
     """Friction that sets in gradually; each laying begins without it."""
+    if value["ratio"] == 0:
+        return scene
 
     def start(system: DrapeSystem, p: Parameters, scene: Scene) -> Remembering:
         return _ShearFriction(system, float(np.radians(value["ratio"])))

@@ -11,7 +11,7 @@ from cusick_bench.withheld.scene import PositionMap, Scene, Vertices, unit
 
 Values = Mapping[str, float]
 
-_TILTED_HEIGHT = 8.0  # [m] of a leaning camera
+_KEYSTONE = 0.015  # [1/m] of inverse height for each degree that a camera leans
 _BARREL = 0.15  # [1/m2] of lens distortion for each [1/m] of a near camera's inverse height
 
 
@@ -29,11 +29,11 @@ def camera_offset(scene: Scene, value: Values) -> Scene:
 
 
 def camera_tilt(scene: Scene, value: Values) -> Scene:
-    """A leaning camera at a finite height, with keystone distortion."""
+    """A leaning camera that is the nearer the more it leans, with keystone distortion."""
 
     def tilt(x: Vertices) -> Vertices:
         turned = leaned(x, value["angle"], *unit(value["direction"]))
-        return _near(1 / _TILTED_HEIGHT)(turned)
+        return _near(_KEYSTONE * value["angle"])(turned)
 
     return scene.with_added(seen=tilt)
 
