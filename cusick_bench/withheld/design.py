@@ -78,14 +78,14 @@ DRAWN = tuple(name for name in EFFECTS if name != "self-contact")
 fabric drawn), so self-contact up to its bound changes no pixel, and a label that names it would be false."""
 
 OUTSIDE: dict[str, Draw] = {
-    "draught": Draw("speed", 0.3, 2, 0.0, {"direction": _DIRECTION}),
+    "draught": Draw("speed", 0.5, 3, 0.0, {"direction": _DIRECTION}),
     "charge": Draw("share", 0.1, 1),
-    "seam": Draw("size", 0.5, 2, 0.0, {"direction": _AXIS, "offset": (-0.1, 0.1)}),
-    "crease-ring": Draw("angle", 10, 80, 0.5, {"radius": (0.105, 0.135)}),
+    "seam": Draw("size", 0.7, 3, 0.0, {"direction": _AXIS, "offset": (-0.1, 0.1)}),
+    "crease-ring": Draw("angle", 20, 90, 0.5, {"radius": (0.105, 0.135)}),
     "elliptical-cut": Draw("elongation", 0.01, 0.05, 0.0, {"direction": _AXIS}),
     "lens": Draw("strength", 1.5, 8, 0.3),
     "smear": Draw("length", 4, 16, 0.0, {"direction": _AXIS}),
-    "frilled": Draw("growth", 0.01, 0.06),
+    "frilled": Draw("growth", 0.02, 0.08),
 }
 """Draws of what is outside of the list, at 1, 2 and 4 times the typical severity."""
 
