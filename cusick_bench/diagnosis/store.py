@@ -90,5 +90,5 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
             fit("base"), fit("base_spread"), fit("log_sd"), arrays["correlation"], arrays["discrepancy"], responses
         )
         return emulator, Calibration(**about["calibration"])
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error}); {remedy}") from error
