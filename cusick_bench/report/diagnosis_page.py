@@ -1,0 +1,197 @@
+"""One self-contained HTML page of one diagnosis: verdict, gap, place, causes, before and after, what to do next."""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from cusick_bench.report.diagnosis_before_after import before_after
+from cusick_bench.report.diagnosis_causes import CauseCard, cause_cards, named_cause, rest_in_words, statistic_rows
+from cusick_bench.report.diagnosis_graphs import Bar, closure_graph, gap_graph
+from cusick_bench.report.diagnosis_place import place_content
+from cusick_bench.report.diagnosis_template import DIAGNOSIS_PAGE
+from cusick_bench.report.diagnosis_values import (
+    mapping,
+    mappings,
+    number,
+    pair,
+    percent,
+    plain,
+    text,
+    texts,
+)
+from cusick_bench.report.diagnosis_words import (
+    STAGES,
+    VERDICTS,
+    chance,
+    cloth_in_words,
+    data_in_words,
+    entropy_of,
+    gap_in_words,
+    worth,
+)
+from cusick_bench.report.errors import ReportError
+
+_LONG = 27  # letters of a name that a bar has no room for
+
+
+def write_diagnosis_page(document: Mapping[str, Any], path: Path) -> Path:
+    """Writes the page.
+
+    Args:
+        document: JSON document of one diagnosis. What it lacks, or what is no number where one belongs, is shown as
+            unknown. Profiles are as the camera sees them.
+        path: HTML file to write.
+
+    Returns:
+        The file written.
+
+    Raises:
+        ReportError: The document is none, or its verdict is no verdict.
+    """
+    if not isinstance(document, Mapping):
+        raise ReportError(f"a diagnosis must be one JSON object, got {type(document).__name__}; see `diagnose --json`")
+    verdict = text(document.get("verdict"))
+    if verdict not in VERDICTS:
+        known = ", ".join(name for name in VERDICTS if name)
+        raise ReportError(f"verdict must be one of {known}, got {verdict!r}; is this file a diagnosis?")
+    page = _template().render(**_content(document, verdict))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page, encoding="utf-8", errors="replace")
+    return path
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    return environment.from_string(DIAGNOSIS_PAGE)
+
+
+def _content(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
+    """What the template asks for."""
+    fabric = text(document.get("fabric")) or "unnamed fabric"
+    cards = cause_cards(document)
+    data = {name: number(value) for name, value in mapping(document.get("data")).items()}
+    base = {name: number(value) for name, value in mapping(document.get("base")).items()}
+    made = mapping(document.get("made"))
+    return {
+        "title": f"Drape diagnosis: {fabric}",
+        "fabric": fabric,
+        "verdict": _verdict(document, verdict, data, cards),
+        "gap": _gap(document),
+        "where": place_content(document),
+        "causes": {"shown": cards, "rest": rest_in_words(document, cards)},
+        "statistics": {"rows": statistic_rows(document), "with_cause": _with_cause(document)},
+        "profiles": before_after(document),
+        "closure": _closure(document, verdict),
+        "next": _next(document),
+        "indistinguishable": [
+            {"effects": ", ".join(texts(one.get("effects"))), "why": text(one.get("why"))}
+            for one in mappings(document.get("indistinguishable"))
+        ],
+        "without": ", ".join(texts(document.get("without"))),
+        "notes": texts(document.get("notes")),
+        "cloth": cloth_in_words(base, data.get("areal_density_kg_m2")),
+        "made": [(name, text(made.get(key))) for key, name in _MADE.items() if text(made.get(key))],
+    }
+
+
+_MADE = {"command": "Command", "version": "Version", "atlas": "Atlas"}
+
+
+def _with_cause(document: Mapping[str, Any]) -> str:
+    """End of the statistics' caption; "" where none of them has a value with the cause."""
+    known = any(number(entry.get("effect")) is not None for entry in mappings(document.get("statistics")))
+    return f", and what it would be with {named_cause(document) or 'the cause'}" if known else ""
+
+
+def _verdict(
+    document: Mapping[str, Any], verdict: str, data: Mapping[str, float | None], cards: list[CauseCard]
+) -> dict[str, Any]:
+    name, sentence = VERDICTS[verdict]
+    return {
+        "style": verdict,
+        "name": name,
+        "sentence": text(document.get("headline")) or sentence,
+        "facts": _facts(document, verdict, cards),
+        "data": data_in_words(data),
+    }
+
+
+def _facts(document: Mapping[str, Any], verdict: str, cards: list[CauseCard]) -> list[tuple[str, str, str]]:
+    """The page in a line: name, value, and what the value is to be read with."""
+    gap, closure = mapping(document.get("gap")), mapping(document.get("closure"))
+    base, floor, closed = number(gap.get("base")), number(gap.get("floor")), number(closure.get("fraction"))
+    facts = []
+    if base is not None and floor is not None and floor > 0:
+        facts.append(
+            ("gap", f"{plain(base / floor)} ×", "its floor") if base > floor else ("gap", "none", "above its floor")
+        )
+    if cards:
+        facts.append(("likeliest", STAGES.get(cards[0].name, cards[0].name), cards[0].probability))
+    if verdict == "ambiguous":
+        facts.append(("possible", f"{len(texts(document.get('set90')))} causes", "in the 90 % set"))
+    if closed is not None:
+        facts.append(("cause closes", percent(closed), "of the gap"))
+    step = next((text(step.get("name")) for step in mappings(document.get("next"))), "")
+    return [*facts, ("measure next", step, "")] if step else facts
+
+
+def _gap(document: Mapping[str, Any]) -> dict[str, Any]:
+    found = mapping(document.get("gap"))
+    base, floor, effect = (number(found.get(key)) for key in ("base", "floor", "effect"))
+    words = gap_in_words(base, floor, effect)
+    below = any(value is not None and value < 0 for value in (base, floor, effect))
+    bars = [Bar("base model", base, "base")]
+    if effect is not None:
+        name = named_cause(document)
+        bars.append(Bar(f"with {name}" if 0 < len(name) < _LONG else "with the cause", effect, "cause"))
+    if floor is not None:
+        bars.append(Bar("floor", floor, "floored"))
+    graph = None if base is None else gap_graph(bars, floor, f"Bars of the gap. {words}")
+    return {
+        "words": words,
+        "chance": chance(number(found.get("p"))),
+        "graph": graph,
+        "floor": floor is not None,
+        "below": below,
+    }
+
+
+_OPEN = {
+    "none": "There is no gap to close.",
+    "ambiguous": "Not given: no single cause was named that could be simulated.",
+    "unknown": "Not given: no known cause was named that could be simulated.",
+}
+
+
+def _closure(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
+    found = mapping(document.get("closure"))
+    fraction, interval = number(found.get("fraction")), pair(found.get("ci90"))
+    cause = named_cause(document) or "the cause"
+    if fraction is None:
+        words = _OPEN.get(verdict, "Not given: the cause was not simulated, or there is no gap above the floor.")
+        return {"words": words, "graph": None, "interval": ""}
+    over, words = "", f"On samples that were not fitted, {cause} closes {percent(fraction)} of the gap"
+    if interval is not None:
+        over = ", with its 90 % interval over samples"
+        words += f"; between {percent(interval[0])} and {percent(interval[1])} with 90 % confidence"
+        if interval[0] <= 0:
+            words += ", so it may close nothing at all"
+    return {"words": words + ".", "graph": closure_graph(fraction, interval, words), "interval": over}
+
+
+def _next(document: Mapping[str, Any]) -> list[dict[str, str]]:
+    probabilities = [number(one.get("probability")) for one in mappings(document.get("causes"))]
+    entropy = entropy_of([p for p in probabilities if p is not None and 0 <= p <= 1])
+    return [
+        {
+            "name": text(step.get("name")) or "measure",
+            "what": text(step.get("what")),
+            "worth": worth(number(step.get("bits")), entropy),
+            "about": ", ".join(texts(step.get("about"))),
+        }
+        for step in mappings(document.get("next"))
+    ]
