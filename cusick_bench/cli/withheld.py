@@ -9,6 +9,7 @@ import typer
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.withheld_answer import answer
 from cusick_bench.cli.withheld_score import score
 from cusick_bench.withheld.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.errors import WithheldError
@@ -22,6 +23,7 @@ def _root() -> None:
     """Cases whose effect is sealed: make them, answer them blind, score the answers."""
 
 
+app.command("answer")(answer)
 app.command("score")(score)
 
 
