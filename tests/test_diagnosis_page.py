@@ -14,13 +14,14 @@ from cusick_bench.diagnosis.base_model import DENSITY, NAMES, PRIOR_MEAN, BaseMo
 from cusick_bench.diagnosis.captures import captures_from_profiles
 from cusick_bench.diagnosis.statistics import NAMES as STATISTICS
 from cusick_bench.report import ReportError
+from cusick_bench.report.diagnosis_causes import statistic_rows
 from cusick_bench.report.diagnosis_graphs import Bar, Region, closure_graph, cloth_map, gap_graph
 from cusick_bench.report.diagnosis_page import write_diagnosis_page
 from cusick_bench.report.diagnosis_profiles import mean_difference, read_profiles
 from cusick_bench.report.diagnosis_svg import round_steps
 from cusick_bench.report.diagnosis_template import DIAGNOSIS_PAGE
 from cusick_bench.report.diagnosis_values import measure, number, percent, plain, table
-from cusick_bench.report.diagnosis_words import cloth_in_words, entropy_of, signature, statistic_name, worth
+from cusick_bench.report.diagnosis_words import cloth_in_words, entropy_of, physics, signature, statistic_name, worth
 from cusick_bench.sim.effects import effect as effect_named
 from cusick_bench.sim.effects import registered
 from cusick_bench.sim.setup import drape_setups
@@ -158,7 +159,7 @@ BASE = {
         },
     ],
     "base": {"bending": -6.8, "anisotropy": 0.2, "bias": 0.0, "growth": 0.1, "shear": 4.2, "laying": 0.0, "rest": 0.1},
-    "data": {"samples": 12, "captures": 48, "up": 24, "down": 24, "later": 0.5, "areal_density_kg_m2": 0.192},
+    "data": {"samples": 12, "captures": 48, "up": 24, "down": 24, "later": 24, "areal_density_kg_m2": 0.192},
     "statistics": [
         statistic("harmonic_1_real", "harmonics", "m", (0.0052, 0.0049, 0.0001, 0.0047), 9.4),
         statistic("harmonic_1_imaginary", "harmonics", "m", (0.0043, 0.0047, -0.0002, 0.0041), 8.8),
@@ -553,8 +554,27 @@ def test_every_statistic_and_effect_has_words():
     words = [statistic_name(name) for name in STATISTICS]
     assert len(set(words)) == len(words)
     assert not any("_" in word for word in words)
-    assert all(signature(name) or name in ("bending-friction", "shear-friction", "plate-slip", "self-contact")
-               for name in registered())  # fmt: skip
+    assert {name for name in registered() if not signature(name)} <= {"plate-slip"}
+    assert "`" not in "".join(physics(name) for name in registered())
+
+
+def test_scores_point_the_way_the_data_lie():
+    below = statistic("area_dc", "size", "1", (0.40, 0.46, 0.45, 0.41), 3.0)
+    above = statistic("mean_radius", "size", "m", (0.12, 0.14, 0.121, 0.125), 2.0)
+    signed = statistic("folds", "number", "1", (7.0, 7.0, 6.0, 6.5), -1.0)
+    rows = statistic_rows({"statistics": [signed, above, below]})
+    assert [(row.name, row.z) for row in rows] == [
+        ("drape coefficient", "−3.0"), ("mean radius", "+2.0"), ("number of folds", "−1.0"),
+    ]  # fmt: skip
+    assert (rows[1].up, rows[1].unit) == ("120", "mm")
+
+
+def test_a_pair_is_named_with_both(tmp_path):
+    made = _small()
+    made["causes"][0]["pair_with"] = "creep"
+    text = page(made, tmp_path).text
+    assert "acts together with creep" in text
+    assert "local-stiff-patch + creep closes 31 %" in text
 
 
 def test_bits_are_read_against_the_doubt_that_is_left():

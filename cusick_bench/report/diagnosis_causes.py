@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import copysign
 from typing import Any
 
 from markupsafe import Markup
@@ -69,8 +70,11 @@ class StatisticRow:
 
 
 def named_cause(document: Mapping[str, Any]) -> str:
-    """The cause that was simulated."""
-    return text(mapping(document.get("closure")).get("effect"))
+    """The cause that was simulated, with the one that acts together with it; "" without any."""
+    name = text(mapping(document.get("closure")).get("effect"))
+    leading = next((one for one in mappings(document.get("causes")) if name and text(one.get("effect")) == name), {})
+    other = text(leading.get("pair_with"))
+    return f"{name} + {other}" if other and other not in name else name
 
 
 def cause_cards(document: Mapping[str, Any]) -> list[CauseCard]:
@@ -97,7 +101,7 @@ def _card(entry: Mapping[str, Any], document: Mapping[str, Any], likely: bool) -
         chips.append(f"acts together with {other}")
     closure = mapping(document.get("closure"))
     fraction, interval = number(closure.get("fraction")), pair(closure.get("ci90"))
-    if fraction is not None and name in (part.strip() for part in text(closure.get("effect")).split("+")):
+    if fraction is not None and name in (part.strip() for part in named_cause(document).split("+")):
         span = f" ({percent(interval[0])} to {percent(interval[1])})" if interval else ""
         chips.append(f"closes {percent(fraction)} of the gap{span}")
     parameters = [
@@ -127,7 +131,8 @@ def rest_in_words(document: Mapping[str, Any], cards: list[CauseCard]) -> str:
     shown = {card.name for card in cards}
     rest = [entry for entry in _ranked(document) if text(entry.get("effect")) not in shown]
     together = sum(number(entry.get("probability")) or 0.0 for entry in rest)
-    words = f"{len(rest)} further cause{'s' * (len(rest) > 1)} together {percent(together)}. " if rest else ""
+    count = "1 further cause" if len(rest) == 1 else f"{len(rest)} further causes together"
+    words = f"{count}: {percent(together)}. " if rest else ""
     likely = texts(document.get("set90"))
     return words + (f"The true cause is among these with 90 % probability: {', '.join(likely)}." if likely else "")
 
@@ -148,6 +153,7 @@ def _row(entry: Mapping[str, Any], z: float, most: float) -> StatisticRow:
         found = number(entry.get(key))
         return UNKNOWN if found is None else plain(factor * found, 3)
 
+    z = _towards(entry, z)
     score = signed(f"{z:.1f}")
     return StatisticRow(
         name=statistic_name(text(entry.get("name"))),
@@ -159,3 +165,12 @@ def _row(entry: Mapping[str, Any], z: float, most: float) -> StatisticRow:
         z=score if z < 0 else f"+{score}",
         bar=score_bar(z, most),
     )
+
+
+def _towards(entry: Mapping[str, Any], z: float) -> float:
+    """z with the sign of data minus base model, of the face that differs more; it may come without one."""
+    base = number(entry.get("base"))
+    faces = [value for key in ("up", "down") if (value := number(entry.get(key))) is not None]
+    if z < 0 or base is None or not faces:
+        return z
+    return copysign(z, max((value - base for value in faces), key=abs))

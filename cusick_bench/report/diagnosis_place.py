@@ -23,6 +23,8 @@ def place_content(document: Mapping[str, Any]) -> dict[str, Any]:
     else:
         why = text(found.get("why_not")) or "no place was looked for"
         words = f"No place on the cloth can be named: {why}."
+        if text(document.get("verdict")) == "none":
+            words = "Nothing is missing, so there is no place to name."
         caption = "Cloth from above, face up. " + ("" if shares is None else "No place stands out enough to be named.")
     if arrow is not None:
         caption += f" Arrow: direction of the cause, {plain(arrow[0], 3)}° from warp."

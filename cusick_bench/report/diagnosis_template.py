@@ -21,7 +21,7 @@ body {
 main { max-width: 1000px; margin: 0 auto; padding: 1.8rem 1.25rem 3.5rem; overflow-wrap: anywhere; }
 h1 { font-size: 1.05rem; font-weight: 600; margin: 0 0 .6rem; color: var(--soft); }
 h2 { font-size: 1.25rem; line-height: 1.3; margin: 2.6rem 0 .3rem; break-after: avoid; }
-h3 { font-size: .95rem; margin: 0 0 .35rem; }
+h3 { font-size: .95rem; margin: 0 0 .35rem; break-after: avoid; }
 p { margin: .3rem 0 .7rem; max-width: 78ch; }
 .soft, figcaption, .facts, small { color: var(--soft); font-size: .86rem; }
 .verdict {
@@ -72,6 +72,7 @@ rect.score { fill: var(--base); }
 .key.effect { color: var(--cause); } .key.band { border-top-width: .8em; color: #c85a0030; }
 .key.floor { color: var(--floor); width: 0; height: 1em; border-top: 0; border-left: 3px solid; }
 .cause { border-top: 1px solid var(--rule); padding: .7rem 0; break-inside: avoid; }
+td.bars { width: 130px; }
 .cause:first-child { border-top: 0; padding-top: .1rem; } .cause:last-child { padding-bottom: .1rem; }
 .cause .row {
   display: grid; grid-template-columns: minmax(0, 17rem) minmax(0, 1fr) 4rem; gap: 1rem; align-items: center;
@@ -93,7 +94,7 @@ ol.next small { display: block; }
 .empty { color: var(--soft); font-style: italic; }
 @page { margin: 14mm; }
 @media print {
-  body { background: #fff; font-size: 13px; } main { padding: 0; max-width: none; }
+  html { font-size: 12px; } body { background: #fff; font-size: 12px; } main { padding: 0; max-width: none; }
   .card { break-inside: avoid; } .card.long { break-inside: auto; }
 }
 </style>
@@ -161,13 +162,13 @@ ol.next small { display: block; }
 <div class="card">
 <table>
 <caption>What differs most from the base model{{ statistics.with_cause }}.
- The last column is data minus base model in standard errors.</caption>
+ z is data minus base model in standard errors; cosine and sine are of m times the angle from warp.</caption>
 <thead><tr><th class="left">statistic</th><th>unit</th><th>face up</th><th>face down</th><th>base model</th>
 {% if statistics.with_cause %}<th>with cause</th>{% endif %}<th>z</th><td></td></tr></thead>
 <tbody>{% for row in statistics.rows %}
 <tr><td class="left">{{ row.name }}</td><td>{{ row.unit }}</td><td>{{ row.up }}</td><td>{{ row.down }}</td>
 <td>{{ row.base }}</td>{% if statistics.with_cause %}<td>{{ row.effect }}</td>{% endif %}
-<td>{{ row.z }}</td><td>{{ row.bar }}</td></tr>
+<td>{{ row.z }}</td><td class="bars">{{ row.bar }}</td></tr>
 {% endfor %}</tbody>
 </table>
 </div>

@@ -120,7 +120,7 @@ def statistic_name(name: str) -> str:
     if found := re.fullmatch(r"(harmonic|envelope)_(\d+)_(real|imaginary)", name):
         part = "cosine" if found[3] == "real" else "sine"
         what = "shape" if found[1] == "harmonic" else "depth of folds around"
-        return f"{what}, m = {found[2]}, {part} from warp"
+        return f"{what}, m = {found[2]}, {part}"
     return name.replace("_", " ")
 
 
@@ -157,13 +157,17 @@ def _signs(effect: Effect) -> list[str]:
         signs.append("Acts alike on both faces.")
     if acts_later(effect):
         signs.append("Shows in later pictures of a drape only, not in the first.")
+    elif effect.kind == "history":
+        signs.append("Depends on how the cloth came to lie: lifted and laid again, it drapes otherwise.")
+    if effect.kind == "contact":
+        signs.append("Matters only where folds are deep enough to touch.")
     return signs
 
 
 def physics(name: str) -> str:
     """What a cause does, with its equation; "" where the effect is not registered."""
     known = registered().get(name)
-    return known.physics if known else ""
+    return known.physics.replace("`", "") if known else ""
 
 
 def parameter_meaning(name: str, parameter: str) -> str:
@@ -231,10 +235,7 @@ def data_in_words(data: Mapping[str, float | None]) -> str:
     later = data.get("later")
     parts = [count("samples", "sample", "samples"), captures.strip()]
     if later is not None and later > 0:
-        words = (
-            f"{percent(later)} of the pictures taken later" if later < 1 else f"{later:.0f} of the pictures later ones"
-        )
-        parts.append(words)
+        parts.append(f"{later:.0f} repeats" if later >= 1 else f"{percent(later)} of the pictures are repeats")
     density = data.get("areal_density_kg_m2")
     parts.append("mass per area not known" if density is None else f"{1e3 * density:.0f} g/m²")
     return ", ".join(part for part in parts if part)
