@@ -281,6 +281,21 @@ def test_closure_that_may_be_nothing_is_said_so(pages):
     assert "There is no gap to close" in pages["none"].text
 
 
+def test_unknown_cause_sends_nobody_to_useless_measurements(profiles, tmp_path):
+    text = page(document(profiles, "unknown") | {"next": []}, tmp_path).text
+    assert "separate known causes, and this is none of them" in text
+    assert "true cause is among these" not in page({"set90": ["unknown"], "causes": causes(unknown=1.0)}, tmp_path).text
+
+
+def test_a_floor_below_zero_makes_no_ratio(profiles, tmp_path):
+    made = document(profiles, "unknown") | {"gap": {"base": 0.81, "floor": -0.0073, "p": 0.0025}}
+    text = page(made, tmp_path).text
+    assert "0.81 floor −0.0073" in text
+    assert "The gap exceeds its floor." in text
+    assert "times its floor" not in text
+    assert "2.5 times in 1000" in text
+
+
 def test_what_cannot_be_told_apart_has_its_reason(pages):
     told = pages["ambiguous"].text.split("What cannot be told apart")[1]
     assert "plate-radius, cut-size, camera-scale, threshold : all make every radius larger" in told
@@ -435,12 +450,22 @@ def test_map_is_dark_where_the_cause_is_counter_clockwise_from_warp():
 
 
 def test_an_even_map_stays_pale():
-    even = cells(cloth_map(np.full((4, 16), 1 / 64), None, None, "map"))
+    whole = Region((0.0, 360.0), None)
+    even = cells(cloth_map(np.full((4, 16), 1 / 64), whole, None, "map"))
     peaked = np.full((4, 16), 0.0)
     peaked[1, 1] = 1.0
-    assert min(light for *_, light in even) > 2 * min(
-        light for *_, light in cells(cloth_map(peaked, None, None, "map"))
-    )
+    dark = cells(cloth_map(peaked, whole, None, "map"))
+    assert min(light for *_, light in even) > 2 * min(light for *_, light in dark)
+
+
+def test_a_map_that_names_no_place_is_grey_and_says_so():
+    peaked = np.full((4, 16), 0.0)
+    peaked[1, 1] = 1.0
+    unnamed = cloth_map(peaked, None, None, "map")
+    assert "not a finding" in unnamed
+    named = cloth_map(peaked, Region((22.5, 45.0), None), None, "map")
+    assert "not a finding" not in named
+    assert min(light for *_, light in cells(unnamed)) > 2 * min(light for *_, light in cells(named))
 
 
 def test_a_region_beyond_360_degrees_and_all_around():
@@ -456,8 +481,8 @@ def test_closure_beyond_its_axis_is_cut_and_without_overlapping_words():
     graph = closure_graph(-7.0, (-20.0, 0.3), "closure")
     (bar,) = rectangles(graph, "cause")
     assert 0 < bar < 500
-    assert "25 %" not in graph
-    assert "25 %" in closure_graph(0.5, None, "closure")
+    assert percent(0.25) not in graph
+    assert percent(0.25) in closure_graph(0.5, None, "closure")
 
 
 def test_ticks_are_round():
@@ -588,10 +613,10 @@ def test_bits_are_read_against_the_doubt_that_is_left():
 
 def test_numbers_are_rounded_without_lying():
     assert [percent(share) for share in (0.0, 0.001, 0.5, 0.999, 1.0, None)] == [
-        "0 %", "< 1 %", "50 %", "> 99 %", "100 %", "–",
+        "0\u00a0%", "<\u00a01\u00a0%", "50\u00a0%", ">\u00a099\u00a0%", "100\u00a0%", "–",
     ]  # fmt: skip
     assert [plain(value) for value in (0.0874, -0.0021, 12345.0, 0.0)] == ["0.087", "−0.0021", "12345", "0"]
-    assert measure(0.0021, "m") == "2.1 mm"
+    assert measure(0.0021, "m") == "2.1\u00a0mm"
     assert measure(40.0, "deg") == "40°"
     assert number(True) is None
     assert table([[1, 2], [3, None]], 2, 2) is None

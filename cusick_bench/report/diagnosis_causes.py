@@ -134,7 +134,9 @@ def rest_in_words(document: Mapping[str, Any], cards: list[CauseCard]) -> str:
     count = "1 further cause" if len(rest) == 1 else f"{len(rest)} further causes together"
     words = f"{count}: {percent(together)}. " if rest else ""
     likely = texts(document.get("set90"))
-    return words + (f"The true cause is among these with 90 % probability: {', '.join(likely)}." if likely else "")
+    if all(name in ("none", "unknown") for name in likely):
+        return words
+    return f"{words}The true cause is among these with 90 % probability: {', '.join(likely)}."
 
 
 def statistic_rows(document: Mapping[str, Any]) -> list[StatisticRow]:

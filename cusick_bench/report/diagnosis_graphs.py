@@ -13,7 +13,8 @@ from cusick_bench.diagnosis.localise import EDGES, SECTORS
 from cusick_bench.report.diagnosis_svg import Panel, bar, label, line, picture, polygon, round_steps, span
 from cusick_bench.report.diagnosis_values import percent, plain, signed
 
-_PALE, _DARK = np.array([238, 243, 249]), np.array([8, 48, 107])  # of the map: one hue, lighter to darker
+_HUES = {True: ((238, 243, 249), (8, 48, 107)), False: ((244, 244, 245), (172, 176, 182))}
+"""Colours of the map, lightest and darkest: one hue where a place is named, pale greys where none is."""
 _DARKEST = 6  # in shares of an even map: below, the map's colours stay pale
 _PIXELS = 1060.0  # of a metre of the map
 _MIDDLE = (200.0, 196.0)
@@ -152,17 +153,18 @@ def cloth_map(
 
     Args:
         shares: Probability by ring, from the plate outwards, and sector, counter-clockwise from warp.
-        region: Place to outline.
+        region: Place to outline; without one the map is grey, since it then says nothing of the cause.
         arrow: Direction to draw, counter-clockwise from warp [deg], and whether it has both senses.
         description: What a reader who cannot see the map is told.
     """
+    named = region is not None
     top = 1.0 if shares is None else max(float(shares.max()), _DARKEST / shares.size)
     parts = ['<g class="cells">']
     for ring, sector in np.ndindex(len(EDGES) - 1, SECTORS):
         share = 0.0 if shares is None else float(shares[ring, sector])
         width = 360 / SECTORS
         cell = Region((sector * width, (sector + 1) * width), (EDGES[ring], EDGES[ring + 1]))
-        parts.append(f'<path d="{_outline(cell)}" fill="{_colour(share / top)}"/>')
+        parts.append(f'<path d="{_outline(cell)}" fill="{_colour(share / top, named)}"/>')
     parts.append("</g>")
     parts += [_circle(PLATE_RADIUS, "plate"), _circle(CLOTH_RADIUS, "edge"), *_directions()]
     if arrow is not None:
@@ -171,7 +173,7 @@ def cloth_map(
         parts.append(label(_MIDDLE[0], _MIDDLE[1] + 4, "plate", "tick middle"))
     if region is not None:
         parts.append(f'<path class="region" d="{_outline(region)}"/>')
-    parts += _scale(None if shares is None else top)
+    parts += _scale(None if shares is None else top, named)
     return picture(parts, 400, 428, description, "map")
 
 
@@ -217,7 +219,7 @@ def _arrow(degrees: float, both: bool) -> list[str]:
     return [line(*start, *end, "arrow"), *parts]
 
 
-def _scale(top: float | None) -> list[str]:
+def _scale(top: float | None, named: bool) -> list[str]:
     """Key of the map's colours."""
     if top is None:
         return [label(_MIDDLE[0], 412, "no map was made", "tick middle")]
@@ -225,13 +227,15 @@ def _scale(top: float | None) -> list[str]:
     steps = np.linspace(0, 1, 20)
     parts = [
         f'<rect x="{x + s * width * 0.95:.1f}" y="{y:g}" width="{width / 20 + 0.6:.1f}" height="10" '
-        f'fill="{_colour(s)}"/>'
+        f'fill="{_colour(s, named)}"/>'
         for s in steps
     ]
     ends = [label(x - 6, y + 9, "0 %", "tick end"), label(x + width + 6, y + 9, percent(top), "tick")]
-    return [*parts, *ends, label(_MIDDLE[0], y + 23, "probability that the cause sits there", "tick middle")]
+    words = "probability that the cause sits there" if named else "of a local patch, were there one: not a finding"
+    return [*parts, *ends, label(_MIDDLE[0], y + 23, words, "tick middle")]
 
 
-def _colour(level: float) -> str:
-    red, green, blue = np.round(_PALE + (_DARK - _PALE) * np.clip(level, 0, 1)).astype(int)
+def _colour(level: float, named: bool) -> str:
+    pale, dark = (np.array(hue) for hue in _HUES[named])
+    red, green, blue = np.round(pale + (dark - pale) * np.clip(level, 0, 1)).astype(int)
     return f"#{red:02x}{green:02x}{blue:02x}"

@@ -87,6 +87,7 @@ def _content(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
         "profiles": before_after(document),
         "closure": _closure(document, verdict),
         "next": _next(document),
+        "no_next": _NO_NEXT.get(verdict, "No measurement on the list would lower the doubt."),
         "indistinguishable": [
             {"effects": ", ".join(texts(one.get("effects"))), "why": text(one.get("why"))}
             for one in mappings(document.get("indistinguishable"))
@@ -125,10 +126,13 @@ def _facts(document: Mapping[str, Any], verdict: str, cards: list[CauseCard]) ->
     gap, closure = mapping(document.get("gap")), mapping(document.get("closure"))
     base, floor, closed = number(gap.get("base")), number(gap.get("floor")), number(closure.get("fraction"))
     facts = []
-    if base is not None and floor is not None and floor > 0:
-        facts.append(
-            ("gap", f"{plain(base / floor)} ×", "its floor") if base > floor else ("gap", "none", "above its floor")
-        )
+    if base is not None and floor is not None:
+        if base <= floor:
+            facts.append(("gap", "none", "above its floor"))
+        elif floor > 0:
+            facts.append(("gap", f"{plain(base / floor)} ×", "its floor"))
+        else:
+            facts.append(("gap", plain(base), f"floor {plain(floor)}"))
     if cards:
         facts.append(("likeliest", STAGES.get(cards[0].name, cards[0].name), cards[0].probability))
     if verdict == "ambiguous":
@@ -160,6 +164,11 @@ def _gap(document: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+_NO_NEXT = {
+    "none": "Nothing is open that a measurement on the list would settle.",
+    "unknown": "The measurements on the list separate known causes, and this is none of them. The statistics that "
+    "differ most say what to look for in the sample and on the bench.",
+}
 _OPEN = {
     "none": "There is no gap to close.",
     "ambiguous": "Not given: no single cause was named that could be simulated.",

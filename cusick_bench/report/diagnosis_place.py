@@ -25,7 +25,7 @@ def place_content(document: Mapping[str, Any]) -> dict[str, Any]:
         words = f"No place on the cloth can be named: {why}."
         if text(document.get("verdict")) == "none":
             words = "Nothing is missing, so there is no place to name."
-        caption = "Cloth from above, face up. " + ("" if shares is None else "No place stands out enough to be named.")
+        caption = "Cloth from above, face up. " + ("" if shares is None else "No place is named.")
     if arrow is not None:
         caption += f" Arrow: direction of the cause, {plain(arrow[0], 3)}° from warp."
     stages = _stages(found)

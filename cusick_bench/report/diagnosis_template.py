@@ -210,7 +210,7 @@ ol.next small { display: block; }
 <ol class="next card">{% for step in next %}
 <li><b>{{ step.name }}</b>: {{ step.what }}
 <small>{{ step.worth }}{% if step.about %}; speaks about {{ step.about }}{% endif %}</small></li>{% endfor %}</ol>
-{% else %}<p class="empty">No further measurement is known to lower the doubt.</p>{% endif %}
+{% else %}<p class="empty">{{ no_next }}</p>{% endif %}
 
 <h2>What cannot be told apart</h2>
 {% if indistinguishable %}

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 UNKNOWN = "–"  # shown where a value is not known
+_SPACE = "\u00a0"  # keeps a number and its unit on one line
 
 
 def mapping(value: Any) -> Mapping[str, Any]:
@@ -68,10 +69,10 @@ def percent(share: float | None, digits: int = 0) -> str:
         return UNKNOWN
     least = 10.0 ** (-digits) / 2
     if 0 < 100 * share < least:
-        return f"< {2 * least:g} %"
+        return f"<{_SPACE}{2 * least:g}{_SPACE}%"
     if 100 - least < 100 * share < 100:
-        return f"> {100 - 2 * least:g} %"
-    return signed(f"{100 * share:.{digits}f} %")
+        return f">{_SPACE}{100 - 2 * least:g}{_SPACE}%"
+    return signed(f"{100 * share:.{digits}f}{_SPACE}%")
 
 
 def plain(value: float | None, digits: int = 2) -> str:
@@ -91,10 +92,10 @@ def measure(value: float | None, unit: str, digits: int = 2) -> str:
     if value is None:
         return UNKNOWN
     if unit.startswith("m") and unit in ("m", "m/rad"):
-        return f"{plain(1e3 * value, digits)} m{unit}"
+        return f"{plain(1e3 * value, digits)}{_SPACE}m{unit}"
     if unit == "deg":
         return f"{signed(f'{value:.{0 if abs(value) >= 10 else 1}f}')}°"
-    return plain(value, digits) + ("" if unit in ("", "1") else f" {unit}")
+    return plain(value, digits) + ("" if unit in ("", "1") else f"{_SPACE}{unit}")
 
 
 def signed(digits: str) -> str:

@@ -70,7 +70,7 @@ def chance(p: float | None) -> str:
     """What a probability of the test says."""
     if p is None:
         return "How often chance alone gives such a distance is not known."
-    often = "less than once in 1000 times" if p < 0.001 else f"about {1000 * p:.0f} times in 1000"
+    often = "less than once in 1000 times" if p < 0.001 else f"about {plain(1000 * p)} times in 1000"
     if p >= 0.01:
         often = f"about {100 * p:.0f} times in 100"
     return f"If nothing were missing in the base model, data like these would come up {often} ({percent_or_point(p)})."
