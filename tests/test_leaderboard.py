@@ -346,7 +346,7 @@ def test_forms_escape_what_a_name_may_hold(tmp_path):
 
 def test_command_prints_json_and_writes_files(tmp_path, noise):
     write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
-    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": ["cusick-bench", "run"], "cores": 2}))
+    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": ["/opt/bin/cusick-bench", "run"], "cores": 2}))
     files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
     arguments = [str(tmp_path / "runs"), "--json"]
     outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])

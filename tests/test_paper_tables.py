@@ -148,7 +148,9 @@ class TestCommand:
         assert {"homo,search=2", "null:disc", "null:random-phase,draws=12"} <= {row["solver"] for row in rows}
         assert len(pd.read_csv(tmp_path / "table-1.csv")) == len(rows)
         assert r"\begin{tabular}" in (tmp_path / "table-1.tex").read_text()
-        assert "| published MSE |" in (tmp_path / "table-1.md").read_text()
+        text = (tmp_path / "table-1.md").read_text()
+        assert "| published MSE |" in text
+        assert all(f"\n- {fact}: " in text for fact in ("Data", "Command", "Hardware", "Code")), "it says what made it"
         done = {path: path.stat().st_mtime_ns for path in tmp_path.glob("cells/*/result.json")}
         assert len(done) == 6
         assert paper("table-1", data, tmp_path, *words)[0] == 0

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cusick_bench.leaderboard.board import Leaderboard, Row
-from cusick_bench.leaderboard.text import TextTable, text_table
+from cusick_bench.leaderboard.text import TextTable, text_table, typed
 
 _STYLES = {"null": "yellow", "oracle": "magenta", "floor": "cyan", "solver": "bold"}
 _LATEX = str.maketrans(
@@ -79,7 +79,6 @@ def csv(boards: list[Leaderboard]) -> str:
 
 def record(board: Leaderboard, row: Row) -> dict[str, Any]:
     """A row in full, flat, with what is needed to repeat it."""
-    command = board.run.get("command", "")
     numbers: dict[str, Any] = {}
     for name, estimate in row.estimates.items():
         numbers |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
@@ -94,7 +93,7 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
         "dataset": board.dataset,
         "dataset_hash": board.dataset_hash,
         "protocol": board.protocol,
-        "command": command if isinstance(command, str) else " ".join(map(str, command)),
+        "command": typed(board.run.get("command", "")),
         "code_version": board.run.get("code_version", ""),
         "hardware": " ".join(str(board.run.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
     }

@@ -21,7 +21,7 @@ from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard, Row, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, Values, difference, mean
 from cusick_bench.leaderboard.cells import Cells
-from cusick_bench.leaderboard.text import Column, TextTable, short
+from cusick_bench.leaderboard.text import Column, TextTable, provenance, short
 from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.registry import solver_class
 
@@ -150,7 +150,8 @@ def make_table(
     question = {"table-1": "unseen samples predicted", "table-2": "training silhouette fitted"}[name]
     count = f"{len(board.cloths)} cloths" if len(board.cloths) > 1 else "".join(board.cloths)
     title = f"{name}: {question}; {board.dataset}, {count}, mean over cells"
-    return PaperTable(name, title, board, tuple(lines), (*_EXPLAINED[name], *_others(board), *notes, *board.notes))
+    said = (*_EXPLAINED[name], *_others(board), *notes, *board.notes, *provenance(board))
+    return PaperTable(name, title, board, tuple(lines), said)
 
 
 def set_table(table: PaperTable) -> TextTable:

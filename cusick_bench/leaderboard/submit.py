@@ -23,6 +23,7 @@ from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, varia
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.formats import record
+from cusick_bench.leaderboard.text import typed
 from cusick_bench.leaderboard.verify import verified_keys
 from cusick_bench.runner.store import write_atomically
 
@@ -157,7 +158,7 @@ def _line(
         "state": "verified" if verified.issuperset(keys) else "reported",
         "settings": json.dumps(settings, sort_keys=True),
         "budget": _budget(settings.get("budget") or {}),
-        "command": _typed(made.get("command", [])),
+        "command": typed(made.get("command", [])),
         "code_version": str(group["code_version"].iloc[0]),
         "hardware": " ".join(str(made.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
         "time": made.get("time", ""),
@@ -172,12 +173,6 @@ def _command_of(run: dict[str, Any], keys: list[str]) -> dict[str, Any]:
         if set(keys) <= set(made.get("cells", [])):
             return made
     return run
-
-
-def _typed(command: list[Any]) -> str:
-    """A command line as one types it, wherever the program lies."""
-    words = list(map(str, command))
-    return " ".join([Path(words[0]).name, *words[1:]]) if words else ""
 
 
 def _budget(budget: dict[str, Any]) -> str:

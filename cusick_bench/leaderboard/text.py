@@ -1,8 +1,9 @@
 """A leaderboard as a table of short strings: the common source of its terminal, Markdown, LaTeX and HTML forms."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
+from pathlib import Path
 
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.bootstrap import Estimate
@@ -188,15 +189,22 @@ def text_table(board: Leaderboard) -> TextTable:
         columns=columns,
         kinds=tuple(row.kind for row in board.rows),
         entries=tuple(tuple(column.entry(row) for column in columns) for row in board.rows),
-        notes=(*board.notes, *_provenance(board)),
+        notes=(*board.notes, *provenance(board)),
     )
 
 
-def _provenance(board: Leaderboard) -> list[str]:
+def typed(command: str | Sequence[object]) -> str:
+    """A command line as one types it, wherever the program lies."""
+    words = command.split(" ") if isinstance(command, str) else [str(word) for word in command]
+    return " ".join([Path(words[0]).name, *words[1:]]) if words else ""
+
+
+def provenance(board: Leaderboard) -> list[str]:
+    """What it takes to make a leaderboard again, a sentence each."""
     run = board.run
     facts = [f"Data: {board.dataset} (sha256 {board.dataset_hash[:12]}), split: {board.protocol}"]
     if command := run.get("command"):
-        facts.append("Command: " + (command if isinstance(command, str) else " ".join(map(str, command))))
+        facts.append(f"Command: {typed(command)}")
     hardware = ", ".join(str(run[key]) for key in ("processor", "platform") if run.get(key))
     if run.get("cores"):
         hardware += f", {run['cores']} cores"
