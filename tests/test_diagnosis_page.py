@@ -309,6 +309,14 @@ def test_place_is_named_only_where_there_is_one(pages):
     assert {name for name, found in regions.items() if found} == {"patch"}
 
 
+def test_edges_of_what_is_not_localisable_are_not_drawn(tmp_path):
+    made = _small()
+    made["where"] |= {"localisable": False, "why_not": "the map is as wide as under noise"}
+    shown = page(made, tmp_path)
+    assert "No place on the cloth can be named: the map is as wide as under noise" in shown.text
+    assert not [path for path in shown.all("path") if path.get("class") == "region"]
+
+
 def test_page_is_small(profiles, tmp_path):
     assert write_diagnosis_page(document(profiles), tmp_path / "new" / "page.html").stat().st_size < 200_000
 

@@ -174,7 +174,7 @@ def cloth_map(
     if region is not None:
         parts.append(f'<path class="region" d="{_outline(region)}"/>')
     parts += _scale(None if shares is None else top, named)
-    return picture(parts, 400, 428, description, "map")
+    return picture(parts, 400, 434, description, "map")
 
 
 def _place(radius: float, degrees: float) -> tuple[float, float]:
