@@ -140,7 +140,7 @@ def test_detection_holds_its_level(emulator: Emulator) -> None:
     alarms = 0
     for _ in range(40):
         residual = residual_of(emulator, *drawn_fabric(emulator, generator))
-        alarms += detection_statistic(residual.white, grids(emulator, residual)) > limit
+        alarms += detection_statistic(residual.white[None], grids(emulator, residual))[0] > limit
     assert alarms <= 6  # of 40; twice the level and more would show
 
 
@@ -157,7 +157,7 @@ def test_planted_shift_is_named(emulator: Emulator, name: str) -> None:
     moved = shifts(emulator, hypothesis, THETA, emulator.sd(THETA), 0.5, value).rows[0]
     residual = residual_of(emulator, *drawn_fabric(emulator, generator, shift=moved))
     made = grids(emulator, residual)
-    assert detection_p_value(residual, made, generator, draws=60) < 0.05
+    assert detection_p_value(residual, made, generator) < 0.05
     probability = posterior(by_effect(candidates(residual.white, made)), unknown_evidence(residual.white))
     alike = {"local-mass-patch": {"local-mass-patch", "local-stiff-patch"}}.get(name, {name})
     assert sum(probability[one] for one in alike) > 0.5
@@ -251,7 +251,7 @@ def test_damaged_atlas_is_refused(tmp_path: Path, damage: str) -> None:
 
 
 def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> None:
-    design = Design(points=60, effect_points=1, fine_points=0, samples=2, vertices=100)
+    design = Design(points=60, effect_points=1, fine_points=0, one_mesh_points=0, samples=2, vertices=100)
     small = replace(design, points=60)
     tasks = small.tasks()
     assert len(tasks) == 60 + len(registered()) - 3

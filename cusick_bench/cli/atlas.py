@@ -33,13 +33,16 @@ def build_atlas(
     points: Annotated[int, typer.Option(min=60, help="Fabrics.")] = _PLAN.points,
     effect_points: Annotated[int, typer.Option(min=0, help="Of these, with every effect.")] = _PLAN.effect_points,
     fine_points: Annotated[int, typer.Option(min=0, help="Of these, on a finer mesh too.")] = _PLAN.fine_points,
+    one_mesh_points: Annotated[
+        int, typer.Option(min=0, help="Of these, with all samples on one mesh too.")
+    ] = _PLAN.one_mesh_points,
     samples: Annotated[int, typer.Option(min=2, help="Samples of each fabric.")] = _PLAN.samples,
     vertices: Annotated[int, typer.Option(min=100, help="Mesh size.")] = _PLAN.vertices,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
-    design = Design(points, effect_points, fine_points, samples, vertices)
+    design = Design(points, effect_points, fine_points, one_mesh_points, samples, vertices)
     columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("draping", total=None)

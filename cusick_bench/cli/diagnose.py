@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
+import pandas as pd
 import typer
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -41,11 +42,12 @@ def diagnose_data(
     out: Annotated[Path, typer.Option(help="Folder of diagnosis.json and a page for each fabric.")] = Path(
         "runs/diagnosis"
     ),
+    summary: Annotated[Path | None, typer.Option("--table", help="CSV file of a row for each fabric.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
-    options = Options(samples, tuple(effect(name).name for name in without or ()), seed)
+    options = Options(samples, True, tuple(effect(name).name for name in without or ()), seed)
     emulator, calibration = load_atlas(atlas)
     dataset = load(data)
     chosen = fabric or _with_samples(dataset)
@@ -63,6 +65,8 @@ def diagnose_data(
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
             one = document(result, captures, emulator, command=command, version=code_version())
             found.append(_written(one, out))
+    if summary is not None:
+        _summarise(found, summary)
     if as_json:
         print_json({"fabrics": found})
         return
@@ -84,6 +88,42 @@ def _written(one: dict[str, Any], out: Path) -> dict[str, Any]:
     write_atomically(path, json.dumps(plain(one), allow_nan=False).encode())
     page = write_diagnosis_page(plain(one), folder / "diagnosis.html")
     return one | {"path": path, "page": page}
+
+
+def _summarise(found: list[dict[str, Any]], path: Path) -> None:
+    """A row for each fabric."""
+    rows = []
+    for one in found:
+        gap, closure = one["gap"], one["closure"]
+        low, high = closure["ci90"] or (None, None)
+        leading = next((c for c in one["causes"] if c["effect"] not in ("none", "unknown")), None)
+        rows.append(
+            {
+                "fabric": one["fabric"],
+                "samples": one["data"]["samples"],
+                "captures": one["data"]["captures"],
+                "verdict": one["verdict"],
+                "p": gap["p"],
+                "cause": leading["effect"] if leading else "",
+                "probability": leading["probability"] if leading else None,
+                "parameters": _words(leading["parameters"]) if leading else "",
+                "set90": " ".join(one["set90"]),
+                "gap_base": gap["base"],
+                "gap_floor": gap["floor"],
+                "gap_with_cause": gap["effect"],
+                "closure": closure["fraction"],
+                "closure_low": low,
+                "closure_high": high,
+                "command": one["made"]["command"],
+                "code": one["made"]["version"],
+            }
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, pd.DataFrame(rows).to_csv(index=False, float_format="%.4g").encode())
+
+
+def _words(parameters: dict[str, dict[str, Any]]) -> str:
+    return "; ".join(f"{name} {one['value']:.3g} {one['unit']}".strip() for name, one in parameters.items())
 
 
 def _print(one: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ def answer(
     cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
     out: Annotated[Path, typer.Option(help="File for the answers.")] = Path("answers.json"),
     samples: Annotated[
-        int, typer.Option(min=0, help="Simulated samples of each model; 0 leaves gap and closure out.")
+        int, typer.Option(min=0, help="Simulated samples where a cause is named; 0 leaves gap and closure out.")
     ] = 12,
     without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
     atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
@@ -27,7 +27,7 @@ def answer(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Answers every case from its silhouettes alone; answers that are there already are kept."""
-    options = Options(samples, tuple(effect(name).name for name in without or ()), seed)
+    options = Options(samples, False, tuple(effect(name).name for name in without or ()), seed)
     columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("cases", total=len(case_folders(cases)))

@@ -37,6 +37,8 @@ ANGLES = 360
 BASE = "base"
 FINE = "fine-mesh"
 """The base model again, on a finer mesh with shorter steps: what a simulator's own errors do to the statistics."""
+ONE_MESH = "one-mesh"
+"""The base model again, all samples of a fabric on one mesh: what an asymmetry that they share does, be it a mesh's."""
 _FINE_VERTICES, _FINE_SETTINGS = 1205, DrapeSettings(steps=150, step_seconds=0.03)
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
 """Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
@@ -54,6 +56,7 @@ class Design:
         points: Fabrics.
         effect_points: How many of them, the first ones, have every effect too.
         fine_points: How many of them have drapes on a finer mesh.
+        one_mesh_points: How many of them have all samples on one mesh.
         samples: Samples of each, draped on both sides.
         vertices: Mesh size.
     """
@@ -61,6 +64,7 @@ class Design:
     points: int = 320
     effect_points: int = 160
     fine_points: int = 40
+    one_mesh_points: int = 80
     samples: int = 4
     vertices: int = 480
 
@@ -79,6 +83,7 @@ class Design:
             for name in (
                 BASE,
                 *([FINE] if point < self.fine_points else ()),
+                *([ONE_MESH] if point < self.one_mesh_points else ()),
                 *(effects if point < self.effect_points else ()),
             )
         ]
@@ -232,6 +237,8 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
             value, statistics = np.zeros(0), observe(setups, _draped(folder, point, setups))
         elif name == FINE:
             value, statistics = np.zeros(0), statistics_of(_finer(design, point), _SIMULATORS)
+        elif name == ONE_MESH:
+            value, statistics = np.zeros(0), statistics_of(_on_one_mesh(design, point), _SIMULATORS)
         else:
             effect = registered()[name]
             generator = np.random.default_rng([_SEED, point, zlib.crc32(name.encode())])
@@ -247,6 +254,12 @@ def _finer(design: Design, point: int) -> list[Setup]:
     """The same samples on finer meshes: their fields are functions of the cloth's points."""
     fine = BaseModel(_FINE_VERTICES, _FINE_SETTINGS)
     return fine.samples(_theta(design)[point], design.samples, (_SEED, point))
+
+
+def _on_one_mesh(design: Design, point: int) -> list[Setup]:
+    """The same samples on a mesh of the fabric's own."""
+    model = BaseModel(design.vertices, meshes=1, first_mesh=100 + point)
+    return model.samples(_theta(design)[point], design.samples, (_SEED, point))
 
 
 def _as_later(effect: Effect, setups: list[Setup]) -> list[Setup]:

@@ -58,11 +58,13 @@ class BaseModel:
         vertices: Mesh size.
         settings: How cloths are draped.
         meshes: Number of meshes that are used in turn.
+        first_mesh: Number of the first one.
     """
 
     vertices: int = 480
     settings: DrapeSettings = SETTINGS
     meshes: int = MESHES
+    first_mesh: int = 0
 
     def samples(
         self, theta: Float[ndarray, "7"], count: int, seed: Sequence[int], *, sides: Sequence[Side] = ("up", "down")
@@ -83,7 +85,7 @@ class BaseModel:
         made = []
         for sample in range(count):
             generator = np.random.default_rng([*seed, 1, sample])
-            mesh = _mesh(self.vertices, int(generator.integers(self.meshes)))
+            mesh = _mesh(self.vertices, self.first_mesh + int(generator.integers(self.meshes)))
             bending, stretch = (smooth_field(STIFFNESS_SPREAD, STIFFNESS_LENGTH, generator) for _ in range(2))
             rest = smooth_field(rest_height, float(rest_length), generator)
             laying = {side: smooth_field(laying_height, float(laying_length), generator) for side in ("up", "down")}

@@ -59,11 +59,13 @@ class Options:
 
     Attributes:
         samples: Simulated samples of each model and fold; 0 leaves the simulations, and so gap and closure, out.
+        always: Simulate also where no effect shows.
         without: Effects that are not to be considered.
         seed: Of simulations and tests.
     """
 
     samples: int = 12
+    always: bool = True
     without: tuple[str, ...] = ()
     seed: int = 0
 
@@ -122,11 +124,11 @@ class _Data:
     drift: Float[ndarray, "samples statistics"]
     later: float
 
-    def features(self, rows: ndarray | None = None) -> Features:
+    def features(self, chosen: ndarray | None = None) -> Features:
         """Of all samples, or of some."""
-        if rows is None:
+        if chosen is None:
             return features(self.specimens, self.drift)
-        return features(self.specimens[rows], self.drift[rows])
+        return features(self.specimens[chosen], self.drift[chosen])
 
 
 def diagnose(
@@ -176,7 +178,7 @@ def diagnose(
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
     advice = advise(single_causes(probability))
     seen, base, effect = None, None, None
-    if chosen.samples:
+    if chosen.samples and (cause or chosen.always):
         progress("simulating", 0.2)
         kept = simulators or Simulators(most=20)
         seen, base, effect = _simulated(emulator, data, residual, cause, chosen, kept, generator, progress)

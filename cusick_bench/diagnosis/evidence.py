@@ -30,7 +30,7 @@ NONE, UNKNOWN = "none", "unknown"
 DENSITY_BIAS = "density-bias"
 LAW_DIFFERENCE = 0.25
 _UNKNOWN_SIZES = np.geomspace(0.15, 6, 9)
-PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_PAIR = 0.4, 0.08, 0.05
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_PAIR = 0.4, 0.08, 0.02
 
 
 def log_sum(values: Float[ndarray, "terms"] | Sequence[float]) -> float:
@@ -145,10 +145,20 @@ def posterior(
     return {name: float(np.exp(value - total)) for name, value in log.items()}
 
 
-def detection_statistic(white: Float[ndarray, "kept"], made: Sequence[Grid]) -> float:
-    """Log of the prior-weighted evidence of anything against nothing."""
-    values = [one.log_evidence for one in candidates(white, made)]
-    return float(np.logaddexp(log_sum(values) - np.log(len(values)), unknown_evidence(white) + np.log(0.1)))
+def detection_statistic(white: Float[ndarray, "fabrics kept"], made: Sequence[Grid]) -> Float[ndarray, "fabrics"]:
+    """Log of the prior-weighted evidence of anything against nothing, of one or many whitened residuals."""
+    squared, count = (white**2).sum(1), white.shape[1]
+    logs = []
+    for grid in made:
+        size = (grid.shift**2).mean(1, keepdims=True)
+        v = 1 + LAW_DIFFERENCE**2 * (grid.shift**2 + size) / 2 + grid.variance[:, None]
+        fixed = (grid.shift**2 / v + np.log(v)).sum(1)
+        terms = -0.5 * (white**2 @ (1 / v).T - 2 * white @ (grid.shift / v).T + fixed) + 0.5 * squared[:, None]
+        logs.append(np.logaddexp.reduce(terms, axis=1) - np.log(len(grid.shift) / grid.hypothesis.prior))
+    causes = np.logaddexp.reduce(np.stack(logs), axis=0) - np.log(len(made))
+    v = 1 + _UNKNOWN_SIZES**2
+    free = -0.5 * squared[:, None] * (1 / v - 1) - 0.5 * count * np.log(v)
+    return np.logaddexp(causes, np.logaddexp.reduce(free, axis=1) - np.log(len(v)) + np.log(0.1))
 
 
 def detection_p_value(
@@ -157,7 +167,6 @@ def detection_p_value(
     generator: np.random.Generator,
     *,
     draws: int = 400,
-    inflation: float = 1.0,
 ) -> float:
     """Probability of so much evidence for anything where the base model holds, by parametric bootstrap of w.
 
@@ -166,9 +175,7 @@ def detection_p_value(
         made: All hypotheses.
         generator: Of the bootstrap.
         draws: Number of draws.
-        inflation: Standard deviation of w where the base model holds, from calibration; 1 in theory.
     """
-    seen = detection_statistic(residual.white, made)
-    noise = generator.standard_normal((draws, len(residual.white))) * inflation
-    null = np.array([detection_statistic(row, made) for row in noise])
+    seen = detection_statistic(residual.white[None], made)[0]
+    null = detection_statistic(generator.standard_normal((draws, len(residual.white))), made)
     return float((1 + (null >= seen).sum()) / (1 + draws))
