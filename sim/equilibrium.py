@@ -12,7 +12,7 @@ References:
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -175,6 +175,7 @@ def equilibrium(
     return Equilibrium(point.x, residual, False, taken, bifurcations, energies, None)
 
 
+@runtime_checkable
 class Rest(Protocol):
     """What the adjoint needs of a rest, with or without contacts."""
 

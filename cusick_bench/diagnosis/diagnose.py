@@ -90,6 +90,7 @@ class Diagnosis:
         base, effect: Simulated samples of the base model, and with the cause.
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
+        without: Effects that were not considered.
     """
 
     fabric: str
@@ -108,6 +109,7 @@ class Diagnosis:
     effect: Simulated | None
     baselines: Mapping[str, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +188,7 @@ def diagnose(
     return Diagnosis(
         captures.fabric, verdict, p, probability, set90(single_causes(probability)), tuple(best), cause, spot, advice,
         seen, residual, found, base, effect, _baselines(emulator, found, data, residual, made), tuple(notes),
+        chosen.without,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from cusick_bench.diagnosis.simulate import Simulated
 from cusick_bench.diagnosis.statistics import GROUPS
 from cusick_bench.diagnosis.statistics import NAMES as STATISTICS
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.mesh import CLOTH_RADIUS
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
 _ALIKE = (
@@ -62,7 +63,7 @@ def document(
         "profiles": {
             "data": [
                 {"sample": int(captures.sample[i]), "side": str(captures.side[i]), "radii_m": row.tolist()}
-                for i, row in enumerate(np.round(captures.radii, 5))
+                for i, row in enumerate(np.round(captures.radii * CLOTH_RADIUS / captures.protocol.cloth_radius_m, 5))
             ],
             "base": _profiles(diagnosis.base),
             "effect": _profiles(diagnosis.effect),
@@ -71,6 +72,7 @@ def document(
             {"effects": list(names), "why": why} for names, why in _ALIKE if set(names) & set(diagnosis.set90)
         ],
         "notes": list(diagnosis.notes),
+        "without": list(diagnosis.without),
         "made": {"version": version, "command": command, "atlas": f"{len(emulator.responses)} effects"},
     }  # fmt: skip
 
@@ -217,7 +219,8 @@ def _statistics(diagnosis: Diagnosis, emulator: Emulator) -> list[dict[str, Any]
     rows = []
     for k, name in enumerate(STATISTICS):
         error = sd[k] / np.sqrt(max(int(found.samples.sum()), 1))
-        difference = np.nanmax(np.abs(found.mean[:, k] - base[k])) if np.isfinite(found.mean[:, k]).any() else np.nan
+        known = (found.mean[:, k] - base[k])[np.isfinite(found.mean[:, k])]
+        difference = known[np.argmax(np.abs(known))] if len(known) else np.nan
         rows.append(
             {
                 "name": name,

@@ -95,11 +95,11 @@ class Effect(ABC):
             if name not in known:
                 raise SimulationError(f"effect {self.name} has no parameter {name!r}; use {', '.join(known)}")
         full = {p.name: value.get(p.name, p.typical if p.role == "severity" else p.default) for p in self.parameters}
-        for name, number in full.items():
-            p = known[name]
-            if not p.low <= float(number) <= p.high:  # also refuses NaN
+        for name, given in full.items():
+            p, number = known[name], float(given.detach() if isinstance(given, Tensor) else given)
+            if not p.low <= number <= p.high:  # also refuses NaN
                 bounds = f"{p.low:g} to {p.high:g} {p.unit}".strip()
-                raise SimulationError(f"effect {self.name}: {name} must lie within {bounds}, got {float(number):g}")
+                raise SimulationError(f"effect {self.name}: {name} must lie within {bounds}, got {number:g}")
         return full
 
     def apply(self, setup: Setup, value: Values) -> Setup:
