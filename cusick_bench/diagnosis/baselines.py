@@ -46,6 +46,8 @@ def lasso_without_projection(
     """Normalised coefficients of a lasso; empty where none is active."""
     import cvxpy as cp  # slow to import
 
+    if not grids:
+        return {}
     columns, names = [], []
     for grid, moved in zip(grids, shifts, strict=True):
         small = np.abs(grid.hypothesis.severity()) < 2.5

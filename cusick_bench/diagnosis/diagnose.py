@@ -254,7 +254,7 @@ def _weigh(
     best = {name: next(one for one in singles if one.hypothesis.name == name) for name in effects}
     together: dict[str, tuple[Candidate, Candidate]] = {}
     extra: dict[str, float] = {}
-    if detected:
+    if detected and len(effects) > 1:
         for name in sorted(effects, key=lambda n: -effects[n])[:_REFINED]:
             refined = _refined(emulator, found, data, residual, best[name], made, calibrated)
             if refined is not None:
@@ -338,7 +338,7 @@ def _verdict(p: float, probability: Mapping[str, float]) -> tuple[str, str]:
     leading = max(acting, key=lambda name: acting[name])
     single = single_causes(acting)
     total = sum(acting.values())
-    if acting[UNKNOWN] >= 0.5 * total:
+    if acting[UNKNOWN] >= 0.5 * total or len(acting) == 1:
         return UNKNOWN, ""
     top = max((name for name in single if name != UNKNOWN), key=lambda name: single[name])
     if single[top] >= NAMED * total:

@@ -155,7 +155,7 @@ def detection_statistic(white: Float[ndarray, "fabrics kept"], made: Sequence[Gr
         fixed = (grid.shift**2 / v + np.log(v)).sum(1)
         terms = -0.5 * (white**2 @ (1 / v).T - 2 * white @ (grid.shift / v).T + fixed) + 0.5 * squared[:, None]
         logs.append(np.logaddexp.reduce(terms, axis=1) - np.log(len(grid.shift) / grid.hypothesis.prior))
-    causes = np.logaddexp.reduce(np.stack(logs), axis=0) - np.log(len(made))
+    causes = np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(made)) if made else np.full(len(white), -np.inf)
     v = 1 + _UNKNOWN_SIZES**2
     free = -0.5 * squared[:, None] * (1 / v - 1) - 0.5 * count * np.log(v)
     return np.logaddexp(causes, np.logaddexp.reduce(free, axis=1) - np.log(len(v)) + np.log(0.1))
