@@ -38,6 +38,8 @@ from cusick_bench.metrics import (
     ranks,
     score,
     standardised,
+    variability,
+    variability_rows,
     variogram_score,
 )
 from cusick_bench.solvers.base import Prediction
@@ -439,3 +441,46 @@ def test_classification_refuses_what_cannot_be_told_apart():
     judge, _ = learn(np.arange(4.0)[:, None], list("aabb"), [1, 2, 1, 2])
     with pytest.raises(MetricError, match="unknown cloth c"):
         judge.confusion(np.zeros((1, 1)), ["c"])
+
+
+# -- variability
+
+
+def test_variability_of_drapes_is_theirs():
+    """Discs of three sizes: no folds, and areas that are known."""
+    radii = np.array([0.110, 0.115, 0.120, 0.125])
+    images = np.stack([silhouette(np.full(4, radius)) for radius in radii])
+    found = variability(images)
+    assert found.drapes == 4
+    coefficients = (radii**2 - 0.09**2) / (0.15**2 - 0.09**2)
+    assert found.dc_sd.value == pytest.approx(coefficients.std(ddof=1), rel=0.02)
+    assert found.folds_sd.value == 0
+    areas = np.pi * (723 * radii) ** 2 / 256**2
+    gaps = np.abs(areas[:, None] - areas)[np.triu_indices(4, 1)]
+    assert found.pair_mse.value == pytest.approx(gaps.mean(), rel=0.08)  # pixels at the rims are half covered
+
+
+def test_variability_sees_folds_elsewhere_and_knows_its_error():
+    generator = np.random.default_rng(3)
+
+    def drapes(count):
+        return np.stack(
+            [silhouette(wave(int(generator.integers(6, 10)), generator.uniform(0, 6))) for _ in range(count)]
+        )
+
+    sets = [variability(drapes(8)) for _ in range(12)]
+    for name in ("pair_mse", "folds_sd"):
+        values = [getattr(one, name).value for one in sets]
+        claimed = np.mean([getattr(one, name).error for one in sets])
+        assert np.std(values, ddof=1) == pytest.approx(claimed, rel=0.7)
+    still = variability(np.stack([silhouette(wave(7, 0.01 * i)) for i in range(4)]))
+    assert still.pair_mse.value < 0.1 * sets[0].pair_mse.value
+
+
+def test_variability_rows_are_read_side_by_side():
+    images = np.stack([silhouette(wave(7, phase)) for phase in (0.0, 1.0, 2.0)])
+    one, other = variability_rows({"samples": images, "bytes": np.round(255 * images).astype(np.uint8)})
+    assert (one["drapes_of"], one["drapes"]) == ("samples", 3)
+    assert one["pair_mse"] == pytest.approx(other["pair_mse"], rel=0.01)
+    with pytest.raises(MetricError, match="3 drapes or more, got 2"):
+        variability(images[:2])

@@ -27,6 +27,7 @@ from cusick_bench.metrics.statistics import (
     standardised,
 )
 from cusick_bench.metrics.surface import Surface
+from cusick_bench.metrics.variability import Variability, variability, variability_rows
 
 __all__ = [
     "DISTRIBUTION_METRICS",
@@ -39,6 +40,7 @@ __all__ = [
     "MetricError",
     "Shape",
     "Surface",
+    "Variability",
     "coverage",
     "crps",
     "distribution_scores",
@@ -65,5 +67,7 @@ __all__ = [
     "spectrum_distance",
     "standardised",
     "to_levels",
+    "variability",
+    "variability_rows",
     "variogram_score",
 ]
