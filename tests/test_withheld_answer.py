@@ -16,6 +16,7 @@ from cusick_bench.withheld.answering import answer_case, answer_suite, case_fold
 from cusick_bench.withheld.design import EFFECTS
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import Suite, generate
+from cusick_bench.withheld.oracle import oracle_closure, oracle_closures
 from cusick_bench.withheld.reveal import reveal
 from cusick_bench.withheld.score import score
 
@@ -121,6 +122,26 @@ def test_bad_cases_get_no_confident_answer(suite: Path, tmp_path: Path, one_thre
         assert found["refused"]
     elif damage == "one sample":
         assert found["verdict"] != "effect"
+
+
+def test_oracle_closure_is_judged(suite: Path, tmp_path: Path, one_thread: None) -> None:
+    """The true cause with its true parameters; nulls have none, effects that the atlas lacks have no closure."""
+    labels = json.loads((suite / "labels" / "labels.json").read_text())
+    single = next(name for name, label in labels.items() if label["kind"] == "single")
+    null = next(name for name in labels if name != single)
+    truth = {"effect": "camera-scale", "class": "imaging", "severity": 0.1, "parameters": {"error": 0.1}}
+    changed = {single: labels[single] | truth | {"location": None}, null: labels[null]}
+    found = oracle_closures(suite / "cases", changed, tmp_path / "oracle.json", SHIPPED, Options(samples=2))
+    assert list(found) == [single]
+    assert oracle_closure(suite / "cases" / single, truth | {"effect": "density-bias"}, SHIPPED, QUICK) is None
+    again = oracle_closures(suite / "cases", changed, tmp_path / "oracle.json", SHIPPED, Options(samples=2))
+    assert again == found
+    answers = tmp_path / "answers.json"
+    answer_suite(suite / "cases", answers, SHIPPED, QUICK)
+    (tmp_path / "oracle.json").write_text(json.dumps({single: 0.5}))
+    arguments = ["withheld", "score", str(answers), str(suite / "labels" / "labels.json")]
+    result = CliRunner().invoke(app, [*arguments, "--oracle", str(tmp_path / "oracle.json"), "--json"])
+    assert result.exit_code == 0, result.output
 
 
 def test_folder_without_cases(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import typer
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
-from cusick_bench.cli.withheld_answer import answer
+from cusick_bench.cli.withheld_answer import answer, oracle
 from cusick_bench.cli.withheld_score import score
 from cusick_bench.withheld.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.errors import WithheldError
@@ -24,6 +24,7 @@ def _root() -> None:
 
 
 app.command("answer")(answer)
+app.command("oracle")(oracle)
 app.command("score")(score)
 
 

@@ -11,6 +11,8 @@ from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.sim.effects import effect
 from cusick_bench.withheld.answering import answer_suite, case_folders
+from cusick_bench.withheld.document import read_object
+from cusick_bench.withheld.oracle import oracle_closures
 
 
 @user_errors
@@ -36,3 +38,29 @@ def answer(
         print_json({"path": out, "cases": len(found["answers"]), "code_version": found["code_version"]})
     else:
         output.print(f"{out}: {len(found['answers'])} answers, frozen by {found['code_version']}")
+
+
+@user_errors
+def oracle(
+    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
+    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
+    out: Annotated[Path, typer.Option(help="File for the closures.")] = Path("oracle.json"),
+    samples: Annotated[int, typer.Option(min=2, help="Simulated samples.")] = 12,
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
+    seed: Annotated[int, typer.Option(min=0, help="Of simulations.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
+    known = read_object(labels)
+    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("cases", total=None)
+        options = Options(samples, True, (), seed)
+        found = oracle_closures(
+            cases, known, out, atlas, options, workers=workers, step=lambda case: progress.advance(task)
+        )
+    if as_json:
+        print_json({"path": out, "closures": found})
+    else:
+        output.print(f"{out}: {sum(value is not None for value in found.values())} of {len(found)} cases have a gap")

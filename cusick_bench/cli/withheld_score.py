@@ -1,6 +1,7 @@
 """`cusick-bench withheld score`: opens the labels, and prints how good the answers were."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,9 +14,10 @@ from rich.text import Text
 from cusick_bench.cli.common import console, output, print_json, user_errors
 from cusick_bench.runner.environment import code_version
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.withheld.document import number, read_object
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.failures import Failure, failures
-from cusick_bench.withheld.reveal import reveal
+from cusick_bench.withheld.reveal import Revealed, reveal
 from cusick_bench.withheld.score import Scores
 from cusick_bench.withheld.score import score as score_answers
 from cusick_bench.withheld.table import by_severity, document, headline, markdown, rows
@@ -32,6 +34,7 @@ def score(
     commitment: Annotated[
         Path | None, typer.Option(help="commitment.json with the published seals; each label must fit its own.")
     ] = None,
+    oracle: Annotated[Path | None, typer.Option(help="Closures by the true causes, from `withheld oracle`.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for all rows; a page of Markdown goes beside it.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of bootstrap and chance.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
@@ -42,7 +45,7 @@ def score(
     """
     if out is not None and out.suffix != ".csv":
         raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance withheld.csv")
-    revealed = reveal(answers, labels, commitment)
+    revealed = _with_oracle(reveal(answers, labels, commitment), oracle)
     scores = score_answers(revealed, seed)
     failed = failures(revealed, scores.cases)
     facts = _facts(answers, labels, seed)
@@ -52,6 +55,19 @@ def score(
         print_json(document(scores, failed, facts))
     else:
         _show(scores, failed)
+
+
+def _with_oracle(revealed: Revealed, path: Path | None) -> Revealed:
+    """The labels with the closures by their true causes, which are known only after the answers."""
+    if path is None:
+        return revealed
+    closures = read_object(path)
+    known = {case: number(value, f"{path}: {case}") for case, value in closures.items()}
+    labels = {
+        case: replace(label, oracle_closure=known.get(case, label.oracle_closure))
+        for case, label in revealed.labels.items()
+    }
+    return replace(revealed, labels=labels)
 
 
 def _facts(answers: Path, labels: Path, seed: int) -> dict[str, Any]:

@@ -192,6 +192,36 @@ def diagnose(
     )  # fmt: skip
 
 
+def closure_by(
+    captures: Captures,
+    emulator: Emulator,
+    causes: tuple[Candidate, ...],
+    options: Options,
+    *,
+    simulators: Simulators | None = None,
+) -> Gap | None:
+    """Gap and closure by causes whose parameters are known: what a perfect diagnosis would reach.
+
+    Args:
+        captures: Silhouettes of a fabric.
+        emulator: The atlas, for the base parameters.
+        causes: With their true parameters, which are kept.
+        options: Samples and seed of the simulations.
+        simulators: Kept from fabric to fabric.
+
+    Raises:
+        DiagnosisError: Another geometry than the atlas', or no usable drape.
+    """
+    scaled, _ = _to_atlas(captures)
+    data = _data(scaled)
+    residual = against_base(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
+    generator = np.random.default_rng([_SEED, options.seed])
+    kept = simulators or Simulators(most=20)
+    return _simulated(
+        emulator, data, residual, causes, options, kept, generator, lambda what, share: None, refit=False
+    )[0]
+
+
 def _to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
     """Lengths in units of the atlas' cloth.
 
@@ -365,6 +395,8 @@ def _simulated(
     simulators: Simulators,
     generator: np.random.Generator,
     progress: Callable[[str, float], None],
+    *,
+    refit: bool = True,
 ) -> tuple[Gap | None, Simulated | None, Simulated | None]:
     """Gap and closure over two folds, and the last fold's drapes."""
     every = np.arange(len(data.specimens))
@@ -372,7 +404,7 @@ def _simulated(
     folds, base, effect = [], None, None
     for number, held in enumerate(parts):
         fitted = every if len(parts) == 1 else np.setdiff1d(every, held)
-        theta, causes = _fitted(emulator, data, fitted, residual, cause)
+        theta, causes = _fitted(emulator, data, fitted, residual, cause, refit)
         seed = (_SEED, options.seed, number)
         progress("simulating the base model", 0.2 + 0.4 * number)
         base = simulate(theta[0], (), options.samples, seed, drift=data.later, simulators=simulators)
@@ -384,17 +416,20 @@ def _simulated(
 
 
 def _fitted(
-    emulator: Emulator, data: _Data, chosen: ndarray, residual: Residual, cause: tuple[Candidate, ...]
-) -> tuple[tuple[ndarray, ndarray], tuple[Candidate, ...]]:
+    emulator: Emulator, data: _Data, chosen: ndarray, residual: Residual, cause: tuple[Candidate, ...],
+    refit: bool,
+) -> tuple[tuple[ndarray, ndarray], tuple[Candidate, ...]]:  # fmt: skip
     """Base parameters without and with the cause, and its parameters, from some samples alone."""
     own = data.features(chosen)
     scatter = scatter_of(data.specimens[chosen])
     plain = against_base(emulator, own, scatter=scatter, drift=data.later, start=residual.theta)
     joint, causes, left = plain, [], plain
     for one in cause:
-        moved = shifts(emulator, one.hypothesis, left.theta, left.sd, data.later)
-        grid = Grid(one.hypothesis, left.whiten(moved.rows), moved.variance)
-        again = candidates(left.white, [grid])[0]
+        again = one
+        if refit:
+            moved = shifts(emulator, one.hypothesis, left.theta, left.sd, data.later)
+            grid = Grid(one.hypothesis, left.whiten(moved.rows), moved.variance)
+            again = candidates(left.white, [grid])[0]
         point = {name: np.array([value]) for name, value in again.value.items()}
         shift = shifts(emulator, one.hypothesis, left.theta, left.sd, data.later, point).rows[0]
         joint = against_base(emulator, own, scatter=scatter, drift=data.later, start=left.theta, shift=shift)

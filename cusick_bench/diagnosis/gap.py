@@ -23,7 +23,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.energy import ClusterDistances, cluster_distances
 from cusick_bench.diagnosis.floors import split_half_floor
-from cusick_bench.diagnosis.resampling import bootstrap_weights, two_sample_test
+from cusick_bench.diagnosis.resampling import bootstrap_weights
 from cusick_bench.diagnosis.statistics import GROUPS
 
 _DRAWS = 400
@@ -37,7 +37,6 @@ class Gap:
     Attributes:
         base: Of the base model, held out.
         floor: Of two halves of the data, as many samples.
-        p: That such a distance arises between samples of one distribution, by permutation.
         groups: By group of statistics, of the base model.
         groups_floor: Their floors.
         closure: Share of the gap that the cause closes; NaN where there is no cause or no gap.
@@ -47,7 +46,6 @@ class Gap:
 
     base: float
     floor: float
-    p: float
     groups: dict[str, float]
     groups_floor: dict[str, float]
     closure: float = nan
@@ -93,7 +91,7 @@ def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.r
     Args:
         folds: Each held out once.
         sd: Unit of the statistics.
-        generator: Of permutations and bootstrap.
+        generator: Of splits and bootstrap.
 
     Returns:
         The gap, or None where a fold has fewer than two samples.
@@ -118,13 +116,12 @@ def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.r
     if not plain:
         return None
     values = side_by_side(everything, sd, faces)
-    p = float(np.mean([two_sample_test(one, generator, 299) for one in plain]))
     groups = {name: _observed(distances(lambda fold: fold.base, columns)) for name, columns in GROUPS.items()}
     floors = {
         name: _floor(side_by_side(_cut(everything, columns), _cut(sd, columns), faces), generator)
         for name, columns in GROUPS.items()
     }
-    found = Gap(_observed(plain), _floor(values, generator), p, groups, floors)
+    found = Gap(_observed(plain), _floor(values, generator), groups, floors)
     if folds[0].effect is None:
         return found
     changed = distances(lambda fold: fold.effect)
@@ -132,7 +129,7 @@ def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.r
         return found
     closure, interval = _closure(plain, changed, found.floor, generator)
     return Gap(
-        found.base, found.floor, p, groups, floors, closure=closure, closure_interval=interval,
+        found.base, found.floor, groups, floors, closure=closure, closure_interval=interval,
         effect=_observed(changed),
     )  # fmt: skip
 

@@ -1,0 +1,85 @@
+"""What a perfect diagnosis would close: the true cause with its true parameters, in the diagnosis' own simulator.
+
+The truth follows other laws than the simulator that answers, so even the right cause leaves a gap; an answer's closure
+is judged against this one. It needs the labels, so it is made after the answers.
+"""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from math import isfinite
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from cusick_bench.datasets import load
+from cusick_bench.diagnosis.captures import read_captures
+from cusick_bench.diagnosis.diagnose import Options, closure_by
+from cusick_bench.diagnosis.evidence import Candidate
+from cusick_bench.diagnosis.hypotheses import hypotheses
+from cusick_bench.diagnosis.store import load as load_atlas
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.errors import CusickError
+from cusick_bench.withheld.case_label import PAIR, SINGLE, read_label
+from cusick_bench.withheld.document import listed, mapping
+
+
+def oracle_closures(
+    cases: Path,
+    labels: Mapping[str, Any],
+    out: Path,
+    atlas: Path,
+    options: Options,
+    *,
+    workers: int = 1,
+    step: Callable[[str], None] = lambda case: None,
+) -> dict[str, float | None]:
+    """Closure by the true cause of every case that has one, or goes on with a file that was begun.
+
+    Args:
+        cases: Folder of the cases.
+        labels: Content of labels.json.
+        out: File for the closures by case; null where there is no gap, or no such effect in the atlas.
+        atlas: Fitted atlas.
+        options: Samples and seed of the simulations.
+        workers: Processes.
+        step: Told of every case.
+    """
+    found: dict[str, float | None] = json.loads(out.read_text()) if out.exists() else {}
+    todo = [
+        name
+        for name, label in labels.items()
+        if name not in found and read_label(label, name).kind in (SINGLE, PAIR) and (cases / name).is_dir()
+    ]
+    for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # the processes share the cores
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        futures = {pool.submit(oracle_closure, cases / name, labels[name], atlas, options): name for name in todo}
+        for future in as_completed(futures):
+            found[futures[future]] = future.result()
+            write_atomically(out, json.dumps(found, indent=1, sort_keys=True).encode())
+            step(futures[future])
+    return found
+
+
+def oracle_closure(folder: Path, label: Mapping[str, Any], atlas: Path, options: Options) -> float | None:
+    """Closure by the true cause of one case; None where there is no gap, or no such effect in the atlas."""
+    emulator, _ = load_atlas(atlas)
+    known = {one.name: one for one in reversed(hypotheses(emulator))}
+    names = label["effect"] if isinstance(label["effect"], list) else [label["effect"]]
+    values = label["parameters"] if isinstance(label["parameters"], list) else [label["parameters"]]
+    if any(name not in known for name in names):
+        return None
+    causes = []
+    for name, value in zip(names, listed(values, len(names), folder.name), strict=True):
+        hypothesis = known[name]
+        given = {key: float(number) for key, number in mapping(value, folder.name).items()}
+        full = {key: float(number) for key, number in hypothesis.effect.complete(given).items()}
+        causes.append(Candidate(hypothesis, full, 0.0, 0.0, 0.0))
+    try:
+        dataset = load(str(folder))
+        found = closure_by(read_captures(dataset, dataset.cloths[0]), emulator, tuple(causes), options)
+    except CusickError:
+        return None
+    return found.closure if found is not None and isfinite(found.closure) else None
