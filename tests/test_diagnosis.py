@@ -10,6 +10,7 @@ import pytest
 from cusick_bench.diagnosis import atlas
 from cusick_bench.diagnosis.atlas import Design, build, random_value, read, silhouette
 from cusick_bench.diagnosis.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
+from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures, captures_from_profiles
 from cusick_bench.diagnosis.diagnose import Options, diagnose, set90, single_causes
 from cusick_bench.diagnosis.document import answer, document
@@ -28,9 +29,11 @@ from cusick_bench.diagnosis.evidence import (
     unknown_evidence,
 )
 from cusick_bench.diagnosis.features import SPREADS, Features, features
+from cusick_bench.diagnosis.gap import Fold, gap
 from cusick_bench.diagnosis.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.localise import place
 from cusick_bench.diagnosis.next_measurement import advise
+from cusick_bench.diagnosis.pairs import pairs
 from cusick_bench.diagnosis.power import detectable
 from cusick_bench.diagnosis.residual import Residual, against_base
 from cusick_bench.diagnosis.simulate import simulate
@@ -134,9 +137,8 @@ def test_detection_holds_its_level(emulator: Emulator) -> None:
     generator = np.random.default_rng(4)
     fabric = residual_of(emulator, *drawn_fabric(emulator, generator))
     made = grids(emulator, fabric)
-    limit = np.quantile(
-        [detection_statistic(generator.standard_normal(len(fabric.white)), made) for _ in range(60)], 0.95
-    )
+    null = detection_statistic(generator.standard_normal((400, len(fabric.white))), made)
+    limit = np.quantile(null, 0.95)
     alarms = 0
     for _ in range(40):
         residual = residual_of(emulator, *drawn_fabric(emulator, generator))
@@ -343,3 +345,81 @@ def test_features_without_anything() -> None:
 
 def test_range_of_the_base_model_holds_its_prior() -> None:
     assert (LOW < PRIOR_MEAN - 1.2 * PRIOR_SD).all()
+
+
+def test_closure_of_known_gaps() -> None:
+    """A cause that gives the data's distribution closes the gap, one that changes nothing closes none of it."""
+    generator = np.random.default_rng(12)
+    shape = (14, 2, len(NAMES))
+    sd, shift = np.full(len(NAMES), 2.0), np.zeros(len(NAMES))
+    shift[:6] = 4.0
+
+    def drawn(move: float) -> np.ndarray:
+        return 2.0 * generator.standard_normal(shape) + move * shift
+
+    data = [drawn(1.0), drawn(1.0)]
+    plain = [drawn(0.0), drawn(0.0)]
+    right = gap([Fold(d, b, drawn(1.0)) for d, b in zip(data, plain, strict=True)], sd, generator)
+    useless = gap([Fold(d, b, b) for d, b in zip(data, plain, strict=True)], sd, generator)
+    half = gap([Fold(d, b, drawn(0.5)) for d, b in zip(data, plain, strict=True)], sd, generator)
+    assert right is not None
+    assert useless is not None
+    assert half is not None
+    assert right.base > 10 * abs(right.floor)
+    assert right.closure == pytest.approx(1.0, abs=0.15)
+    assert right.closure_interval[0] < right.closure < right.closure_interval[1] + 0.1
+    assert useless.closure == pytest.approx(0.0, abs=1e-9)
+    assert 0.4 < half.closure < 0.95
+    assert right.groups["size"] > 5 * right.groups["envelope"]  # the shift is in the first statistics
+
+
+def test_gap_needs_samples_and_uses_the_faces_there_are() -> None:
+    generator = np.random.default_rng(13)
+    values = generator.standard_normal((6, 2, len(NAMES)))
+    assert gap([Fold(values[:1], values)], np.ones(len(NAMES)), generator) is None
+    values[:, 1] = np.nan
+    found = gap([Fold(values, generator.standard_normal((8, 2, len(NAMES))))], np.ones(len(NAMES)), generator)
+    assert found is not None
+    assert np.isfinite(found.base)
+
+
+def test_no_gap_has_no_closure() -> None:
+    generator = np.random.default_rng(14)
+    same = [generator.standard_normal((10, 2, len(NAMES))) for _ in range(3)]
+    found = gap([Fold(same[0], same[0], same[1])], np.ones(len(NAMES)), generator)
+    assert found is not None
+    assert found.base < 0.02
+    assert np.isnan(found.closure) or abs(found.closure_interval[1] - found.closure_interval[0]) > 0.5
+
+
+def test_a_pair_is_proposed_and_weighed(emulator: Emulator) -> None:
+    """Two strong shifts at once: the pair's evidence beats either alone."""
+    generator = np.random.default_rng(15)
+    residual = residual_of(emulator, *drawn_fabric(emulator, generator))
+    made = grids(emulator, residual)
+    chosen = {}
+    for name in ("camera-offset", "face-asymmetry"):
+        grid = next(one for one in made if one.hypothesis.name == name)
+        row = int(np.argmin(np.abs(np.linalg.norm(grid.shift, axis=1) - 12)))
+        chosen[name] = grid.shift[row]
+    white = residual.white + sum(chosen.values())
+    singles = candidates(white, made)
+    found = pairs(white, made, singles)
+    assert set(chosen) <= {name for pair in found for name in pair}
+    best = max(found, key=lambda pair: found[pair][0])
+    assert set(best) == set(chosen)
+    assert found[best][0] > max(one.log_evidence for one in singles)
+
+
+def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:
+    generator = np.random.default_rng(16)
+    residual = residual_of(emulator, *drawn_fabric(emulator, generator))
+    made = grids(emulator, residual)
+    grid = next(one for one in made if one.hypothesis.name == "face-asymmetry")
+    shift = grid.shift[int(np.argmax(np.linalg.norm(grid.shift, axis=1)))]
+    moved = [one.shift for one in made]
+    for method in (largest_marginal_score, lasso_without_projection):
+        found = method(shift, made, moved)
+        assert next(iter(found)) == "face-asymmetry"
+        assert sum(found.values()) == pytest.approx(1, abs=0.02)
+        assert method(np.zeros(len(shift)), made, moved) == {}
