@@ -11,12 +11,16 @@ from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import Prediction, Progress
 
 TOGETHER = 8  # draped at once; also what a kill can lose
+MOST = 2  # draws tried for every one that is wanted
 
 
 def predictive_draws(
     problem: DrapeProblem, tau: Callable[[int], Float[np.ndarray, " dimension"]], count: int, progress: Progress
 ) -> dict[int, Observation]:
-    """Drapes the draws 0 .. count - 1; those whose drape fails are left out.
+    """Drapes the draws 0, 1, ... until `count` of them are at rest; those whose drape fails are left out.
+
+    Best-of-n scores are only comparable for equal n, so that a draw which fails is replaced by a further one. Fewer
+    than `count` come back where more than half fail.
 
     Args:
         problem: Who drapes; it keeps what is done, so a killed run goes on.
@@ -28,13 +32,15 @@ def predictive_draws(
         DrapeDiverged: Every one of them fails.
     """
     seen: dict[int, Observation] = {}
-    for begin in range(0, count, TOGETHER):
-        chosen = range(begin, min(begin + TOGETHER, count))
+    tried = 0
+    while len(seen) < count and tried < MOST * count:
+        chosen = range(tried, min(tried + TOGETHER, tried + count - len(seen), MOST * count))
         drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]))
         seen |= {index: one for index, one in zip(chosen, drapes, strict=True) if one is not None}
-        progress(f"draping draws, {chosen.stop} of {count}", chosen.stop / count)
+        tried = chosen.stop
+        progress(f"draping draws, {len(seen)} of {count}", len(seen) / count)
     if not seen:
-        raise DrapeDiverged(f"none of {count} drawn cloths came to rest: {problem.meter.trace[-1].failure}")
+        raise DrapeDiverged(f"none of {tried} drawn cloths came to rest: {problem.meter.trace[-1].failure}")
     return seen
 
 

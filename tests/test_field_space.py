@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.problem import FieldSpace, StiffnessPrior
-from cusick_bench.problem.field_space import FIELDS, MODES
+from cusick_bench.problem.field_space import FIELDS, MODES, TRAITS
+from cusick_bench.problem.population import FABRICS, HIGH, LOW, Samples, fit_emulator, nearest_cloth
 from cusick_bench.problem.priors import STRETCH_REFERENCE
+from cusick_bench.problem.statistics import STATISTICS
 from cusick_bench.problem.toy import AREAL_DENSITY, toy_problem
 from cusick_bench.sim.matern import disc_modes, matern_root
 from cusick_bench.sim.mesh import disc_mesh
@@ -71,13 +74,29 @@ class TestModes:
 
 
 class TestSpace:
-    def test_median_is_the_homogeneous_cloth_laid_flat(self, space):
+    def test_median_is_a_cloth_of_median_traits_laid_flat(self, space):
         cloth = space.specimen(torch.zeros(space.dimension, dtype=torch.float64))
-        assert cloth.material.stretch.numpy() == pytest.approx(
-            np.broadcast_to(STRETCH_REFERENCE, (len(space.mesh.faces), 6, 4))
-        )
+        stretch = STRETCH_REFERENCE * math.exp(TRAITS["stretch"].mean)
+        assert cloth.material.stretch.numpy() == pytest.approx(np.broadcast_to(stretch, (len(space.mesh.faces), 6, 4)))
         assert cloth.initial.numpy() == pytest.approx(space.mesh.flat)
         assert cloth.rest_angle.numpy() == pytest.approx(0.0, abs=1e-12)
+        factors = cloth.material.bending[0].log().numpy() - space.prior.bending_median
+        assert np.diff(factors, axis=1) == pytest.approx(TRAITS["hardening"].mean)
+        assert factors[:, 2] == pytest.approx([0, TRAITS["bias"].mean, 0])
+
+    def test_traits_are_a_standard_deviation_of_theirs_away(self, space):
+        tau = torch.zeros(space.dimension, dtype=torch.float64)
+        tau[39:42] = torch.tensor([1.0, -1.0, 2.0])
+        found = {name: space.trait(tau, name).item() for name in TRAITS}
+        sign = {"stretch": 1, "hardening": -1, "bias": 2}
+        assert found == pytest.approx({name: prior.mean + sign[name] * prior.sd for name, prior in TRAITS.items()})
+
+    def test_specimens_of_a_cloth_differ_in_level(self, space):
+        """The mean over the cloth of log stiffness, beside what the field itself has of it."""
+        draws = torch.from_numpy(np.random.default_rng(5).standard_normal((400, space.dimension)))
+        draws[:, : space.specimen_level.start] = 0
+        means = torch.stack([space.field(tau, "stiffness").mean() for tau in draws])
+        assert FIELDS["stiffness"].level == pytest.approx(means.std().item(), rel=0.25)
 
     def test_fields_have_their_prior_amplitudes(self, space):
         generator = np.random.default_rng(0)
@@ -85,7 +104,8 @@ class TestSpace:
         draws[:, : space.specimen_level.start] = 0
         for name, prior in FIELDS.items():
             values = torch.stack([space.field(tau, name) for tau in draws])
-            assert values.square().mean().sqrt().item() == pytest.approx(prior.amplitude, rel=0.15)
+            expected = math.hypot(prior.amplitude, prior.level)
+            assert values.square().mean().sqrt().item() == pytest.approx(expected, rel=0.15)
 
     def test_the_same_weights_are_the_same_field_on_every_mesh(self, space):
         other = FieldSpace(disc_mesh(400), space.prior)
@@ -117,6 +137,23 @@ class TestSpace:
         step = 1e-7
         rise = problem.evaluate(tau + step * direction) - problem.evaluate(tau - step * direction)
         assert gradient @ direction == pytest.approx(rise / (2 * step), rel=1e-4)
+
+
+class TestPopulation:
+    def test_fabrics_are_placed_at_the_cloth_they_are_of(self):
+        """Statistics linear in the four numbers, but for noise: the emulator finds them, and the fabric its place."""
+        generator = np.random.default_rng(6)
+        slope = generator.standard_normal((4, len(STATISTICS)))
+        cloths = LOW + (HIGH - LOW) * generator.random((200, 4))
+        emulator = fit_emulator(cloths, cloths @ slope + 0.01 * generator.standard_normal((200, len(STATISTICS))))
+        assert np.diag(emulator.scatter) == pytest.approx(1e-4, rel=0.4)
+        true = np.array([-1.0, -0.5, 0.5, 0.2])
+        assert emulator(true)[0] == pytest.approx(true @ slope, abs=0.02)
+        samples = true @ slope + 0.01 * generator.standard_normal((12, len(STATISTICS)))
+        assert nearest_cloth(emulator, Samples("any", samples)) == pytest.approx(true, abs=0.05)
+
+    def test_no_fabric_of_the_tables_is_among_them(self):
+        assert not set(FABRICS) & {"fabric_2", "fabric_3", "fabric_4", "fabric_5", "fabric_1_observations", *CLOTHS}
 
 
 def test_fields_move_folds_and_stiffness_of_single_elements_does_not():

@@ -1,0 +1,193 @@
+"""In what cloths differ, and by how much samples of one cloth do: where the field space has its priors from.
+
+`derive_population` repeats it on the public release, with fabrics that no table of results predicts:
+
+    python -c "from cusick_bench.problem.population import derive_population as d; print(d('FOLDER OF THE RELEASE'))"
+
+1. Cloths with level of bending and traits spread over a box are draped, one specimen each, and the statistics of
+   their silhouettes are regressed on the four numbers (cubic in the level, quadratic else).
+2. Every fabric and face gets the four numbers whose expected statistics are nearest to the mean of its samples, in
+   units of the scatter between specimens. Traits have their mean and standard deviation over fabrics.
+3. Simulated specimens of these cloths, all of one level, differ less in drape coefficient than samples do. The rest
+   is put down to a level of stiffness of each sample: in log stiffness the root of the median, over fabrics and
+   faces, of (variance of samples - variance of specimens) / slope^2.
+
+The weight of these fabrics is not published. What matters is stiffness over weight, and the level is free, so all are
+draped with one assumed weight.
+
+References:
+    Robbins. An empirical Bayes approach to statistics. Third Berkeley Symposium, 1956.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.optimize import minimize
+
+from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.problem.drape_problem import DrapeProblem
+from cusick_bench.problem.field_space import HOMOGENEOUS, TRAITS, FieldSpace
+from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.mesh import disc_mesh
+from cusick_bench.sim.settings import DrapeSettings
+
+FABRICS = ("fabric_1", "fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
+AREAL_DENSITY = 0.15  # [kg/m2] assumed
+LOW, HIGH = np.array([-4.0, -2.5, -0.4, -0.5]), np.array([2.5, 1.0, 0.8, 1.5])  # log level, traits in their order
+MATCHED = ("area", "depth", "number", "asymmetry", "grain_4_real")  # grain_2 is of the warp against the weft
+SHRINKAGE = 0.3  # weight of a cloth's squared distance from the middle of the box, in half sides
+DISCREPANCY = 0.02  # of the scatter's variance: what the mean over however many samples may still miss
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Statistics of samples of one fabric and face, first captures."""
+
+    fabric: str
+    statistics: Float[ndarray, "samples statistics"]
+
+
+@dataclass(frozen=True)
+class Emulator:
+    """Expected statistics of a cloth and the scatter of one specimen about them."""
+
+    coefficients: Float[ndarray, "features statistics"]
+    scatter: Float[ndarray, "statistics statistics"]
+
+    def __call__(self, cloths: Float[ndarray, "*cloths 4"]) -> Float[ndarray, "*cloths statistics"]:
+        """Expected statistics of cloths (log level, traits)."""
+        return _features(np.atleast_2d(cloths)) @ self.coefficients
+
+
+def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 1300, specimens: int = 16) -> dict:
+    """Derives `TRAITS` and the level of `FIELDS["stiffness"]` anew.
+
+    Args:
+        folder: Of the public release.
+        vertices: Of the mesh.
+        cloths: Draped for the regression.
+        specimens: Draped of every fabric and face for the spread between specimens.
+
+    Returns:
+        `traits`: name -> (mean, sd); `level`: standard deviation of log stiffness between samples; `fabrics`: for
+        each fabric and face its four numbers, and the sd of drape coefficient of samples and of specimens.
+    """
+    problem = _problem(vertices)
+    emulator = fit_emulator(*_drape_box(problem, cloths))
+    groups = _samples(load(str(folder)))
+    placed = [nearest_cloth(emulator, group) for group in groups]
+    spreads = [_spread(problem, cloth, specimens) for cloth in placed]
+    excess = [
+        max(group.statistics[:, 0].var(ddof=1) - spread**2, 0) / _slope(emulator, cloth) ** 2
+        for group, cloth, spread in zip(groups, placed, spreads, strict=True)
+    ]
+    names = sorted({group.fabric for group in groups})
+    means = np.stack(
+        [
+            np.mean([cloth for group, cloth in zip(groups, placed, strict=True) if group.fabric == name], axis=0)
+            for name in names
+        ]
+    )
+    rows = [
+        {"fabric": group.fabric, "samples": len(group.statistics), "cloth": cloth.round(2).tolist()}
+        | {"sd_samples": round(float(group.statistics[:, 0].std(ddof=1)), 4), "sd_specimens": round(spread, 4)}
+        for group, cloth, spread in zip(groups, placed, spreads, strict=True)
+    ]
+    over = {name: (float(means[:, i + 1].mean()), float(means[:, i + 1].std(ddof=1))) for i, name in enumerate(TRAITS)}
+    return {"traits": over, "level": float(np.sqrt(np.median(excess))), "fabrics": rows}
+
+
+def fit_emulator(cloths: Float[ndarray, "cloths 4"], statistics: Float[ndarray, "cloths statistics"]) -> Emulator:
+    """Regresses statistics of one specimen each on the four numbers of cloths."""
+    design = _features(cloths)
+    coefficients, *_ = np.linalg.lstsq(design, statistics, rcond=None)
+    residual = statistics - design @ coefficients
+    return Emulator(coefficients, residual.T @ residual / (len(cloths) - design.shape[1]))
+
+
+def nearest_cloth(emulator: Emulator, samples: Samples) -> Float[ndarray, "4"]:
+    """The cloth within the box whose expected statistics are nearest to the samples' mean."""
+    chosen = [STATISTICS.index(name) for name in MATCHED]
+    scatter = emulator.scatter[np.ix_(chosen, chosen)] * (1 / len(samples.statistics) + DISCREPANCY)
+    target = samples.statistics.mean(0)[chosen]
+
+    def cost(place: ndarray) -> float:
+        gap = emulator(LOW + (place + 1) / 2 * (HIGH - LOW))[0, chosen] - target
+        return float(gap @ np.linalg.solve(scatter, gap) + SHRINKAGE * (place[1:] ** 2).sum())
+
+    starts = [np.array([level, 0, 0, 0]) for level in (-0.8, -0.4, 0.0, 0.4, 0.8)]
+    fits = [minimize(cost, start, method="L-BFGS-B", bounds=[(-1, 1)] * 4) for start in starts]
+    return LOW + (min(fits, key=lambda fit: fit.fun).x + 1) / 2 * (HIGH - LOW)
+
+
+def _features(cloths: Float[ndarray, "cloths 4"]) -> Float[ndarray, "cloths features"]:
+    """Powers and products: all to the second degree, with the level to the fourth."""
+    place = 2 * (cloths - LOW) / (HIGH - LOW) - 1
+    level = place[:, :1]
+    products = [place[:, i : i + 1] * place[:, i:] for i in range(4)]
+    return np.hstack([np.ones_like(level), place, *products, level**2 * place, place[:, 1:3] ** 3, level**4])
+
+
+def _slope(emulator: Emulator, cloth: Float[ndarray, "4"], step: float = 0.3) -> float:
+    """Derivative of the drape coefficient by the log level."""
+    along = np.array([step, 0.0, 0.0, 0.0])
+    return float((emulator(cloth + along) - emulator(cloth - along))[0, 0]) / (2 * step)
+
+
+def _problem(vertices: int) -> DrapeProblem:
+    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings())
+    space = FieldSpace(simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY))
+    return DrapeProblem(train_image=np.zeros((256, 256)), simulator=simulator, space=space)
+
+
+def _tau(problem: DrapeProblem, cloth: Float[ndarray, "4"], generator: np.random.Generator) -> ndarray:
+    """A specimen of the cloth, its fields with median amplitudes, its level that of the cloth."""
+    tau = generator.standard_normal(problem.dimension)
+    fixed = problem.space.specimen_level.start
+    tau[:fixed] = problem.space.bending_level(float(np.exp(cloth[0])))[:fixed]
+    for i, trait in enumerate(TRAITS.values()):
+        tau[HOMOGENEOUS + i] = (cloth[1 + i] - trait.mean) / trait.sd
+    tau[problem.space.specimen_level.start] = 0  # the constant mode of stiffness
+    return tau
+
+
+def _drape(problem: DrapeProblem, taus: list[ndarray]) -> tuple[list[int], Float[ndarray, "rest statistics"]]:
+    """Statistics of the drapes that come to rest, and which these are."""
+    seen = [problem.draw_batch(tau[None])[0] for tau in taus]
+    rest = [index for index, one in enumerate(seen) if one is not None]
+    images = (torch.as_tensor(one.image) for one in seen if one is not None)
+    return rest, np.stack([drape_statistics(image).numpy() for image in images])
+
+
+def _drape_box(problem: DrapeProblem, count: int) -> tuple[ndarray, ndarray]:
+    generator = np.random.default_rng(0)
+    cloths = LOW + (HIGH - LOW) * generator.random((count, len(LOW)))
+    rest, statistics = _drape(problem, [_tau(problem, cloth, generator) for cloth in cloths])
+    return cloths[rest], statistics
+
+
+def _spread(problem: DrapeProblem, cloth: Float[ndarray, "4"], specimens: int) -> float:
+    """Standard deviation of the drape coefficient between specimens of one cloth."""
+    draw = partial(_tau, problem, cloth, np.random.default_rng(1))
+    return float(_drape(problem, [draw() for _ in range(specimens)])[1][:, 0].std(ddof=1))
+
+
+def _samples(dataset: DrapeDataset) -> list[Samples]:
+    """Fabrics and faces of which there are two samples or more."""
+    index = dataset.index
+    index = index[index["cloth"].isin(FABRICS)]
+    found = []
+    for _, rows in index.groupby(["cloth", index["side"].astype(str)], sort=True):
+        first = rows.groupby("sample").head(1).index
+        images = (torch.as_tensor(np.asarray(dataset.image(int(row)), dtype=np.float64)) for row in first)
+        statistics = np.stack([drape_statistics(image).numpy() for image in images])
+        if len(statistics) > 1:
+            found.append(Samples(str(np.asarray(rows["cloth"])[0]), statistics))
+    return found
