@@ -38,6 +38,7 @@ from cusick_bench.diagnosis.power import detectable
 from cusick_bench.diagnosis.residual import Residual, against_base
 from cusick_bench.diagnosis.simulate import simulate
 from cusick_bench.diagnosis.statistics import NAMES, rotated
+from cusick_bench.diagnosis.steps import steps
 from cusick_bench.diagnosis.store import Calibration, load, save
 from cusick_bench.sim.effects import effect, registered
 from cusick_bench.sim.setup import Simulators, drape_setups
@@ -423,3 +424,20 @@ def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:
         assert next(iter(found)) == "face-asymmetry"
         assert sum(found.values()) == pytest.approx(1, abs=0.02)
         assert method(np.zeros(len(shift)), made, moved) == {}
+
+
+def test_steps_take_off_what_is_there_and_stop(emulator: Emulator) -> None:
+    generator = np.random.default_rng(17)
+    residual = residual_of(emulator, *drawn_fabric(emulator, generator))
+    made = grids(emulator, residual)
+    assert steps(generator.standard_normal(len(residual.white)), made) == []
+    white, names = generator.standard_normal(len(residual.white)), ("camera-offset", "creep", "face-asymmetry")
+    for name in names:
+        grid = next(one for one in made if one.hypothesis.name == name)
+        white = white + grid.shift[int(np.argmin(np.abs(np.linalg.norm(grid.shift, axis=1) - 14)))]
+    found = steps(white, made)
+    assert {step.candidate.hypothesis.name for step in found} >= set(names)
+    assert len(found) <= 5
+    misfits = [step.misfit for step in found]
+    assert misfits == sorted(misfits, reverse=True)
+    assert misfits[-1] < 2

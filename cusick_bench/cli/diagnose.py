@@ -114,6 +114,10 @@ def _summarise(found: list[dict[str, Any]], path: Path) -> None:
                 "closure": closure["fraction"],
                 "closure_low": low,
                 "closure_high": high,
+                "needs": " + ".join(step["effect"] for step in one["steps"]["causes"]),
+                "needs_closure": one["steps"]["closure"],
+                "needs_closure_low": (one["steps"]["ci90"] or [None, None])[0],
+                "needs_closure_high": (one["steps"]["ci90"] or [None, None])[1],
                 "command": one["made"]["command"],
                 "code": one["made"]["version"],
             }
@@ -142,6 +146,12 @@ def _print(one: dict[str, Any]) -> None:
             f"with {closure['effect']} the gap on unseen samples shrinks by {closure['fraction']:.0%} "
             f"(90 %: {low:.0%} to {high:.0%})"
         )
+    taken = one["steps"]
+    if len(taken["causes"]) > 1:
+        names = ", ".join(step["effect"] for step in taken["causes"])
+        left = taken["causes"][-1]["misfit_left"]
+        closed = "" if taken["closure"] is None else f"; together they close {taken['closure']:.0%} of the gap"
+        output.print(f"one after the other: {names} (misfit {taken['misfit']:.1f} -> {left:.1f}){closed}")
     for advice in one["next"]:
         output.print(f"next: {advice['name']} ({advice['bits']:.2f} bits). {advice['what']}")
     for note in one["notes"]:

@@ -41,6 +41,7 @@ from cusick_bench.diagnosis.pairs import pairs
 from cusick_bench.diagnosis.residual import Residual, against_base, base_rows, inflated, noise, rows, scatter_of
 from cusick_bench.diagnosis.simulate import Simulated, simulate
 from cusick_bench.diagnosis.statistics import specimen_statistics
+from cusick_bench.diagnosis.steps import Step, steps
 from cusick_bench.diagnosis.store import Calibration
 from cusick_bench.sim.mesh import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.setup import Simulators
@@ -91,6 +92,8 @@ class Diagnosis:
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
+        steps: Causes taken off one after the other, until nothing more shows.
+        together: Gap and closure with all of them; None where they are the named cause, or nothing was simulated.
     """
 
     fabric: str
@@ -110,6 +113,8 @@ class Diagnosis:
     baselines: Mapping[str, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
+    steps: tuple[Step, ...] = ()
+    together: Gap | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,11 +189,17 @@ def diagnose(
         progress("simulating", 0.2)
         kept = simulators or Simulators(most=20)
         seen, base, effect = _simulated(emulator, data, residual, cause, chosen, kept, generator, progress)
+    taken = tuple(steps(residual.white, made)) if p <= ALPHA else ()
+    together = None
+    if chosen.samples and chosen.always and len(taken) > len(cause):
+        every = tuple(step.candidate for step in taken)
+        kept = simulators or Simulators(most=20)
+        together = _simulated(emulator, data, residual, every, chosen, kept, generator, lambda what, share: None)[0]
     progress("done", 1.0)
     return Diagnosis(
         captures.fabric, verdict, p, probability, set90(single_causes(probability)), tuple(best), cause, spot, advice,
         seen, residual, found, base, effect, _baselines(emulator, found, data, residual, made), tuple(notes),
-        chosen.without,
+        chosen.without, taken, together,
     )  # fmt: skip
 
 

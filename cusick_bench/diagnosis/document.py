@@ -57,6 +57,7 @@ def document(
             },
         },
         "causes": [_cause(diagnosis, name, p) for name, p in _ranked(diagnosis)],
+        "steps": _steps(diagnosis),
         "base": dict(zip(PARAMETERS, theta.tolist(), strict=True)),
         "data": _counts(captures),
         "statistics": _statistics(diagnosis, emulator),
@@ -117,6 +118,27 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "baselines": {name: _baseline(p) for name, p in diagnosis.baselines.items()},
     }  # fmt: skip
+
+
+def _steps(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Causes taken off one after the other, and how far all of them together close the gap."""
+    all_of_them = diagnosis.together
+    return {
+        "causes": [
+            {
+                "effect": step.candidate.hypothesis.name,
+                "parameters": dict(step.candidate.value),
+                "log_evidence": step.candidate.log_evidence,
+                "misfit_left": step.misfit,
+            }
+            for step in diagnosis.steps
+        ],
+        "misfit": diagnosis.residual.misfit / len(diagnosis.residual.white),
+        "closure": None if all_of_them is None else _number(all_of_them.closure),
+        "ci90": None
+        if all_of_them is None or not isfinite(all_of_them.closure)
+        else list(all_of_them.closure_interval),
+    }
 
 
 def headline(diagnosis: Diagnosis) -> str:
