@@ -80,7 +80,7 @@ class TestTable:
         }  # fmt: skip
         assert rows["turbo"]["z"] == pytest.approx(3)
         text = markdown_table(list(rows.values()))
-        assert "agree: rembo (z +1.9); find less, which is better: hesbo (z -3.0)" in text
+        assert "no difference is shown: rembo (z +1.9); find less, which is better: hesbo (z -3.0)" in text
         assert "find more, which is worse: turbo (z +3.0); nothing is published to compare with: baxus" in text
         assert "not run here: sobol, cmaes, vanilla-bo." in text
         assert f"| turbo | 16 | {rows['turbo']['mean']:.3f} ± 0.050 |" in text

@@ -182,7 +182,11 @@ def _markdown_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _verdict(rows: Sequence[dict[str, Any]]) -> str:
     """In words: who agrees with what was published, and who does not."""
-    words = {"no": "agree", "lower": "find less, which is better", "higher": "find more, which is worse"}
+    words = {
+        "no": "no difference is shown",
+        "lower": "find less, which is better",
+        "higher": "find more, which is worse",
+    }
     said = []
     for differs, meaning in words.items():
         if names := [f"{row['method']} (z {row['z']:+.1f})" for row in rows if row["differs"] == differs]:
