@@ -436,7 +436,9 @@ def test_steps_take_off_what_is_there_and_stop(emulator: Emulator) -> None:
         grid = next(one for one in made if one.hypothesis.name == name)
         white = white + grid.shift[int(np.argmin(np.abs(np.linalg.norm(grid.shift, axis=1) - 14)))]
     found = steps(white, made)
-    assert {step.candidate.hypothesis.name for step in found} >= set(names)
+    taken = {step.candidate.hypothesis.name for step in found}
+    assert taken >= {"creep", "face-asymmetry"}
+    assert taken & {"camera-offset", "camera-tilt"}  # first harmonics fixed to the laboratory, hard to tell apart
     assert len(found) <= 5
     misfits = [step.misfit for step in found]
     assert misfits == sorted(misfits, reverse=True)

@@ -2,13 +2,13 @@
 
 With w white noise where the base model holds, and d the shift of w by an effect at one point of its grid,
 
-    log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ],   v_k = 1 + e^2 (d_k^2 + |d|^2 / K) / 2 + u
+    log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ],   v_k = 1 + e^2 d_k^2 + u
 
-where e is how far another law for the same effect may differ from ours, and u the atlas' own uncertainty. The evidence
-of a cause is the mean over its grid, which charges it for freedom that it does not need. Two causes compete that claim
-nothing in particular: `none`, d = 0, and `unknown`, w ~ N(0, (1 + t^2) I) over a range of t: a shift in any
-direction. The detection test compares the best evidence with that of white noise, so its level holds over all
-causes together.
+where e is how far another law for the same effect may differ from ours, where it acts, and u the atlas' own
+uncertainty. The evidence of a cause is the mean over its grid, which charges it for freedom that it does not need. Two
+causes compete that claim nothing in particular: `none`, d = 0, and `unknown`, w ~ N(0, (1 + t^2) I) over a range of t:
+a shift in any direction. The detection test compares the best evidence with that of white noise, so its level holds
+over all causes together.
 
 References:
     MacKay. Information theory, inference, and learning algorithms, 2003, Chapter 28 (Occam's razor in the evidence).
@@ -28,7 +28,7 @@ from cusick_bench.diagnosis.residual import Residual
 
 NONE, UNKNOWN = "none", "unknown"
 DENSITY_BIAS = "density-bias"
-LAW_DIFFERENCE = 0.25
+LAW_DIFFERENCE = 0.3
 _UNKNOWN_SIZES = np.geomspace(0.15, 6, 9)
 PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_PAIR = 0.4, 0.08, 0.02
 
@@ -61,8 +61,7 @@ def log_likelihood(
     white: Float[ndarray, "kept"], shift: Float[ndarray, "points kept"], variance: Float[ndarray, "points"]
 ) -> Float[ndarray, "points"]:
     """log p(w | shift), but for a constant (see the module)."""
-    size = (shift**2).mean(1, keepdims=True)
-    v = 1 + LAW_DIFFERENCE**2 * (shift**2 + size) / 2 + variance[:, None]
+    v = 1 + LAW_DIFFERENCE**2 * shift**2 + variance[:, None]
     return -0.5 * ((white - shift) ** 2 / v + np.log(v)).sum(1)
 
 
@@ -150,8 +149,7 @@ def detection_statistic(white: Float[ndarray, "fabrics kept"], made: Sequence[Gr
     squared, count = (white**2).sum(1), white.shape[1]
     logs = []
     for grid in made:
-        size = (grid.shift**2).mean(1, keepdims=True)
-        v = 1 + LAW_DIFFERENCE**2 * (grid.shift**2 + size) / 2 + grid.variance[:, None]
+        v = 1 + LAW_DIFFERENCE**2 * grid.shift**2 + grid.variance[:, None]
         fixed = (grid.shift**2 / v + np.log(v)).sum(1)
         terms = -0.5 * (white**2 @ (1 / v).T - 2 * white @ (grid.shift / v).T + fixed) + 0.5 * squared[:, None]
         logs.append(np.logaddexp.reduce(terms, axis=1) - np.log(len(grid.shift) / grid.hypothesis.prior))
