@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures
-from cusick_bench.diagnosis.emulator import Emulator
+from cusick_bench.diagnosis.emulator import Emulator, acts_later
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.evidence import (
     DENSITY_BIAS,
@@ -182,6 +182,8 @@ def diagnose(
     )
     verdict, named = _verdict(p, probability)
     cause = _named(named, best, together)
+    if any(acts_later(one.hypothesis.effect) for one in cause):
+        notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
     advice = advise(single_causes(probability))
     seen, base, effect = None, None, None
@@ -410,6 +412,7 @@ def _simulated(
     refit: bool = True,
 ) -> tuple[Gap | None, Simulated | None, Simulated | None]:
     """Gap and closure over two folds, and the last fold's drapes."""
+    cause = () if any(acts_later(one.hypothesis.effect) for one in cause) else cause
     every = np.arange(len(data.specimens))
     parts = [every] if len(every) < 4 else [every[0::2], every[1::2]]
     folds, base, effect = [], None, None
@@ -434,17 +437,16 @@ def _fitted(
     own = data.features(chosen)
     scatter = scatter_of(data.specimens[chosen])
     plain = against_base(emulator, own, scatter=scatter, drift=data.later, start=residual.theta)
-    joint, causes, left = plain, [], plain
+    joint, causes, total = plain, [], np.zeros(len(plain.kept))
     for one in cause:
         again = one
         if refit:
-            moved = shifts(emulator, one.hypothesis, left.theta, left.sd, data.later)
-            grid = Grid(one.hypothesis, left.whiten(moved.rows), moved.variance)
-            again = candidates(left.white, [grid])[0]
+            moved = shifts(emulator, one.hypothesis, joint.theta, joint.sd, data.later)
+            grid = Grid(one.hypothesis, joint.whiten(moved.rows), moved.variance)
+            again = candidates(joint.white, [grid])[0]
         point = {name: np.array([value]) for name, value in again.value.items()}
-        shift = shifts(emulator, one.hypothesis, left.theta, left.sd, data.later, point).rows[0]
-        joint = against_base(emulator, own, scatter=scatter, drift=data.later, start=left.theta, shift=shift)
-        left = joint
+        total = total + shifts(emulator, one.hypothesis, joint.theta, joint.sd, data.later, point).rows[0]
+        joint = against_base(emulator, own, scatter=scatter, drift=data.later, start=joint.theta, shift=total)
         causes.append(again)
     return (plain.theta, joint.theta), tuple(causes)
 

@@ -19,6 +19,7 @@ References:
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -204,6 +205,7 @@ def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray,
     return np.stack(columns, axis=1) if columns else np.zeros((rows, 0))
 
 
+@lru_cache(maxsize=64)
 def acts_later(effect: Effect) -> bool:
     """Whether it is seen in later captures only."""
     first = Setup(disc_mesh(60), DrapeSettings(), uniform_material(density=DENSITY, bending=1e-5))
