@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy.special import digamma, polygamma
 
 from cusick_bench.diagnosis.captures import Captures
-from cusick_bench.diagnosis.statistics import LOCKED_PAIRS, NAMES, columns, specimen_statistics
+from cusick_bench.diagnosis.statistics import LOCKED_PAIRS, columns, specimen_statistics
 
 SPREADS: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("area_dc", columns("area_dc")),
@@ -106,6 +106,3 @@ def _order(drift: ndarray | None) -> tuple[ndarray, ndarray]:
     freedom = len(own) - 1
     wider = freedom / (freedom - 2) if freedom > 2 else 3.0  # Student's t has this variance
     return own.mean(0), wider * own.var(0, ddof=1) / len(own)
-
-
-STATISTICS = len(NAMES)

@@ -22,6 +22,8 @@ from cusick_bench.diagnosis.statistics import NAMES, rotated
 from cusick_bench.sim.effects import Effect, registered
 
 Frame = Literal["", "cloth", "lab"]
+GRAIN = "grain-skew"
+"""Needs no drapes: the base model's statistics, turned."""
 DIRECTIONS = 24
 RINGS = (0.0975, 0.1125, 0.1275, 0.1425)
 """Middle radii of four rings of the hanging part [m]."""
@@ -98,9 +100,6 @@ def hypotheses(emulator: Emulator) -> list[Hypothesis]:
         else:
             found.append(Hypothesis(effect, "cloth" if effect.located == "patch" else "", 1.0))
     return found
-
-
-GRAIN = "grain-skew"
 
 
 @dataclass(frozen=True, eq=False)
