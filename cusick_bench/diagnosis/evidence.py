@@ -61,8 +61,15 @@ def log_likelihood(
     white: Float[ndarray, "kept"], shift: Float[ndarray, "points kept"], variance: Float[ndarray, "points"]
 ) -> Float[ndarray, "points"]:
     """log p(w | shift), but for a constant (see the module)."""
-    v = 1 + LAW_DIFFERENCE**2 * shift**2 + variance[:, None]
+    v = _variance(shift, variance)
     return -0.5 * ((white - shift) ** 2 / v + np.log(v)).sum(1)
+
+
+def _variance(
+    shift: Float[ndarray, "points kept"], variance: Float[ndarray, "points"]
+) -> Float[ndarray, "points kept"]:
+    """v of every point (see the module)."""
+    return 1 + LAW_DIFFERENCE**2 * shift**2 + variance[:, None]
 
 
 def grids(emulator: Emulator, residual: Residual) -> list[Grid]:
@@ -149,7 +156,7 @@ def detection_statistic(white: Float[ndarray, "fabrics kept"], made: Sequence[Gr
     squared, count = (white**2).sum(1), white.shape[1]
     logs = []
     for grid in made:
-        v = 1 + LAW_DIFFERENCE**2 * grid.shift**2 + grid.variance[:, None]
+        v = _variance(grid.shift, grid.variance)
         fixed = (grid.shift**2 / v + np.log(v)).sum(1)
         terms = -0.5 * (white**2 @ (1 / v).T - 2 * white @ (grid.shift / v).T + fixed) + 0.5 * squared[:, None]
         logs.append(np.logaddexp.reduce(terms, axis=1) - np.log(len(grid.shift) / grid.hypothesis.prior))

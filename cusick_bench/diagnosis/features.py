@@ -14,8 +14,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.special import digamma, polygamma
 
-from cusick_bench.diagnosis.captures import Captures
-from cusick_bench.diagnosis.statistics import LOCKED_PAIRS, columns, specimen_statistics
+from cusick_bench.diagnosis.statistics import LOCKED_PAIRS, columns
 
 SPREADS: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("area_dc", columns("area_dc")),
@@ -51,15 +50,6 @@ class Features:
     spread_variance: Float[ndarray, "spreads"]
     order: Float[ndarray, "orders"]
     order_variance: Float[ndarray, "orders"]
-
-
-def features_of(captures: Captures) -> Features:
-    """Features of a fabric; a face that is not known counts as up."""
-    table = specimen_statistics(captures)
-    mean = table.mean.copy()
-    unknown = np.isfinite(mean[:, 2, 0]) & ~np.isfinite(mean[:, 0, 0])
-    mean[unknown, 0] = mean[unknown, 2]
-    return features(mean[:, :2], table.order_odd)
 
 
 def features(
