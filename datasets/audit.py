@@ -86,15 +86,7 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
         *audit_images.check_named_sets(layout, found, named.twins(layout.silhouettes, found.hashes, found.images)),
         *audit_meshes.check_meshes(layout, protocol, found, matches),
     ]
-    counted = captures or layout.silhouettes
-    return Audit(
-        len({entry.fabric or entry.cloth for entry in counted}),
-        len({(entry.cloth, entry.sample) for entry in counted}),
-        len(counted),
-        len(layout.meshes),
-        tuple(sorted(set(problems))),
-        tuple(matches),
-    )
+    return Audit(**layout.counts, irregularities=tuple(sorted(set(problems))), matches=tuple(matches))
 
 
 def _tolerant(layout: Layout, name: str, read: Callable[[Path], T], default: T, problems: list[Irregularity]) -> T:

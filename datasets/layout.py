@@ -85,6 +85,19 @@ class Layout:
     folders: tuple[str, ...]
     problems: tuple[Irregularity, ...]
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of `fabrics` (of named sets where there are no others), `samples` (a series over time counting for
+        itself), `silhouettes` (copies in named sets left out) and `meshes` (files).
+        """
+        captures = [entry for entry in self.silhouettes if not entry.is_named] or self.silhouettes
+        return {
+            "fabrics": len({entry.fabric or entry.cloth for entry in captures}),
+            "samples": len({(entry.cloth, entry.sample) for entry in captures}),
+            "silhouettes": len(captures),
+            "meshes": len(self.meshes),
+        }
+
     def beside(self, name: str) -> Path | None:
         """A table that belongs to the data: in the root, in its `data` folder, or above a fabric or data folder."""
         places, top = [self.root, self.root / "data"], self.root

@@ -10,6 +10,7 @@ References:
 from dataclasses import dataclass
 
 CITATION = "Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024"
+HOME = "https://github.com/realcrane/Bayesian-Differentiable-Physics-for-Cloth-Digitalization"  # named in the paper
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from cusick_bench.datasets.layout import scan
 from cusick_bench.datasets.measure import content_hash
 from cusick_bench.datasets.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.protocol import Protocol, read_json_object, read_protocol
-from cusick_bench.datasets.published import CITATION
+from cusick_bench.datasets.published import CITATION, HOME
 
 CHECKSUMS = "sha256.json"
 DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
@@ -26,14 +26,16 @@ class Registered:
     """A data set with a name.
 
     Attributes:
-        folder: Where its files are.
+        folder: Where its files are on this machine; raises DataNotFound, with a remedy, where they are not.
         licence, citation, summary: For people.
+        source: Where the files are from, or to be had.
     """
 
     folder: Callable[[], Path]
     licence: str
     citation: str
     summary: str
+    source: str
 
 
 def _synthetic() -> Path:
@@ -51,17 +53,26 @@ def _cusick() -> Path:
         raise DataNotFound(
             "the public release has no licence and is not shipped",
             where="cusick",
-            remedy="get it from its authors, then set CUSICK_DATA to its folder, or give the folder instead of a name",
+            remedy=f"get it from its authors ({HOME}), "
+            "then set CUSICK_DATA to its folder, or give the folder instead of a name",
         )
     return Path(folder)
 
 
 REGISTRY = {
     "synthetic": Registered(
-        _synthetic, "Apache-2.0", "this project", "simulated cloths with known stiffness; shipped, the default"
+        _synthetic,
+        "Apache-2.0",
+        "this project",
+        "simulated cloths with known stiffness; the default",
+        "shipped; `cusick-bench data synthetic --out FOLDER` makes it again",
     ),
     "cusick": Registered(
-        _cusick, "none stated, all rights reserved: bring your own copy", CITATION, "real cloths; folder in CUSICK_DATA"
+        _cusick,
+        "none stated, all rights reserved: bring your own copy",
+        CITATION,
+        "real cloths; folder in CUSICK_DATA",
+        f"its authors, {HOME}",
     ),
 }
 

@@ -8,7 +8,8 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 COMMANDS = (
-    "data", "simulate", "run", "leaderboard", "report", "solvers", "effects", "convergence", "benchmark", "robustness",
+    "data", "simulate", "run", "leaderboard", "report", "solvers", "effects", "datasets",
+    "convergence", "benchmark", "robustness",
     "verify", "check", "submit", "paper",
     "optimisers",
     "garment",
