@@ -15,7 +15,9 @@ from cusick_bench.cli.common import console, output, plain, print_json, user_err
 from cusick_bench.leaderboard import Cells, LeaderboardError, latex, leaderboards, load_cells, markdown, terminal
 from cusick_bench.leaderboard.anytime import COSTS, curves, documents, loss_at_equal_time
 from cusick_bench.leaderboard.paper import SOLVERS, PaperTable, make_table, methods, records, set_table
+from cusick_bench.leaderboard.text import provenance
 from cusick_bench.problem import Budget
+from cusick_bench.report.fold_variability import fold_variability, variability_table
 from cusick_bench.runner import Cell, ProblemSettings, ProgressBars, RunnerError, Source, load_once, plan, run
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.settings import DrapeSettings
@@ -77,7 +79,8 @@ def table_1(
 ) -> None:
     """Unseen samples predicted: HOMO, HETER, BDP and ours, beside rows without physics and oracles.
 
-    Repeating the command goes on where it was stopped. Exit status 1 if a cell failed.
+    Whether draws vary as samples do goes to table-1-variability. Repeating the command goes on where it was stopped.
+    Exit status 1 if a cell failed.
     """
     settings = _settings(vertices, mode, steps, Budget(budget))
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
@@ -86,7 +89,9 @@ def table_1(
     (board,) = leaderboards(cells, by="test_mse")
     table = make_table("table-1", cells, board, notes=left_out)
     _write(table, out, {})
-    _finish([table], cells, as_json)
+    spread = fold_variability(cells, load_once(source))
+    _write_variability(spread, provenance(board), out)
+    _finish([table], cells, as_json, spread)
 
 
 @app.command("table-2")
@@ -184,7 +189,22 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
     files[f"{name}.csv"] = pd.DataFrame(lines).to_csv(index=False, lineterminator="\n")
     files[f"{name}.json"] = _json({"table": name, "title": table.title, "rows": lines, "notes": list(table.notes)})
-    for file, content in files.items() | {(file, _json(document)) for file, document in documents.items()}:
+    _save(files | {file: _json(document) for file, document in documents.items()}, out)
+
+
+def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) -> None:
+    if not rows:
+        console.print("no variability: it takes 3 held-out samples of a cloth", markup=False, highlight=False)
+        return
+    text, name = variability_table(rows, notes), "table-1-variability"
+    files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
+    files[f"{name}.csv"] = pd.DataFrame(rows).to_csv(index=False, lineterminator="\n")
+    files[f"{name}.json"] = _json({"table": name, "rows": rows, "notes": list(text.notes)})
+    _save(files, out)
+
+
+def _save(files: dict[str, str], out: Path) -> None:
+    for file, content in files.items():
         write_atomically(out / file, content.encode())
         console.print(f"wrote {out / file}", markup=False, highlight=False)
 
@@ -193,13 +213,14 @@ def _json(document: dict[str, Any]) -> str:
     return json.dumps(plain(document), indent=1, allow_nan=False) + "\n"
 
 
-def _finish(tables: list[PaperTable], cells: Cells, as_json: bool) -> None:
+def _finish(tables: list[PaperTable], cells: Cells, as_json: bool, spread: list[dict[str, Any]] | None = None) -> None:
+    """Prints the tables, and the variability of draws where it was asked for."""
     if as_json:
-        print_json({"tables": [{"name": t.name, "rows": records(t), "notes": list(t.notes)} for t in tables]})
+        document = {"tables": [{"name": t.name, "rows": records(t), "notes": list(t.notes)} for t in tables]}
+        print_json(document | ({} if spread is None else {"variability": spread}))
     else:
         screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
-        for table in tables:
-            text = set_table(table)
+        for text in [*map(set_table, tables), *([variability_table(spread)] if spread else [])]:
             screen.print(terminal(text, screen.width))
             for note in text.notes:
                 screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
