@@ -1,0 +1,58 @@
+"""What tests of written HTML look at: its tags in order, its words, its styles."""
+
+from html.parser import HTMLParser
+
+VOID = {"br", "hr", "img", "input", "link", "meta"}  # HTML never closes these; SVG closes every element
+
+
+class Page(HTMLParser):
+    """Collects tags, words and styles, and fails on tags that are not closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.styles: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+        assert not self.open, f"tags left open: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open, f"</{tag}> closes nothing"
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        (self.styles if "style" in self.open else self.words).append(data)
+
+    @property
+    def text(self) -> str:
+        """The words, blanks folded."""
+        return " ".join(" ".join(self.words).split())
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        """Attributes of every tag of a name."""
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    def asks_for(self) -> list[str]:
+        """Everything that a browser would fetch or run, or follow on a click: empty for a page that stands alone.
+
+        Pictures within the page (`data:image/png;base64,`) and places on it (`#`) are part of it.
+        """
+        found = [f"<{tag}>" for tag, _ in self.tags if tag in ("script", "link", "iframe", "object", "embed")]
+        for tag, attributes in self.tags:
+            found += [f"<{tag} {name}>" for name in attributes if name.startswith("on")]
+            for name in ("src", "srcset", "href", "xlink:href", "poster", "action"):
+                value = attributes.get(name)
+                if value is not None and not value.startswith(("data:image/png;base64,", "#")):
+                    found.append(f"<{tag} {name}={value[:60]}>")
+            found += [f"<{tag} style>" for value in (attributes.get("style"),) if value and "url(" in value]
+        return found + [word for word in ("url(", "@import") if word in "".join(self.styles)]
