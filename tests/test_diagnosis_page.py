@@ -14,11 +14,11 @@ from cusick_bench.diagnosis.base_model import DENSITY, NAMES, PRIOR_MEAN, BaseMo
 from cusick_bench.diagnosis.captures import captures_from_profiles
 from cusick_bench.diagnosis.statistics import NAMES as STATISTICS
 from cusick_bench.report import ReportError
+from cusick_bench.report.axes import round_steps
 from cusick_bench.report.diagnosis_causes import statistic_rows
 from cusick_bench.report.diagnosis_graphs import Bar, Region, closure_graph, cloth_map, gap_graph
 from cusick_bench.report.diagnosis_page import write_diagnosis_page
 from cusick_bench.report.diagnosis_profiles import mean_difference, read_profiles
-from cusick_bench.report.diagnosis_svg import round_steps
 from cusick_bench.report.diagnosis_values import measure, number, percent, plain, table
 from cusick_bench.report.diagnosis_words import cloth_in_words, entropy_of, physics, signature, statistic_name, worth
 from cusick_bench.sim.effects import effect as effect_named

@@ -16,6 +16,7 @@ from cusick_bench.cli.report import report
 from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.report import View, cloth_colour, render_drape, write_report
+from cusick_bench.report.axes import frame, framed, level
 from cusick_bench.report.cell import load_cell_view, read_trace
 from cusick_bench.report.graphs import profile_graph, trace_graph
 from cusick_bench.report.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
@@ -228,6 +229,18 @@ def test_profile_graph_draws_both_lines_and_the_band():
     assert graph.count("<polygon") == 1
     assert "two &lt;drapes&gt;" in graph
     assert "<polygon" not in profile_graph(radii(), radii(8), None, "no band")
+
+
+def test_ticks_stand_where_their_values_are_and_levels_stay_inside():
+    panel = framed(300, 200, (0.0, 360.0), (90.0, 150.0))
+    drawn = Page("".join(frame(panel, "angle", "<radius>", (0, 180), (120,), y_words=lambda tick: f"{tick} mm")))
+    assert drawn.words == ["0", "180", "120 mm", "angle", "<radius>"]
+    left, middle = (float(text["x"] or "") for text in drawn.all("text")[:2])
+    assert (left, middle) == pytest.approx((panel.left, (panel.left + panel.right) / 2), abs=0.1)
+    (across,) = (line for line in drawn.all("line") if line["class"] == "grid")
+    assert float(across["y1"] or "") == pytest.approx((panel.top + panel.bottom) / 2, abs=0.1)
+    assert len(level(panel, 150.0, "flat cloth")) == 2
+    assert level(panel, 151.0, "flat cloth") == []
 
 
 def test_trace_graph_needs_two_evaluations():

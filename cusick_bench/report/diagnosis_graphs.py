@@ -10,8 +10,9 @@ from numpy import ndarray
 
 from cusick_bench.datasets.profile import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.diagnosis.localise import EDGES, SECTORS
-from cusick_bench.report.diagnosis_svg import Panel, bar, label, line, picture, polygon, round_steps, span
+from cusick_bench.report.axes import Panel, bar, round_steps, span
 from cusick_bench.report.diagnosis_values import percent, plain, signed
+from cusick_bench.report.svg import label, line, picture, polygon
 
 _HUES = {True: ((238, 243, 249), (8, 48, 107)), False: ((244, 244, 245), (172, 176, 182))}
 """Colours of the map, lightest and darkest: one hue where a place is named, pale greys where none is."""

@@ -14,8 +14,9 @@ from markupsafe import Markup
 from numpy import ndarray
 
 from cusick_bench.datasets.profile import CLOTH_RADIUS, PLATE_RADIUS
-from cusick_bench.report.diagnosis_svg import Panel, label, line, picture, polygon, polyline, round_steps
+from cusick_bench.report.axes import Panel, frame, framed, level, round_steps
 from cusick_bench.report.diagnosis_values import items, mappings, number
+from cusick_bench.report.svg import label, picture, polygon, polyline
 
 ANGLES = 360
 SOURCES = ("data", "base", "effect")
@@ -24,6 +25,7 @@ _LARGEST = 1.0  # [m]; no sample is larger
 _EVERY = 3  # degrees from point to point of a line
 SHAPE_MODES = 4  # waves around an outline that no fold makes
 _LINES = 24  # most drapes of a panel
+_AROUND = (0.0, 360.0)  # angles of a whole turn [deg]
 _OUTLINE_PIXELS = 850.0  # of a metre of a silhouette
 
 
@@ -114,8 +116,8 @@ def mean_graph(sided: Sided, side: str, description: str) -> Markup:
     every = [drapes.shapes.mean(0) for sides in sided.values() for drapes in sides.values()]
     every += [drapes.shapes for drapes in sided.get("data", {}).values()]
     low, high = (1e3 * edge for edge in (min(s.min() for s in every), max(s.max() for s in every)))
-    panel = _panel(448, 230, (low - 2, high + 2))
-    parts = _frame(panel, "angle from warp [°], cloth seen face up", "radius [mm]")
+    panel = framed(448, 230, _AROUND, (low - 2, high + 2))
+    parts = _frame(panel, "angle from warp [°], cloth seen face up")
     data = sided.get("data", {}).get(side)
     if data is not None and len(data) > 1:
         low, high = (1e3 * _closed(edge) for edge in (data.shapes.min(0), data.shapes.max(0)))
@@ -130,8 +132,8 @@ def mean_graph(sided: Sided, side: str, description: str) -> Markup:
 
 def every_graph(sided: Sided, source: str, description: str) -> Markup:
     """Radius over angle of every drape of a source, both sides, and their mean."""
-    panel = _panel(300, 200, _range(sided))
-    parts = _frame(panel, "angle from warp [°]", "radius [mm]")
+    panel = framed(300, 200, _AROUND, _range(sided))
+    parts = _frame(panel, "angle from warp [°]")
     radii = np.concatenate([drapes.radii for drapes in sided.get(source, {}).values()])
     for index in np.unique(np.linspace(0, len(radii) - 1, _LINES).astype(int)):
         parts.append(polyline(panel.points(_angles(), 1e3 * _closed(radii[index])), f"{source} thin"))
@@ -140,8 +142,8 @@ def every_graph(sided: Sided, source: str, description: str) -> Markup:
 
 def sorted_graph(sided: Sided, description: str) -> Markup:
     """Mean over drapes of the sorted radii: how much of the outline lies within a radius, wherever folds fall."""
-    panel = _panel(300, 240, _range(sided), (0.0, 100.0))
-    parts = _frame(panel, "share of the outline [%]", "radius [mm]", (0, 25, 50, 75, 100))
+    panel = framed(300, 240, (0.0, 100.0), _range(sided))
+    parts = _frame(panel, "share of the outline [%]", (0, 25, 50, 75, 100))
     share = np.linspace(0, 100, ANGLES // _EVERY)
     for source in SOURCES:
         rings = [drapes.radii for drapes in sided.get(source, {}).values()]
@@ -187,25 +189,7 @@ def _range(sided: Sided) -> tuple[float, float]:
     return low, high
 
 
-def _panel(width: float, height: float, y: tuple[float, float], x: tuple[float, float] = (0.0, 360.0)) -> Panel:
-    return Panel(46, 8, width - 46 - 12, height - 8 - 38, x, y)
-
-
-def _frame(panel: Panel, x_title: str, y_title: str, ticks: Sequence[float] = (0, 90, 180, 270, 360)) -> list[str]:
+def _frame(panel: Panel, x_title: str, ticks: Sequence[float] = (0, 90, 180, 270, 360)) -> list[str]:
     """Axes, and the plate's and the flat cloth's radius."""
-    parts = [line(panel.left, panel.bottom, panel.right, panel.bottom, "axis")]
-    for tick in ticks:
-        column = panel.column(tick)
-        parts.append(line(column, panel.bottom, column, panel.bottom + 4, "axis"))
-        parts.append(label(column, panel.bottom + 17, f"{tick:g}", "tick middle"))
-    for tick in round_steps(*panel.y):
-        row = panel.row(tick)
-        parts.append(line(panel.left, row, panel.right, row, "grid"))
-        parts.append(label(panel.left - 6, row + 4, f"{tick:g}", "tick end"))
-    for radius in (PLATE_RADIUS, CLOTH_RADIUS):
-        row = panel.row(1e3 * radius)
-        if panel.top <= row <= panel.bottom:
-            parts.append(line(panel.left, row, panel.right, row, "level"))
-    parts.append(label((panel.left + panel.right) / 2, panel.bottom + 34, x_title, "tick middle"))
-    y = (panel.top + panel.bottom) / 2
-    return [*parts, f'<g transform="rotate(-90 11 {y:.0f})">{label(11, y, y_title, "tick middle")}</g>']
+    parts = frame(panel, x_title, "radius [mm]", ticks, round_steps(*panel.y))
+    return [*parts, *level(panel, 1e3 * PLATE_RADIUS), *level(panel, 1e3 * CLOTH_RADIUS)]

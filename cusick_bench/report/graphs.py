@@ -1,38 +1,18 @@
-"""Line graphs as inline SVG, coloured by the page's style sheet, so that they follow its light or dark mode."""
+"""Line graphs of a report: radius over angle, loss over cost."""
 
-from dataclasses import dataclass
 from math import ceil, floor, log10
 
 import numpy as np
 from jaxtyping import Float
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from numpy import ndarray
 
-_HEIGHT = 210
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 10, 10, 34
-_PLATE_MM, _CLOTH_MM = 90.0, 150.0
+from cusick_bench.datasets.profile import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.report.axes import frame, framed, level
+from cusick_bench.report.svg import picture, polygon, polyline
 
-
-@dataclass(frozen=True)
-class _Axes:
-    """Linear map from data to the picture."""
-
-    x: tuple[float, float]
-    y: tuple[float, float]
-    width: int
-
-    @property
-    def right(self) -> int:
-        return self.width - _RIGHT
-
-    def column(self, value: float) -> float:
-        return _LEFT + (value - self.x[0]) / (self.x[1] - self.x[0]) * (self.right - _LEFT)
-
-    def row(self, value: float) -> float:
-        return _HEIGHT - _BOTTOM - (value - self.y[0]) / (self.y[1] - self.y[0]) * (_HEIGHT - _TOP - _BOTTOM)
-
-    def points(self, x: ndarray, y: ndarray) -> str:
-        return " ".join(f"{self.column(a):.1f},{self.row(b):.1f}" for a, b in zip(x, y, strict=True))
+_HEIGHT = 214.0
+_PROFILE_WIDTH, _TRACE_WIDTH = 560.0, 415.0
 
 
 def profile_graph(
@@ -52,21 +32,18 @@ def profile_graph(
     every = [real, simulated] if unseen is None else [real, simulated, *unseen]
     low = min(85.0, 5 * floor(200 * min(radii.min() for radii in every)))
     high = max(153.0, 1e3 * max(radii.max() for radii in every) + 3)
-    axes = _Axes((0.0, 360.0), (low, high), 560)
+    panel = framed(_PROFILE_WIDTH, _HEIGHT, (0.0, 360.0), (low, high))
     angle = np.arange(0, len(real) + 1, 3) * 360 / len(real)
-    parts = [
-        _grid(
-            axes, [0.0, 90.0, 180.0, 270.0, 360.0], [90.0, 110.0, 130.0, 150.0], "angle from warp [deg]", "radius [mm]"
-        )
-    ]
-    parts += [_level(axes, _PLATE_MM, "plate"), _level(axes, _CLOTH_MM, "flat cloth")]
+    ticks = [0.0, 90.0, 180.0, 270.0, 360.0], [90.0, 110.0, 130.0, 150.0]
+    parts = frame(panel, "angle from warp [deg]", "radius [mm]", *ticks)
+    parts += [*level(panel, 1e3 * PLATE_RADIUS, "plate"), *level(panel, 1e3 * CLOTH_RADIUS, "flat cloth")]
     if unseen is not None and len(unseen) > 1:
         edges = [1e3 * np.append(edge, edge[0])[::3] for edge in (unseen.min(0), unseen.max(0))]
-        around = axes.points(np.concatenate([angle, angle[::-1]]), np.concatenate([edges[0], edges[1][::-1]]))
-        parts.append(f'<polygon class="band" points="{around}"/>')
+        around = np.concatenate([angle, angle[::-1]]), np.concatenate([edges[0], edges[1][::-1]])
+        parts.append(polygon(panel.points(*around), "band"))
     for radii, name in ((real, "real"), (simulated, "simulated")):
-        parts.append(_line(axes.points(angle, 1e3 * np.append(radii, radii[0])[::3]), name))
-    return _svg(parts, axes.width, description)
+        parts.append(polyline(panel.points(angle, 1e3 * np.append(radii, radii[0])[::3]), name))
+    return picture(parts, _PROFILE_WIDTH, _HEIGHT, description)
 
 
 def trace_graph(trace: Float[ndarray, "evaluations 2"], description: str) -> Markup:
@@ -81,53 +58,16 @@ def trace_graph(trace: Float[ndarray, "evaluations 2"], description: str) -> Mar
         return Markup("")
     cost, loss = trace[:, 0], np.log10(trace[:, 1])
     low, high = floor(4 * loss.min()) / 4, ceil(4 * loss.max() + 1e-9) / 4
-    axes = _Axes((0.0, float(cost.max())), (low, max(high, low + 0.25)), 415)
-    ticks = [m * 10.0**e for e in range(floor(low), ceil(high) + 1) for m in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= log10(tick) <= axes.y[1]]
+    panel = framed(_TRACE_WIDTH, _HEIGHT, (0.0, float(cost.max())), (low, max(high, low + 0.25)))
+    ticks = [log10(m * 10.0**e) for e in range(floor(low), ceil(high) + 1) for m in (1, 2, 5)]
+    shown = [tick for tick in ticks if low <= tick <= panel.y[1]]
     step = 10 ** floor(log10(cost.max())) / (1 if cost.max() >= 4 * 10 ** floor(log10(cost.max())) else 2)
-    parts = [_grid(axes, np.arange(0, cost.max() + 1e-9, step).tolist(), [], "cost [drapes]", "best loss")]
-    for tick in shown:
-        row = axes.row(log10(tick))
-        parts.append(f'<line class="grid" x1="{_LEFT}" x2="{axes.right}" y1="{row:.1f}" y2="{row:.1f}"/>')
-        parts.append(f'<text class="tick end" x="{_LEFT - 5}" y="{row + 3.5:.1f}">{_number(tick)}</text>')
+    costs = np.arange(0, cost.max() + 1e-9, step).tolist()
+    parts = frame(panel, "cost [drapes]", "best loss", costs, shown, y_words=lambda tick: _number(10**tick))
     stairs = np.repeat(np.column_stack([cost, loss]), 2, axis=0)
-    parts.append(_line(axes.points(stairs[1:, 0], stairs[:-1, 1]), "simulated"))
-    return _svg(parts, axes.width, description)
+    parts.append(polyline(panel.points(stairs[1:, 0], stairs[:-1, 1]), "simulated"))
+    return picture(parts, _TRACE_WIDTH, _HEIGHT, description)
 
 
 def _number(value: float) -> str:
     return f"{value:g}".replace("0.", ".", 1) if value < 1 else f"{value:g}"
-
-
-def _grid(axes: _Axes, x_ticks: list[float], y_ticks: list[float], x_title: str, y_title: str) -> str:
-    base = _HEIGHT - _BOTTOM
-    parts = [f'<line class="axis" x1="{_LEFT}" x2="{axes.right}" y1="{base}" y2="{base}"/>']
-    for tick in x_ticks:
-        parts.append(f'<text class="tick middle" x="{axes.column(tick):.1f}" y="{base + 14}">{tick:g}</text>')
-    for tick in y_ticks:
-        row = axes.row(tick)
-        parts.append(f'<line class="grid" x1="{_LEFT}" x2="{axes.right}" y1="{row:.1f}" y2="{row:.1f}"/>')
-        parts.append(f'<text class="tick end" x="{_LEFT - 5}" y="{row + 3.5:.1f}">{tick:g}</text>')
-    middle = (_LEFT + axes.right) / 2
-    parts.append(f'<text class="title middle" x="{middle}" y="{_HEIGHT - 4}">{escape(x_title)}</text>')
-    turn = f'transform="rotate(-90 11 {_HEIGHT / 2 - 10})"'
-    parts.append(f'<text class="title middle" x="11" y="{_HEIGHT / 2 - 10}" {turn}>{escape(y_title)}</text>')
-    return "".join(parts)
-
-
-def _level(axes: _Axes, value: float, name: str) -> str:
-    row = axes.row(value)
-    return (
-        f'<line class="level" x1="{_LEFT}" x2="{axes.right}" y1="{row:.1f}" y2="{row:.1f}"/>'
-        f'<text class="tick end" x="{axes.right - 2}" y="{row - 3:.1f}">{name}</text>'
-    )
-
-
-def _line(points: str, name: str) -> str:
-    return f'<polyline class="line {name}" points="{points}"/>'
-
-
-def _svg(parts: list[str], width: int, description: str) -> Markup:
-    # Everything in `parts` is numbers and fixed words; only the description comes from outside.
-    head = f'<svg class="graph" viewBox="0 0 {width} {_HEIGHT}" role="img" aria-label="{escape(description)}">'
-    return Markup(head + "".join(parts) + "</svg>")

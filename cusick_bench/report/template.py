@@ -72,7 +72,7 @@ figure.wide img { width: auto; max-width: 100%; max-height: 100%; }
 .graph { display: block; width: 100%; height: auto; }
 .graph .axis { stroke: var(--soft); } .graph .grid { stroke: var(--rule); }
 .graph .level { stroke: var(--soft); stroke-dasharray: 3 4; }
-.graph .tick, .graph .title { fill: var(--soft); font-size: 11px; }
+.graph .tick { fill: var(--soft); font-size: 11px; }
 .graph .middle { text-anchor: middle; } .graph .end { text-anchor: end; }
 .graph .line { fill: none; stroke-width: 2; stroke-linejoin: round; }
 .graph .real { stroke: var(--real); } .graph .simulated { stroke: var(--simulated); }

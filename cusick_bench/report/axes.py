@@ -1,15 +1,16 @@
-"""What the graphs of a diagnosis are drawn with: SVG that the page's style sheet colours.
+"""Panels of a graph: linear axes, their ticks and titles, level lines, bars."""
 
-Coordinates are pixels of the page at full width, y down. Text that comes from outside is escaped here.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from markupsafe import Markup, escape
 from numpy import ndarray
+
+from cusick_bench.report.svg import label, line, upright
+
+FRAME = (46.0, 8.0, 12.0, 38.0)
+"""Room for ticks and titles left of, above, right of and below a panel with `frame` [px]."""
 
 
 @dataclass(frozen=True)
@@ -51,37 +52,49 @@ class Panel:
         return " ".join(f"{self.column(a):.1f},{self.row(b):.1f}" for a, b in zip(x, y, strict=True))
 
 
-def picture(parts: Sequence[str], width: float, height: float, description: str, style: str = "") -> Markup:
-    """The picture.
+def framed(width: float, height: float, x: tuple[float, float], y: tuple[float, float]) -> Panel:
+    """The panel of a picture of a size that leaves room for its `frame`."""
+    left, above, right, below = FRAME
+    return Panel(left, above, width - left - right, height - above - below, x, y)
+
+
+def frame(
+    panel: Panel,
+    x_title: str,
+    y_title: str,
+    x_ticks: Sequence[float],
+    y_ticks: Sequence[float],
+    *,
+    y_words: Callable[[float], str] = "{:g}".format,
+) -> list[str]:
+    """Both axes.
 
     Args:
-        parts: What it shows, already safe.
-        width, height: Its size [px].
-        description: What a reader who cannot see it is told.
-        style: Further class.
+        panel: Where they are.
+        x_title, y_title: What they measure, with the unit.
+        x_ticks, y_ticks: Values that are marked.
+        y_words: What stands at a tick of y.
     """
-    head = f'<svg class="{f"graph {style}".strip()}" viewBox="0 0 {width:g} {height:g}" role="img" '
-    return Markup(head + f'aria-label="{escape(description)}">' + "".join(parts) + "</svg>")
+    parts = [line(panel.left, panel.bottom, panel.right, panel.bottom, "axis")]
+    for tick in x_ticks:
+        column = panel.column(tick)
+        parts.append(line(column, panel.bottom, column, panel.bottom + 4, "axis"))
+        parts.append(label(column, panel.bottom + 17, f"{tick:g}", "tick middle"))
+    for tick in y_ticks:
+        row = panel.row(tick)
+        parts.append(line(panel.left, row, panel.right, row, "grid"))
+        parts.append(label(panel.left - 6, row + 4, y_words(tick), "tick end"))
+    parts.append(label((panel.left + panel.right) / 2, panel.bottom + 34, x_title, "tick middle"))
+    return [*parts, upright(panel.left - 35, (panel.top + panel.bottom) / 2, y_title, "tick")]
 
 
-def label(x: float, y: float, words: str, style: str = "") -> str:
-    """Text with its baseline at y."""
-    return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
-
-
-def line(x1: float, y1: float, x2: float, y2: float, style: str) -> str:
-    """A straight line."""
-    return f'<line class="{style}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
-
-
-def polyline(points: str, style: str) -> str:
-    """An open line."""
-    return f'<polyline class="line {style}" points="{points}"/>'
-
-
-def polygon(points: str, style: str) -> str:
-    """A closed outline."""
-    return f'<polygon class="{style}" points="{points}"/>'
+def level(panel: Panel, value: float, words: str = "") -> list[str]:
+    """A line across the panel at a value of y that has a meaning, nothing where it lies outside."""
+    row = panel.row(value)
+    if not panel.top <= row <= panel.bottom:
+        return []
+    named = [label(panel.right - 2, row - 3, words, "tick end")] if words else []
+    return [line(panel.left, row, panel.right, row, "level"), *named]
 
 
 def bar(panel: Panel, value: float, y: float, thickness: float, style: str) -> str:
