@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cusick_bench.benchmark.suite import Plan
 from cusick_bench.benchmark.suite import benchmark as run_benchmark
 from cusick_bench.benchmark.text import markdown
-from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.cli.common import output, plain, print_json, progress_bar, user_errors
 
 app = typer.Typer()
 
@@ -42,10 +41,8 @@ def benchmark(
         support="springs" if springs else "fixed", reference_steps=reference_steps,
         gradient_vertices=gradient_vertices, device=device, device_batches=tuple(batch or Plan.device_batches),
     )  # fmt: skip
-    columns = (SpinnerColumn(), "{task.description}", TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("measuring", total=None)
-        document = run_benchmark(plan, lambda name: progress.update(task, description=name))
+    with progress_bar("measuring") as bar:
+        document = run_benchmark(plan, bar.say)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(json.dumps(plain(document), indent=2) + "\n")

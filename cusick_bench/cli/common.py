@@ -7,13 +7,16 @@ import functools
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import typer
 from rich.console import Console
+from rich.progress import Progress, TaskID, TimeElapsedColumn, TimeRemainingColumn
 
 from cusick_bench.sim.errors import CusickError
 
@@ -44,6 +47,39 @@ def plain(value: Any) -> Any:
 def print_json(document: dict[str, Any]) -> None:
     """Writes one JSON document to standard output; NaN and infinities become null."""
     sys.stdout.write(json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What a command's work shows of itself while it lasts."""
+
+    _progress: Progress
+    _task: TaskID
+
+    def advance(self, count: float = 1) -> None:
+        """So much more is done."""
+        self._progress.advance(self._task, count)
+
+    def show(self, done: float, total: float | None = None) -> None:
+        """So much is done in all, of a total that may only be known now."""
+        self._progress.update(self._task, completed=done, total=total)
+
+    def say(self, what: str) -> None:
+        """What is being done now."""
+        self._progress.update(self._task, description=what)
+
+
+@contextmanager
+def progress_bar(what: str, total: float | None = None) -> Iterator[Bar]:
+    """A bar with the time spent and left on standard error, none where that is no terminal; gone when the work is done.
+
+    Args:
+        what: What is being done.
+        total: Number of steps, None if not known yet.
+    """
+    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        yield Bar(progress, progress.add_task(what, total=total))
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:

@@ -4,10 +4,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress, TimeRemainingColumn
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
 from cusick_bench.sim.camera import ParallelCamera
 from cusick_bench.sim.drape import DrapeSimulator
@@ -38,14 +37,12 @@ def convergence(
     """Drapes one cloth on meshes of several sizes, from the same random laid-down shapes."""
     sizes = vertices or [297, 1205, 2699, 7496]
     rows: list[dict[str, Any]] = []
-    columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("draping", total=len(sizes) * draws)
+    with progress_bar("draping", len(sizes) * draws) as bar:
         for size in sizes:
             found = []
             for draw in range(draws):
                 found.append(_one(size, draw, density, bending))
-                progress.advance(task)
+                bar.advance()
             coefficient, folds = np.array(found, dtype=float).T
             rows.append(
                 {

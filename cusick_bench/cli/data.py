@@ -1,18 +1,15 @@
 """`cusick-bench data`: what a data set holds, what is irregular in it, and what its drapes are like."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.cli.synthetic import synthetic
 from cusick_bench.datasets import load
 from cusick_bench.datasets.audit import Audit, audit
@@ -34,14 +31,6 @@ FabricsCsv = Annotated[Path | None, typer.Option(help="Densities and thicknesses
 Uncorrected = Annotated[bool, typer.Option("--uncorrected", help="Take names of mesh files at their word.")]
 
 
-@contextmanager
-def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
 @app.command("audit")
 @user_errors
 def audit_command(
@@ -50,8 +39,8 @@ def audit_command(
     json: Json = False,
 ) -> None:
     """Look at every file and name what is irregular. Faults of the data are no failure of the command."""
-    with _bar("measuring files") as progress:
-        found = audit(path, progress=progress)
+    with progress_bar("measuring files") as bar:
+        found = audit(path, progress=bar.show)
     if json:
         print_json(found.document())
     else:
@@ -152,14 +141,8 @@ def stats_command(
 ) -> None:
     """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""
     dataset = _load(name_or_path, None, uncorrected=False)
-    with _bar("reading cloths") as progress:
-        read: list[str] = []
-
-        def step(name: str) -> None:
-            read.append(name)
-            progress(len(read), len(dataset.cloths))
-
-        found = statistics(dataset, cloth, progress=step)
+    with progress_bar("reading cloths", len(dataset.cloths)) as bar:
+        found = statistics(dataset, cloth, progress=lambda name: bar.advance())
     if json:
         print_json({"name": dataset.name, "cloths": [item.document() for item in found]})
     else:
@@ -191,9 +174,9 @@ def _stats_table(found: list[ClothStatistics]) -> Table:
 
 
 def _load(name_or_path: str, fabrics_csv: Path | None, uncorrected: bool) -> DrapeDataset:
-    with _bar("measuring files") as progress:
-        options = {"correct": False} if uncorrected else {}
-        return load(name_or_path, fabrics_csv=fabrics_csv, progress=progress, **options)
+    options = {"correct": False} if uncorrected else {}
+    with progress_bar("measuring files") as bar:
+        return load(name_or_path, fabrics_csv=fabrics_csv, progress=bar.show, **options)
 
 
 def _number(value: float, form: str, factor: float = 1.0) -> str:

@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 import pandas as pd
 import typer
-from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.cli.common import output, plain, print_json, progress_bar, user_errors
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis.captures import read_captures
 from cusick_bench.diagnosis.diagnose import Options, diagnose
@@ -52,14 +51,13 @@ def diagnose_data(
     dataset = load(data)
     chosen = fabric or _with_samples(dataset)
     simulators, found = Simulators(most=20), []
-    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("", total=len(chosen))
+    with progress_bar("reading data", len(chosen)) as bar:
         for number, name in enumerate(chosen):
             captures = read_captures(dataset, name)
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
-                progress.update(task, description=f"{name}: {what}", completed=number + share)
+                bar.say(f"{name}: {what}")
+                bar.show(number + share)
 
             result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"

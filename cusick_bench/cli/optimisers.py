@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
 from cusick_bench.benchmark.optimisers import Plan, compare
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
 from cusick_bench.runner.environment import environment
 
 app = typer.Typer()
@@ -51,17 +50,13 @@ def optimisers(
 
 def _compare(plan: Plan, file: RunFile | None) -> dict[str, Any]:
     """Makes the runs that the file lacks."""
-    columns = (
-        TextColumn("{task.description}"), BarColumn(bar_width=24), TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
     known = [] if file is None else file.read()
     made = sum(any(run.answers(plan, *asked) for run in known) for asked in product(plan.methods, range(plan.runs)))
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("starting", total=(len(plan.methods) * plan.runs - made) * plan.spent)
+    with progress_bar("starting", (len(plan.methods) * plan.runs - made) * plan.spent) as bar:
 
         def told(name: str, run: int) -> None:
-            progress.update(task, advance=1, description=f"{name}, run {run + 1}")
+            bar.say(f"{name}, run {run + 1}")
+            bar.advance()
 
         return compare(plan, told, known=known, keep=(lambda run: None) if file is None else file.keep)
 

@@ -3,11 +3,10 @@
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, TimeRemainingColumn
 from rich.table import Table
 
 from cusick_bench.benchmark.robustness import robustness as run_robustness
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.cli.simulate import Mode
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.mesh import disc_mesh
@@ -28,10 +27,8 @@ def robustness(
 ) -> None:
     """Drapes random cloths over the whole range of measured fabrics; exit status 1 where too few come to rest."""
     simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(mode=mode.value))
-    columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("draping", total=draws)
-        found = run_robustness(simulator, draws, seed=seed, done=lambda count: progress.advance(task, count))
+    with progress_bar("draping", draws) as bar:
+        found = run_robustness(simulator, draws, seed=seed, done=bar.advance)
     if as_json:
         print_json({"vertices": vertices, "mode": mode.value, **found})
     else:

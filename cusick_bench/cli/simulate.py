@@ -15,10 +15,9 @@ import numpy as np
 import torch
 import typer
 from PIL import Image
-from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,
@@ -236,12 +235,10 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
     """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
     results: list[dict[str, Any]] = []
     faces = drawn.simulator.mesh.faces
-    columns = (*Progress.get_default_columns()[:-1], MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("draping", total=count)
+    with progress_bar("draping", count) as bar:
         for numbers, batch in drawn.batches(count):
             for place, number in enumerate(numbers):
-                progress.advance(task)
+                bar.advance()
                 if batch.failures[place] is not None:
                     results.append({"draw": number, "converged": False, "failure": batch.failures[place]})
                     continue

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, TimeRemainingColumn
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.datasets import synthetic_files, synthetic_recipe
 
 SHIPPED = Path(synthetic_files.__file__).parent / "synthetic"
@@ -20,11 +19,8 @@ def synthetic(
     as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Simulates the synthetic set from its recipe and compares every file with the shipped one."""
-    columns = (*Progress.get_default_columns()[:-1], TimeRemainingColumn())
-    captures = len(synthetic_recipe.CAPTURES)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("draping", total=len(synthetic_recipe.cloths()) * samples * captures)
-        made = synthetic_files.write_synthetic(out, samples=samples, step=lambda name: progress.advance(task))
+    with progress_bar("draping", len(synthetic_recipe.cloths()) * samples * len(synthetic_recipe.CAPTURES)) as bar:
+        made = synthetic_files.write_synthetic(out, samples=samples, step=lambda name: bar.advance())
     shipped = json.loads((SHIPPED / synthetic_files.CHECKSUMS).read_text())
     shared = [name for name in made if name in shipped and name != "croissant.json"]
     different = [name for name in shared if made[name] != shipped[name]]

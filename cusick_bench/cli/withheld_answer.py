@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.sim.effects import effect
@@ -30,10 +29,8 @@ def answer(
 ) -> None:
     """Answers every case from its silhouettes alone; answers that are there already are kept."""
     options = Options(samples, False, tuple(effect(name).name for name in without or ()), seed)
-    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("cases", total=len(case_folders(cases)))
-        found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: progress.advance(task))
+    with progress_bar("cases", len(case_folders(cases))) as bar:
+        found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: bar.advance())
     if as_json:
         print_json({"path": out, "cases": len(found["answers"]), "code_version": found["code_version"]})
     else:
@@ -53,13 +50,9 @@ def oracle(
 ) -> None:
     """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
     known = read_object(labels)
-    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("cases", total=None)
-        options = Options(samples, True, (), seed)
-        found = oracle_closures(
-            cases, known, out, atlas, options, workers=workers, step=lambda case: progress.advance(task)
-        )
+    options = Options(samples, True, (), seed)
+    with progress_bar("cases") as bar:
+        found = oracle_closures(cases, known, out, atlas, options, workers=workers, step=lambda case: bar.advance())
     if as_json:
         print_json({"path": out, "closures": found})
     else:
