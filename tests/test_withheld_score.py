@@ -174,6 +174,21 @@ class TestKnownScores:
         assert found.value("power", CLEAR) == 0.8
         assert found.value("class", "1x") == 0.3
 
+    def test_typical_severities_beside_detectable_ones_are_in_no_level(self, tmp_path):
+        labels = {f"c{i}": label("plate-tilt", 2) for i in range(10)} | {"n": label("none", None)}
+        known = scored(tmp_path, labels, {c: answer("effect", ("plate-tilt", 0.9)) for c in labels})
+        hidden = {f"h{i}": {**label("creep", None), "multiple_of_typical": 4} for i in range(5)}
+        labels |= hidden
+        said = {
+            c: answer("none", ("none", 0.9)) if c in hidden else answer("effect", ("plate-tilt", 0.9)) for c in labels
+        }
+        found = scored(tmp_path, labels, said)
+        assert found.value("power", CLEAR) == known.value("power", CLEAR) == 1
+        assert found.value("power", "typical") == 0
+        assert any("5 single effects" in note for note in found.notes)
+        alone = scored(tmp_path, hidden, {c: said[c] for c in hidden})
+        assert alone.value("power", "4x") == 0, "where nothing else is known, typical severities are the levels"
+
 
 class TestJudgement:
     def judged(self, said, true):

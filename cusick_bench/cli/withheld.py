@@ -12,6 +12,7 @@ from cusick_bench.cli.common import console, output, print_json, user_errors
 from cusick_bench.cli.withheld_answer import answer, oracle
 from cusick_bench.cli.withheld_score import score
 from cusick_bench.withheld.design import DRAWN, MULTIPLES
+from cusick_bench.withheld.detectable import read_detectable
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import COMMITMENT, LABELS, SUITE, Suite, generate
 
@@ -43,7 +44,7 @@ def generate_suite(
     pairs: Annotated[int, typer.Option(min=0, help="Cases with two effects.")] = 22,
     unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect outside of the list.")] = 48,
     detectable: Annotated[
-        Path | None, typer.Option(help="JSON {effect: detectable severity}; by default typical severities count.")
+        Path | None, typer.Option(help="Table that `atlas power --out` wrote; by default typical severities count.")
     ] = None,
     vertices: Annotated[int, typer.Option(min=100, help="Mesh size of the truth.")] = 1205,
     samples: Annotated[int, typer.Option(min=1, help="Samples of each case, with two faces and two captures.")] = 12,
@@ -52,7 +53,7 @@ def generate_suite(
 ) -> None:
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
-    asked = Suite(_seed(seed, labels), counts, vertices, samples, _severities(detectable))  # pyright: ignore[reportArgumentType]
+    asked = Suite(_seed(seed, labels), counts, vertices, samples, detectable and read_detectable(detectable))  # pyright: ignore[reportArgumentType]
     columns = (
         *Progress.get_default_columns()[:-1],
         TimeElapsedColumn(),
@@ -78,12 +79,3 @@ def _seed(given: int | None, labels: Path) -> int:
         return secrets.randbits(128)
     except (ValueError, KeyError, TypeError) as error:
         raise WithheldError(f"{labels / SUITE} is no description of a suite; choose an empty folder") from error
-
-
-def _severities(path: Path | None) -> dict[str, float] | None:
-    if path is None:
-        return None
-    try:
-        return {str(name): float(severity) for name, severity in json.loads(path.read_text()).items()}
-    except (ValueError, TypeError, AttributeError) as error:
-        raise WithheldError(f"{path} must be JSON with a number for each effect; correct it ({error})") from error

@@ -1,22 +1,26 @@
 """Which cases a withheld suite holds: nulls, single effects by severity, pairs, and effects outside the list.
 
-Severities are multiples of the detectable shift where a table of these is given, else of what is typical. Numbers are
-written out here rather than taken from the package's effects: a suite must mean the same after those have changed.
+Severities are multiples of what is detectable in the case's own fabric where a table of these is given; where that
+exceeds what the effect can be, another fabric is drawn. Else they are multiples of what is typical. Numbers are written
+out here rather than taken from the package's effects: a suite must mean the same after those have changed.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from cusick_bench.withheld.detectable import Detectable
 from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.fabric import fabric_of
 
 Kind = Literal["null", "single", "pair", "unknown"]
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "unknown")
 MULTIPLES = (0.5, 1.0, 2.0, 4.0)
 _PAIR_MULTIPLES = (2.0, 4.0)
 _ALIKE = ({"plate-radius", "cut-size", "camera-scale", "threshold"}, {"creep", "bending-friction"})  # no pairs of these
+_ATTEMPTS = 60  # fabrics drawn for an effect to be seen in
 _DIRECTION = (0.0, 360.0)  # [deg]
 _AXIS = (0.0, 180.0)  # [deg]
 _PATCH = {"direction": _DIRECTION, "radius": (0.115, 0.135), "size": (0.017, 0.023)}
@@ -101,6 +105,7 @@ class Plan:
         causes: Effects with their parameters.
         multiple: Of the reference severity; 0 for a null.
         reference: What the severities are multiples of.
+        attempt: Which draw of its fabric is taken.
     """
 
     case: str
@@ -109,52 +114,64 @@ class Plan:
     causes: Mapping[str, Mapping[str, float]]
     multiple: float
     reference: Literal["detectable", "typical"]
+    attempt: int = 0
 
 
-def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: Mapping[str, float] | None = None) -> list[Plan]:
+def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: Detectable | None = None) -> list[Plan]:
     """Draws the cases of a suite, in an order that tells nothing.
 
     Args:
         seed: Of the suite.
         counts: How many cases of each kind. Single effects and severities are spread evenly.
-        detectable: Severity at which each effect is detected in most cases.
+        detectable: Severities at which each effect is detected in most cases.
 
     Raises:
-        WithheldError: No cases, or a detectable severity of an unknown effect or that is not positive.
+        WithheldError: No cases, or a detectable severity of an unknown effect.
     """
-    _check(counts, detectable or {})
+    _check(counts, detectable)
     generator = np.random.default_rng([seed, 0])
-    drawn: list[tuple[Kind, dict[str, dict[str, float]], float]] = [("null", {}, 0.0)] * counts["null"]
+    drawn: list[tuple[Kind, tuple[str, ...], float]] = [("null", (), 0.0)] * counts["null"]
     for name, multiple in _spread(DRAWN, MULTIPLES, counts["single"], generator):
-        drawn.append(("single", {name: _drawn(name, multiple, detectable, generator)}, multiple))
+        drawn.append(("single", (name,), multiple))
     for first, multiple in _spread(DRAWN, _PAIR_MULTIPLES, counts["pair"], generator):
         second = _partner(first, generator)
-        causes = {name: _drawn(name, multiple, detectable, generator) for name in EFFECTS if name in (first, second)}
-        drawn.append(("pair", causes, multiple))
+        drawn.append(("pair", tuple(name for name in EFFECTS if name in (first, second)), multiple))
     for name, multiple in _spread(tuple(OUTSIDE), MULTIPLES[1:], counts["unknown"], generator):
-        severity = multiple * OUTSIDE[name].typical
-        drawn.append(("unknown", {name: OUTSIDE[name].parameters(severity, generator)}, multiple))
-    order = generator.permutation(len(drawn))
-    return [
-        Plan(f"case_{number:04d}", number, kind, causes, multiple, _reference(causes, detectable))
-        for number, (kind, causes, multiple) in enumerate((drawn[which] for which in order), 1)
-    ]
+        drawn.append(("unknown", (name,), multiple))
+    plans = []
+    for number, which in enumerate(generator.permutation(len(drawn)), 1):
+        kind, names, multiple = drawn[which]
+        severities, reference, attempt = _severities((seed, number), names, multiple, detectable)
+        causes = {name: _draw(name).parameters(severity, generator) for name, severity in severities.items()}
+        plans.append(Plan(f"case_{number:04d}", number, kind, causes, multiple, reference, attempt))
+    return plans
 
 
-def _reference(causes: Iterable[str], detectable: Mapping[str, float] | None) -> Literal["detectable", "typical"]:
-    """What the severities of some causes are multiples of."""
-    names = list(causes)
-    return "detectable" if names and all(name in (detectable or {}) for name in names) else "typical"
+def _severities(
+    seed: tuple[int, int], names: Sequence[str], multiple: float, detectable: Detectable | None
+) -> tuple[dict[str, float], Literal["detectable", "typical"], int]:
+    """Severities of a case's effects, what they are multiples of, and the fabric in which they can be so large."""
+    if detectable is not None and names and all(name in detectable.severity for name in names):
+        for attempt in range(_ATTEMPTS):
+            stiffness = fabric_of(seed, attempt).stiffness
+            found = {name: detectable.at(name, stiffness) for name in names}
+            wanted = {name: multiple * value for name, value in found.items() if value is not None}
+            if len(wanted) == len(names) and all(value <= EFFECTS[name].most for name, value in wanted.items()):
+                return wanted, "detectable", attempt
+    return {name: multiple * _draw(name).typical for name in names}, "typical", 0
 
 
-def _check(counts: Mapping[Kind, int], detectable: Mapping[str, float]) -> None:
+def _draw(name: str) -> Draw:
+    return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
+
+
+def _check(counts: Mapping[Kind, int], detectable: Detectable | None) -> None:
     if sum(counts.values()) < 1 or min(counts.values()) < 0:
         raise WithheldError(f"a suite needs at least one case, got {dict(counts)}; ask for nulls, singles or others")
-    for name, severity in detectable.items():
-        if name not in EFFECTS or not severity > 0:
+    for name in detectable.severity if detectable else ():
+        if name not in EFFECTS:
             raise WithheldError(
-                f"detectable shifts are positive severities of known effects, got {name!r}: {severity}; "
-                f"known are {', '.join(EFFECTS)}"
+                f"detectable severities are those of known effects, got {name!r}; known are {', '.join(EFFECTS)}"
             )
 
 
@@ -167,13 +184,6 @@ def _spread(
     while len(found) < count:
         found += [cells[i] for i in generator.permutation(len(cells))]
     return found[:count]
-
-
-def _drawn(
-    name: str, multiple: float, detectable: Mapping[str, float] | None, generator: np.random.Generator
-) -> dict[str, float]:
-    draw = EFFECTS[name]
-    return draw.parameters(multiple * (detectable or {}).get(name, draw.typical), generator)
 
 
 def _partner(first: str, generator: np.random.Generator) -> str:

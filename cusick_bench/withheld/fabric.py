@@ -3,6 +3,7 @@
 Stretch hardens (samples at full strain are stiffer than at rest), bending stiffness grows or falls with curvature.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,11 +56,23 @@ class Fabric:
         material: Mean tables; the density is the one that is written in the case's table, without its error.
         thickness: [m].
         variability: Of its samples.
+        stiffness: ln of B / (rho g R^3), B the mean of warp and weft at rest.
     """
 
     material: Material
     thickness: float
     variability: Variability
+    stiffness: float
+
+
+def fabric_of(seed: Sequence[int], attempt: int = 0) -> Fabric:
+    """Fabric of a case.
+
+    Args:
+        seed: Of the case.
+        attempt: Number of the draw: another fabric where the effect could not be seen in those before.
+    """
+    return draw_fabric(np.random.default_rng([*seed, 1, *([attempt] if attempt else [])]))
 
 
 def draw_fabric(generator: np.random.Generator) -> Fabric:
@@ -68,7 +81,7 @@ def draw_fabric(generator: np.random.Generator) -> Fabric:
     ratio = float(np.exp(generator.uniform(*np.log(BENDING))))
     table = _bending(ratio * density * GRAVITY * CLOTH_RADIUS**3, generator)
     material = Material(_stretch(generator), table, torch.tensor(density, dtype=torch.float64))
-    return Fabric(material, 2e-4 + 1.2e-3 * density, _variability(generator))
+    return Fabric(material, 2e-4 + 1.2e-3 * density, _variability(generator), float(np.log(ratio)))
 
 
 def _bending(level: float, generator: np.random.Generator) -> torch.Tensor:

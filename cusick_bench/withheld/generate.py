@@ -25,6 +25,7 @@ from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.mesh import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.settings import GRAVITY
 from cusick_bench.withheld.design import Kind, Plan, plan_suite
+from cusick_bench.withheld.detectable import Detectable
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.labels import label_of
 from cusick_bench.withheld.picture import jpeg
@@ -44,14 +45,14 @@ class Suite:
         counts: Cases of each kind.
         vertices: Mesh size of the truth.
         samples: Samples of each case.
-        detectable: Severity at which each effect is detected in most cases; typical severities if empty.
+        detectable: Severities at which effects are detected in most cases; typical severities if None.
     """
 
     seed: int
     counts: Mapping[Kind, int]
     vertices: int = VERTICES
     samples: int = SAMPLES
-    detectable: Mapping[str, float] | None = None
+    detectable: Detectable | None = None
 
     def plans(self) -> list[Plan]:
         """Its cases."""
@@ -142,7 +143,7 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
     shutil.rmtree(part, ignore_errors=True)
     folder = part / "Fabric 1" / "silhouettes"
     folder.mkdir(parents=True)
-    world = World((suite.seed, plan.number), plan.causes, suite.vertices)
+    world = World((suite.seed, plan.number), plan.causes, suite.vertices, attempt=plan.attempt)
     try:
         for picture in world.pictures(suite.samples):
             name = f"Fabric_1_Sample_{picture.sample}_Capture_{picture.capture}.jpg"

@@ -8,6 +8,7 @@ from cusick_bench.withheld.case_label import NULL, OUTSIDE, PAIR, SINGLE
 ALL = "all"
 CLEAR = ">= 2x"  # singles of at least twice the detectable shift: what the goals are about
 
+HIDDEN = "typical"  # singles whose severity is given in typical ones beside others in detectable shifts
 CLEAR_FROM = 2 - 1e-6
 LEVELS = ("1x", "2x")  # those that a goal is about
 

@@ -21,7 +21,7 @@ from cusick_bench.withheld.calibration import (
     separation,
     wilson,
 )
-from cusick_bench.withheld.case_label import NULL, SINGLE, Label
+from cusick_bench.withheld.case_label import DETECTABLE, NULL, SINGLE, TYPICAL, Label
 from cusick_bench.withheld.judge import judge
 from cusick_bench.withheld.measures import (
     ALL,
@@ -32,6 +32,7 @@ from cusick_bench.withheld.measures import (
     CALIBRATION_GOAL,
     CLEAR,
     CLEAR_FROM,
+    HIDDEN,
     LEVELS,
     MEASURES,
     Goal,
@@ -163,14 +164,35 @@ def _figures(method: str, cases: pd.DataFrame, generator: np.random.Generator | 
 
 
 def _subsets(cases: pd.DataFrame) -> dict[str, Bool[ndarray, " cases"]]:
-    """Which cases are in a subset: all, clear ones, each level of severity that there is or that has a goal."""
-    level = cases["level"].to_numpy(str)
-    known = {*filter(None, level[cases["kind"].to_numpy(str) == SINGLE]), *LEVELS}
+    """Which cases are in a subset: all, clear ones, each level of severity that there is or that has a goal.
+
+    Single effects whose severity is in another unit than the levels' form a subset of their own.
+    """
+    level, single = levels(cases), cases["kind"].to_numpy(str) == SINGLE
+    known = {*filter(None, level[single]), *LEVELS}
+    others = single & (level == "") & (cases["level"].to_numpy(str) != "")
     return {
         ALL: np.ones(len(cases), bool),
-        CLEAR: cases["multiple"].to_numpy(float) >= CLEAR_FROM,
+        CLEAR: clear(cases),
         **{name: level == name for name in sorted(known, key=lambda name: float(name.rstrip("x")))},
+        **({HIDDEN: others} if others.any() else {}),
     }
+
+
+def levels(cases: pd.DataFrame) -> np.ndarray:
+    """Level of severity of every case; "" where it has none, or one in another unit.
+
+    Where any single effect has multiples of the detectable shift, only these count: who gives typical severities beside
+    them does so because the effect is not known to be detectable.
+    """
+    unit, single = cases["unit"].to_numpy(str), cases["kind"].to_numpy(str) == SINGLE
+    mixed = bool((unit[single] == DETECTABLE).any())
+    return np.where((unit == DETECTABLE) | (not mixed), cases["level"].to_numpy(str), "")
+
+
+def clear(cases: pd.DataFrame) -> Bool[ndarray, " cases"]:
+    """Whether a case's severity is at least twice the unit of the levels."""
+    return (cases["multiple"].to_numpy(float) >= CLEAR_FROM) & (levels(cases) != "")
 
 
 def _figure(
@@ -257,7 +279,17 @@ def _notes(cases: pd.DataFrame) -> list[str]:
     words = {"p": "1 - p of the base model", "none": "1 - probability of none", "verdict": "the verdict"}
     notes = [f"Detection is scored by {words[_detection(cases)]}."]
     if units := sorted(set(filter(None, cases["unit"]))):
-        notes.append(f"Severities are multiples of the {' or the '.join(units)}.")
+        notes.append(_severities(cases, units))
     counts = Counter(cases["kind"])
     notes.append(f"Cases: {', '.join(f'{number} {kind}' for kind, number in counts.most_common())}.")
     return notes
+
+
+def _severities(cases: pd.DataFrame, units: Sequence[str]) -> str:
+    if len(units) == 1:
+        return f"Severities are multiples of the {units[0]}."
+    others = np.count_nonzero((cases["unit"].to_numpy(str) == TYPICAL) & (cases["kind"].to_numpy(str) == SINGLE))
+    return (
+        f"Severities are multiples of the {DETECTABLE} in the case's own fabric. {others} single effects that no "
+        f"fabric shows as strongly as that have multiples of the {TYPICAL}: `{HIDDEN}`, and in no level."
+    )

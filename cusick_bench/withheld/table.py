@@ -15,10 +15,10 @@ from cusick_bench.withheld.measures import (
     CALIBRATION,
     CALIBRATION_BY_CHANCE,
     CLEAR,
-    CLEAR_FROM,
+    HIDDEN,
     MEASURES,
 )
-from cusick_bench.withheld.score import ANSWERS, Figure, Scores
+from cusick_bench.withheld.score import ANSWERS, Figure, Scores, clear
 
 _MEANINGS = {measure.name: measure.meaning for measure in MEASURES} | {
     AUROC: "how often an effect looks more like one than a null does",
@@ -74,7 +74,7 @@ def _is_headline(figure: Figure, scores: Scores) -> bool:
 def by_severity(scores: Scores) -> list[list[str]]:
     """Lines of the power curve: one a figure that depends on severity, a column a level, cases in the last line."""
     own = [figure for figure in _of(scores, ANSWERS) if figure.subset not in (ALL, CLEAR)]
-    levels = sorted({figure.subset for figure in own if figure.cases}, key=lambda level: float(level[:-1]))
+    levels = sorted({figure.subset for figure in own if figure.cases}, key=_order)
     values = {(figure.name, figure.subset): figure for figure in own}
     names = list(dict.fromkeys(figure.name for figure in own))
     lines = [["figure", *levels]]
@@ -83,6 +83,11 @@ def by_severity(scores: Scores) -> list[list[str]]:
         lines.append([name, *("" if entry is None else with_interval(entry) for entry in entries)])
     counts = [values.get(("power", level)) for level in levels]
     return [*lines, ["cases", *("" if entry is None else str(entry.cases) for entry in counts)]]
+
+
+def _order(subset: str) -> float:
+    """Levels ascending, what has none last."""
+    return float(subset[:-1]) if subset != HIDDEN else float("inf")
 
 
 def _of(scores: Scores, method: str) -> list[Figure]:
@@ -136,12 +141,12 @@ def _square(cases: pd.DataFrame) -> list[list[str]]:
 
 def _taken_for(cases: pd.DataFrame) -> list[list[str]]:
     """One line a truth: how often it was found, also where it was clear, and what else was said, most often first."""
-    clear = _nested(confusion_by_effect(cases.loc[(cases["kind"] != SINGLE) | (cases["multiple"] >= CLEAR_FROM)]))
+    strong = _nested(confusion_by_effect(cases.loc[(cases["kind"] != SINGLE) | clear(cases)]))
     lines = []
     for truth, counts in _nested(confusion_by_effect(cases)).items():
         others = sorted(((n, said) for said, n in counts.items() if said != truth), key=lambda item: -item[0])
         taken = ", ".join(f"{said} {n}" for n, said in others)
-        lines.append([truth, _found(truth, counts), _found(truth, clear.get(truth, {})), taken])
+        lines.append([truth, _found(truth, counts), _found(truth, strong.get(truth, {})), taken])
     return [["truth", "found", f"found {CLEAR}", "taken for"], *lines]
 
 

@@ -19,7 +19,7 @@ from cusick_bench.sim.mesh import Mesh
 from cusick_bench.sim.shape import dihedral_angles
 from cusick_bench.sim.system import DrapeSystem, Parameters
 from cusick_bench.withheld.drop import STEPS, drop
-from cusick_bench.withheld.fabric import Fabric, draw_fabric
+from cusick_bench.withheld.fabric import Fabric, fabric_of
 from cusick_bench.withheld.fields import matern_field
 from cusick_bench.withheld.laws import law
 from cusick_bench.withheld.picture import photograph, seen_from_above
@@ -57,17 +57,19 @@ class World:
         causes: Effects and their parameters, in the names and units of the package.
         vertices: Mesh size.
         steps: Of every drop.
+        attempt: Which draw of the fabric.
     """
 
     seed: tuple[int, ...]
     causes: Mapping[str, Mapping[str, float]]
     vertices: int = VERTICES
     steps: int = STEPS
+    attempt: int = 0
 
     @cached_property
     def fabric(self) -> Fabric:
         """The fabric."""
-        return draw_fabric(np.random.default_rng([*self.seed, 1]))
+        return fabric_of(self.seed, self.attempt)
 
     @cached_property
     def _stage(self) -> Stage:
