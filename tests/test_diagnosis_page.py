@@ -564,8 +564,57 @@ def test_a_pair_is_named_with_both(tmp_path):
     made = _small()
     made["causes"][0]["pair_with"] = "creep"
     text = page(made, tmp_path).text
+    assert text.index("Two causes found") < text.index("Does simulation differ")
+    assert "One cause found" not in text
     assert "acts together with creep" in text
-    assert "local-stiff-patch + creep closes 31 %" in text
+    assert "local-stiff-patch + creep close 31" in text
+    assert "with both causes" in text
+
+
+def test_a_pair_is_noticed_where_the_closure_names_its_other_half(tmp_path):
+    made = _small()
+    made["closure"]["effect"] = "creep"  # the probability stands with local-stiff-patch
+    text = page(made, tmp_path).text
+    assert "Two causes found" in text
+    assert "creep + local-stiff-patch close 31" in text
+
+
+def test_a_cause_is_one_without_simulations_and_where_several_are_possible(tmp_path):
+    made = _small()
+    made["closure"] = {"effect": None, "fraction": None, "ci90": None}
+    assert "One cause found" in page(made, tmp_path).text
+    closure = {"effect": "local-mass-patch", "fraction": 0.31, "ci90": None}
+    text = page(_small() | {"verdict": "ambiguous", "closure": closure}, tmp_path).text
+    assert "Several causes possible" in text
+    assert "local-mass-patch closes 31" in text
+
+
+def test_causes_that_are_needed_one_after_the_other(tmp_path):
+    made = _small()
+    assert "What else the fabric needs" not in page(made, tmp_path).text
+    made["steps"] = {
+        "causes": [
+            {"effect": "plate-tilt", "parameters": {"angle": 2.5, "direction": 30.0}, "misfit_left": 1.8},
+            {"effect": "creep", "parameters": {}, "misfit_left": 1.2},
+        ],
+        "misfit": 3.4,
+        "closure": 0.6,
+        "ci90": [0.5, 0.7],
+    }
+    text = page(made, tmp_path).text
+    assert "needs 2 causes" in text
+    assert "All together close 60 % (50 % to 70 %) of the gap" in text.replace("\u00a0", " ")
+    assert "base model 3.4 plate-tilt angle 2.5°, direction 30° 1.8 creep 1.2" in text
+    made["steps"]["causes"].pop()
+    assert "What else the fabric needs" not in page(made, tmp_path).text
+
+
+def test_a_gap_that_no_cause_explains_is_not_denied(tmp_path):
+    made = _small() | {"verdict": "none", "closure": {"effect": None, "fraction": None, "ci90": None}}
+    made["gap"] |= {"base": 0.27, "floor": 0.01, "effect": None}
+    text = page(made, tmp_path).text
+    assert "The gap is 27 times its floor" in text
+    assert "no gap to close" not in text
 
 
 def test_bits_are_read_against_the_doubt_that_is_left():

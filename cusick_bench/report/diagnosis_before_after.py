@@ -5,7 +5,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from cusick_bench.report.diagnosis_causes import named_cause
+from cusick_bench.report.diagnosis_causes import named_cause, with_cause
 from cusick_bench.report.diagnosis_profiles import (
     SHAPE_MODES,
     Sided,
@@ -34,13 +34,14 @@ def before_after(document: Mapping[str, Any]) -> dict[str, Any]:
     sources = [source for source in _SOURCES if source in sided]
     cause = named_cause(document)
     names = _SOURCES | ({"effect": f"with {cause}"} if cause else {})
+    heads = _SOURCES | {"effect": with_cause(document)}
     outlines = [(_FACES[s], silhouette_graph(sided, s, f"Silhouettes of typical drapes, {_FACES[s]}")) for s in sides]
     outlines.append(("Sorted radii", sorted_graph(sided, "Mean sorted radii of " + _listed(sources, names))))
     return {
         "words": _difference(sided, names),
         "key": _key(sources, names),
         "means": [(_FACES[s], mean_graph(sided, s, f"Mean radius over angle, {_FACES[s]}")) for s in sides],
-        "every": [(names[s], every_graph(sided, s, f"Radius over angle of every drape: {names[s]}")) for s in sources],
+        "every": [(heads[s], every_graph(sided, s, f"Radius over angle of every drape: {names[s]}")) for s in sources],
         "outlines": outlines,
         "modes": SHAPE_MODES,
         "band": any(len(drapes) > 1 for drapes in sided["data"].values()),

@@ -22,9 +22,11 @@ from cusick_bench.report.diagnosis_values import (
     texts,
 )
 from cusick_bench.report.diagnosis_words import STAGES, claim, parameter_meaning, physics, signature, statistic_name
+from cusick_bench.sim.effects import registered
 
 _LEAST, _MOST, _ALWAYS = 0.02, 8, 3  # probability from which a cause is shown; at most, and at least so many
 _ROWS = 10  # statistics
+_SHORT = 26  # letters of a name that a heading has room for
 _MILLIMETRES = {"m": "mm", "m/rad": "mm/rad"}
 
 
@@ -69,12 +71,30 @@ class StatisticRow:
     bar: Markup
 
 
+def named_causes(document: Mapping[str, Any]) -> list[str]:
+    """The registered effects that were simulated: none, one, or two that act together.
+
+    A pair's probability stands with its likelier half, which need not be the half that the closure names.
+    """
+    simulated, ranked = text(mapping(document.get("closure")).get("effect")), _ranked(document)
+    likeliest = next(iter(ranked), {})
+    carries = text(document.get("verdict")) == "effect" and (number(likeliest.get("probability")) or 0.0) > 0.5
+    halves = [one for one in ranked if text(one.get("effect")) == simulated or (carries and one is likeliest)]
+    names = [simulated, *(text(one.get(key)) for one in halves for key in ("effect", "pair_with"))]
+    return [name for name in dict.fromkeys(names) if name in registered()]
+
+
 def named_cause(document: Mapping[str, Any]) -> str:
-    """The cause that was simulated, with the one that acts together with it; "" without any."""
-    name = text(mapping(document.get("closure")).get("effect"))
-    leading = next((one for one in mappings(document.get("causes")) if name and text(one.get("effect")) == name), {})
-    other = text(leading.get("pair_with"))
-    return f"{name} + {other}" if other and other not in name else name
+    """The same in words; "" without any."""
+    return " + ".join(named_causes(document))
+
+
+def with_cause(document: Mapping[str, Any]) -> str:
+    """Name of the model with the causes, short enough for a heading."""
+    named = named_causes(document)
+    if named and len(words := " + ".join(named)) <= _SHORT:
+        return f"with {words}"
+    return "with both causes" if len(named) > 1 else "with the cause"
 
 
 def cause_cards(document: Mapping[str, Any]) -> list[CauseCard]:
@@ -101,9 +121,10 @@ def _card(entry: Mapping[str, Any], document: Mapping[str, Any], likely: bool) -
         chips.append(f"acts together with {other}")
     closure = mapping(document.get("closure"))
     fraction, interval = number(closure.get("fraction")), pair(closure.get("ci90"))
-    if fraction is not None and name in (part.strip() for part in named_cause(document).split("+")):
+    named = named_causes(document)
+    if fraction is not None and name in named:
         span = f" ({percent(interval[0])} to {percent(interval[1])})" if interval else ""
-        chips.append(f"closes {percent(fraction)} of the gap{span}")
+        chips.append(f"{'they close' if len(named) > 1 else 'closes'} {percent(fraction)} of the gap{span}")
     parameters = [
         (
             key,

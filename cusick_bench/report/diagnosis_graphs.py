@@ -58,7 +58,7 @@ def gap_graph(bars: Sequence[Bar], floor: float | None, description: str) -> Mar
         parts.append(label(panel.column(max(one.value or 0.0, 0.0)) + 8, y + 17, plain(one.value), "value"))
     if floor is not None:
         parts.append(line(panel.column(floor), panel.top, panel.column(floor), panel.bottom, "floor"))
-    return picture(parts, 930, height + 10, description)
+    return picture(parts, 930, height + 10, description, "wide")
 
 
 def bars_graph(bars: Sequence[Bar], description: str, *, percents: bool = False, width: float = 440) -> Markup:
@@ -106,7 +106,7 @@ def closure_graph(fraction: float, interval: tuple[float, float] | None, descrip
         parts.append(line(low, y, high, y, "whisker halo"))
         parts += [line(end, y - 8, end, y + 8, "whisker") for end in (low, high)]
         parts.append(line(low, y, high, y, "whisker"))
-    return picture(parts, 900, panel.bottom + 28, description)
+    return picture(parts, 900, panel.bottom + 28, description, "wide")
 
 
 def _quarters(panel: Panel) -> list[str]:

@@ -8,9 +8,18 @@ from typing import Any
 import jinja2
 
 from cusick_bench.report.diagnosis_before_after import before_after
-from cusick_bench.report.diagnosis_causes import CauseCard, cause_cards, named_cause, rest_in_words, statistic_rows
+from cusick_bench.report.diagnosis_causes import (
+    CauseCard,
+    cause_cards,
+    named_cause,
+    named_causes,
+    rest_in_words,
+    statistic_rows,
+    with_cause,
+)
 from cusick_bench.report.diagnosis_graphs import Bar, closure_graph, gap_graph
 from cusick_bench.report.diagnosis_place import place_content
+from cusick_bench.report.diagnosis_steps import steps_content
 from cusick_bench.report.diagnosis_template import DIAGNOSIS_PAGE
 from cusick_bench.report.diagnosis_values import (
     mapping,
@@ -24,6 +33,7 @@ from cusick_bench.report.diagnosis_values import (
 )
 from cusick_bench.report.diagnosis_words import (
     STAGES,
+    TWO_CAUSES,
     VERDICTS,
     chance,
     cloth_in_words,
@@ -33,8 +43,6 @@ from cusick_bench.report.diagnosis_words import (
     worth,
 )
 from cusick_bench.report.errors import ReportError
-
-_LONG = 27  # letters of a name that a bar has no room for
 
 
 def write_diagnosis_page(document: Mapping[str, Any], path: Path) -> Path:
@@ -86,6 +94,7 @@ def _content(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
         "statistics": {"rows": statistic_rows(document), "with_cause": _with_cause(document)},
         "profiles": before_after(document),
         "closure": _closure(document, verdict),
+        "steps": steps_content(document),
         "next": _next(document),
         "no_next": _NO_NEXT.get(verdict, "No measurement on the list would lower the doubt."),
         "indistinguishable": [
@@ -111,7 +120,8 @@ def _with_cause(document: Mapping[str, Any]) -> str:
 def _verdict(
     document: Mapping[str, Any], verdict: str, data: Mapping[str, float | None], cards: list[CauseCard]
 ) -> dict[str, Any]:
-    name, sentence = VERDICTS[verdict]
+    both = verdict == "effect" and len(named_causes(document)) > 1
+    name, sentence = TWO_CAUSES if both else VERDICTS[verdict]
     return {
         "style": verdict,
         "name": name,
@@ -138,7 +148,7 @@ def _facts(document: Mapping[str, Any], verdict: str, cards: list[CauseCard]) ->
     if verdict == "ambiguous":
         facts.append(("possible", f"{len(texts(document.get('set90')))} causes", "in the 90 % set"))
     if closed is not None:
-        facts.append(("cause closes", percent(closed), "of the gap"))
+        facts.append((_by_number(document, "cause closes", "both close"), percent(closed), "of the gap"))
     step = next((text(step.get("name")) for step in mappings(document.get("next"))), "")
     return [*facts, ("measure next", step, "")] if step else facts
 
@@ -146,12 +156,11 @@ def _facts(document: Mapping[str, Any], verdict: str, cards: list[CauseCard]) ->
 def _gap(document: Mapping[str, Any]) -> dict[str, Any]:
     found = mapping(document.get("gap"))
     base, floor, effect = (number(found.get(key)) for key in ("base", "floor", "effect"))
-    words = gap_in_words(base, floor, effect)
+    words = gap_in_words(base, floor, effect, causes=len(named_causes(document)))
     below = any(value is not None and value < 0 for value in (base, floor, effect))
     bars = [Bar("base model", base, "base")]
     if effect is not None:
-        name = named_cause(document)
-        bars.append(Bar(f"with {name}" if 0 < len(name) < _LONG else "with the cause", effect, "cause"))
+        bars.append(Bar(with_cause(document), effect, "cause"))
     if floor is not None:
         bars.append(Bar("floor", floor, "floored"))
     graph = None if base is None else gap_graph(bars, floor, f"Bars of the gap. {words}")
@@ -181,15 +190,29 @@ def _closure(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
     fraction, interval = number(found.get("fraction")), pair(found.get("ci90"))
     cause = named_cause(document) or "the cause"
     if fraction is None:
-        words = _OPEN.get(verdict, "Not given: the cause was not simulated, or there is no gap above the floor.")
-        return {"words": words, "graph": None, "interval": ""}
-    over, words = "", f"On samples that were not fitted, {cause} closes {percent(fraction)} of the gap"
+        return {"words": _no_closure(document, verdict), "graph": None, "interval": ""}
+    closes = _by_number(document, "closes", "close")
+    over, words = "", f"On samples that were not fitted, {cause} {closes} {percent(fraction)} of the gap"
     if interval is not None:
         over = ", with its 90 % interval over samples"
         words += f"; between {percent(interval[0])} and {percent(interval[1])} with 90 % confidence"
         if interval[0] <= 0:
-            words += ", so it may close nothing at all"
+            words += f", so {_by_number(document, 'it', 'they')} may close nothing at all"
     return {"words": words + ".", "graph": closure_graph(fraction, interval, words), "interval": over}
+
+
+def _no_closure(document: Mapping[str, Any], verdict: str) -> str:
+    """Why no share of the gap is given."""
+    gap = mapping(document.get("gap"))
+    base, floor = number(gap.get("base")), number(gap.get("floor"))
+    if verdict == "none" and base is not None and floor is not None and base > floor:
+        return "Not given: no cause was found that could close it."
+    return _OPEN.get(verdict, "Not given: the cause was not simulated, or there is no gap above the floor.")
+
+
+def _by_number(document: Mapping[str, Any], one: str, both: str) -> str:
+    """The words for the causes that are named: one, or two that act together."""
+    return both if len(named_causes(document)) > 1 else one
 
 
 def _next(document: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -37,13 +37,15 @@ p { margin: .3rem 0 .7rem; max-width: 78ch; }
 .verdict dt { font-size: .8rem; color: var(--soft); } .verdict dd { margin: 0; font-size: 1.15rem; font-weight: 600; }
 .verdict small { font-weight: 400; }
 .card { background: var(--card); border: 1px solid var(--rule); border-radius: 8px; padding: .9rem 1.1rem;
-  margin: .8rem 0; }
+  margin: .8rem 0; overflow-x: auto; }
 figure { margin: 0; min-width: 0; break-inside: avoid; } figcaption { margin-top: .3rem; }
 .two { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: .8rem 1.4rem; align-items: start; }
 .three { display: grid; grid-template-columns: repeat(3, minmax(0, 1fr)); gap: .8rem 1.2rem; align-items: start; }
 .card > p:last-child { margin-bottom: 0; } .two .card { margin: 0; } .stack { display: grid; gap: .8rem; }
-@media (max-width: 720px) { .two, .three { grid-template-columns: minmax(0, 1fr); } }
 .graph { display: block; width: 100%; height: auto; }
+@media (max-width: 720px) {
+  .two, .three { grid-template-columns: minmax(0, 1fr); } .graph.wide { min-width: 40rem; }
+}
 .graph text { fill: var(--ink); font-size: 13px; } .graph .small { font-size: 12.5px; }
 .graph .tick { fill: var(--soft); font-size: 11.5px; } .graph .value { font-variant-numeric: tabular-nums; }
 .graph .middle { text-anchor: middle; } .graph .end { text-anchor: end; }
@@ -80,13 +82,17 @@ td.bars { width: 130px; }
 .cause .row b { font-size: 1.02rem; } .cause .row .soft { display: block; }
 .cause .share-of { text-align: right; font-variant-numeric: tabular-nums; font-weight: 600; }
 .cause p { margin: .3rem 0 0; } .cause ul { margin: .3rem 0 0; padding-left: 1.1rem; }
+@media (max-width: 720px) {
+  .cause .row { grid-template-columns: minmax(0, 1fr) 4rem; } .cause .row .share { grid-row: 2; grid-column: 1 / -1; }
+  td.bars { display: none; }
+}
 .chip { font-size: .78rem; color: var(--soft); border: 1px solid var(--rule); border-radius: 99px; padding: 0 .55rem;
   white-space: nowrap; }
 .chip.in { border-color: var(--base); color: var(--base); }
 table { border-collapse: collapse; font-size: .86rem; font-variant-numeric: tabular-nums; width: 100%; }
 caption { text-align: left; color: var(--soft); font-size: .86rem; padding-bottom: .4rem; }
 th, td { padding: .3rem .5rem; text-align: right; border-bottom: 1px solid var(--rule); overflow-wrap: normal; }
-th { font-weight: 600; vertical-align: bottom; } th.left, td.left { text-align: left; overflow-wrap: anywhere; }
+th { font-weight: 600; vertical-align: bottom; } th.left, td.left { text-align: left; overflow-wrap: break-word; }
 ol.next { padding-left: 2.2rem; } ol.next li { margin: .35rem 0; padding-left: .2rem; break-inside: avoid; }
 ol.next small { display: block; }
 .facts { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1rem; margin: .5rem 0; }
@@ -204,6 +210,19 @@ ol.next small { display: block; }
 <p>{{ closure.words }}</p>
 {% if closure.graph %}<figure class="card">{{ closure.graph }}
 <figcaption>Closed share of the gap above its floor{{ closure.interval }}.</figcaption></figure>{% endif %}
+
+{% if steps.rows %}
+<div class="card">
+<h3>What else the fabric needs</h3>
+<p class="soft">{{ steps.words }}</p>
+<table>
+<thead><tr><th class="left">cause</th><th class="left">parameters</th><th>misfit left</th></tr></thead>
+<tbody>{% for name, parameters, misfit in steps.rows %}
+<tr><td class="left">{{ name }}</td><td class="left">{{ parameters }}</td><td>{{ misfit }}</td></tr>
+{% endfor %}</tbody></table>
+<p class="soft">Misfit: mean square of what is left, in standard errors; 1 where all is explained.</p>
+</div>
+{% endif %}
 
 <h2>What to measure next</h2>
 {% if next %}

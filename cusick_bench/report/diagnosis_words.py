@@ -20,6 +20,8 @@ VERDICTS: Mapping[str, tuple[str, str]] = {
     "unknown": ("Unknown cause", "Something is missing in the base model that no effect on the list explains."),
     "": ("No verdict", "The data did not allow a verdict; the notes say why."),
 }  # fmt: skip
+TWO_CAUSES = ("Two causes found", "The base model does not explain these drapes; two causes together do.")
+"""In the place of `effect`, where the cause that is named acts together with another."""
 
 STAGES: Mapping[str, str] = {
     "material": "material",
@@ -76,8 +78,8 @@ def chance(p: float | None) -> str:
     return f"If nothing were missing in the base model, data like these would come up {often} ({percent_or_point(p)})."
 
 
-def gap_in_words(base: float | None, floor: float | None, effect: float | None) -> str:
-    """How the gap compares with its floor, and with what a cause leaves of it."""
+def gap_in_words(base: float | None, floor: float | None, effect: float | None, *, causes: int = 1) -> str:
+    """How the gap compares with its floor, and with what a cause (or two) leaves of it."""
     if base is None:
         return "The gap was not measured: no drapes were simulated."
     if floor is None:
@@ -89,7 +91,9 @@ def gap_in_words(base: float | None, floor: float | None, effect: float | None) 
         first = "The gap exceeds its floor" if base > floor else "The gap does not exceed its floor"
     if effect is None or base <= floor:
         return first + "."
-    return f"{first}; with the cause {plain(effect / floor)} times." if floor > 0 else f"{first}; a cause leaves less."
+    if floor <= 0:
+        return f"{first}; {'both causes leave' if causes > 1 else 'a cause leaves'} less."
+    return f"{first}; with {'both causes' if causes > 1 else 'the cause'} {plain(effect / floor)} times."
 
 
 def worth(bits: float | None, entropy: float) -> str:
