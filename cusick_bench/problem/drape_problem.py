@@ -330,21 +330,21 @@ class DrapeProblem:
         return self.simulator.settings.mode == "equilibrium"
 
     def _simulate(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[_Simulated]:
-        """Drapes (and their adjoints), measured against the training image."""
+        """Drapes (and their adjoints), measured against the training image where the simulator's device leaves them."""
         parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
         target = torch.as_tensor(self.train_image)
         with torch.set_grad_enabled(gradient):
             batch = self.simulate(parameters)
             alive = [member for member, failure in enumerate(batch.failures) if failure is None]
             images = {member: self.render(batch.vertices[member]) for member in alive}
-            losses = {member: LOSSES[self.loss](images[member], target) for member in alive}
+            losses = {member: LOSSES[self.loss](image, target.to(image)) for member, image in images.items()}
         slopes = np.zeros_like(taus)
         if gradient and alive:
             total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)
-            slopes = torch.autograd.grad(total, parameters)[0].numpy()
+            slopes = torch.autograd.grad(total, parameters)[0].cpu().numpy()
         results = [_Simulated(failure=failure or "") for failure in batch.failures]
         for member in alive:
-            arrays = {"vertices": batch.vertices[member].detach().numpy()}
+            arrays = {"vertices": batch.vertices[member].detach().cpu().numpy()}
             if gradient:
                 arrays["gradient"] = slopes[member]
             loss = losses[member].item()
