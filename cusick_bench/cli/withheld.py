@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.cli.withheld_answer import answer, oracle
 from cusick_bench.cli.withheld_score import score
 from cusick_bench.withheld.design import DRAWN, MULTIPLES
@@ -54,15 +53,8 @@ def generate_suite(
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
     asked = Suite(_seed(seed, labels), counts, vertices, samples, detectable and read_detectable(detectable))  # pyright: ignore[reportArgumentType]
-    columns = (
-        *Progress.get_default_columns()[:-1],
-        TimeElapsedColumn(),
-        "left",
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("cases", total=sum(counts.values()))
-        made = generate(asked, out, labels, workers=workers, step=lambda case: progress.advance(task))
+    with progress_bar("cases", sum(counts.values())) as bar:
+        made = generate(asked, out, labels, workers=workers, step=lambda case: bar.advance())
     if as_json:
         print_json({"cases": [str(case) for case in made], "commitment": out / COMMITMENT, "labels": labels / LABELS})
     else:
