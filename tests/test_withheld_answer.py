@@ -14,6 +14,7 @@ from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.withheld.answer import read_answer
 from cusick_bench.withheld.answering import answer_case, answer_suite, case_folders
 from cusick_bench.withheld.design import EFFECTS
+from cusick_bench.withheld.detectable import Detectable
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import Suite, generate
 from cusick_bench.withheld.oracle import oracle_closure, oracle_closures
@@ -173,9 +174,9 @@ def test_command(suite: Path, tmp_path: Path, one_thread: None) -> None:
 @pytest.mark.slow
 def test_small_suite_keeps_its_figures(tmp_path: Path) -> None:
     """A regression check: strong effects are found and named, fabrics without effect are left in peace."""
-    strong = {name: 4 * draw.typical for name, draw in EFFECTS.items()}
+    strong = Detectable((0.0,), {name: (4 * draw.typical,) for name, draw in EFFECTS.items()})
     counts = {"null": 6, "single": 8, "pair": 0, "unknown": 0}
-    generate(Suite(31, counts, 450, 8, strong), tmp_path / "cases", tmp_path / "labels", workers=2)  # pyright: ignore[reportArgumentType]
+    generate(Suite(31, counts, 450, 8, strong), tmp_path / "cases", tmp_path / "labels", workers=2)
     answer_suite(tmp_path / "cases", tmp_path / "answers.json", SHIPPED, QUICK, workers=2)
     revealed = reveal(
         tmp_path / "answers.json", tmp_path / "labels" / "labels.json", tmp_path / "cases" / "commitment.json"

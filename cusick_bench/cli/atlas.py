@@ -1,21 +1,26 @@
 """`cusick-bench atlas`: drapes over the base model's parameters, from which diagnoses are made."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.datasets import load as dataset_at
 from cusick_bench.diagnosis.atlas import Design, build, read
+from cusick_bench.diagnosis.calibrate import calibrate
+from cusick_bench.diagnosis.captures import Captures, read_captures
 from cusick_bench.diagnosis.emulator import fit
-from cusick_bench.diagnosis.power import detectable, needed
+from cusick_bench.diagnosis.power import STIFFNESS, detectable, needed
 from cusick_bench.diagnosis.store import SHIPPED, Calibration, load, save
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
+from cusick_bench.withheld.answering import case_folders
+from cusick_bench.withheld.document import mapping, read_object
 
 app = typer.Typer(help="Drapes over the base model's parameters, from which diagnoses are made.")
 _PLAN = Design()
@@ -31,8 +36,10 @@ def _root() -> None:
 def build_atlas(
     out: Annotated[Path, typer.Option(help="Folder of its points; a build that was stopped goes on there.")],
     points: Annotated[int, typer.Option(min=60, help="Fabrics.")] = _PLAN.points,
+    stiff_points: Annotated[int, typer.Option(min=0, help="More that are stiff in shear.")] = _PLAN.stiff_points,
     effect_points: Annotated[int, typer.Option(min=0, help="Of these, with every effect.")] = _PLAN.effect_points,
     fine_points: Annotated[int, typer.Option(min=0, help="Of these, on a finer mesh too.")] = _PLAN.fine_points,
+    law_points: Annotated[int, typer.Option(min=0, help="Of these, under other laws too.")] = _PLAN.law_points,
     one_mesh_points: Annotated[
         int, typer.Option(min=0, help="Of these, with all samples on one mesh too.")
     ] = _PLAN.one_mesh_points,
@@ -42,16 +49,9 @@ def build_atlas(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
-    design = Design(points, effect_points, fine_points, one_mesh_points, samples, vertices)
-    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("draping", total=None)
-        build(
-            out,
-            design,
-            workers=workers,
-            progress=lambda done, total: progress.update(task, completed=done, total=total),
-        )
+    design = Design(points, stiff_points, effect_points, fine_points, law_points, one_mesh_points, samples, vertices)
+    with progress_bar("draping") as bar:
+        build(out, design, workers=workers, progress=bar.show)
     if as_json:
         print_json({"path": out, "points": points, "tasks": len(design.tasks())})
     else:
@@ -63,19 +63,46 @@ def build_atlas(
 def fit_atlas(
     folder: Annotated[Path, typer.Argument(help="Folder that `build` filled, also in part.", metavar="FOLDER")],
     out: Annotated[Path, typer.Option(help="File; by default the one that diagnoses use.")] = SHIPPED,
-    inflation: Annotated[float, typer.Option(min=0.1, help="Of noise, from calibration cases.")] = 1.0,
-    tempering: Annotated[float, typer.Option(min=0.01, help="Power of evidences, from calibration cases.")] = 1.0,
-    cases: Annotated[int, typer.Option(min=0, help="How many calibration cases that rests on.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
-    """Fits smooth functions to the points and writes them as one small file."""
+    """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
     design, points = read(folder)
-    save(out, fit(design, points), Calibration(inflation, tempering, cases))
+    save(out, fit(design, points), Calibration())
     counts = {name: len(found) for name, found in points.items()}
     if as_json:
         print_json({"path": out, "points": counts})
     else:
-        output.print(f"{out}: {counts.get('base', 0)} fabrics, {len(counts) - 2} effects")
+        output.print(
+            f"{out}: {counts.get('base', 0)} fabrics; next: cusick-bench atlas calibrate CASES LABELS --atlas {out}"
+        )
+
+
+@app.command("calibrate")
+@user_errors
+def calibrate_atlas(
+    cases: Annotated[Path, typer.Argument(help="Folder of simulated cases.", metavar="CASES")],
+    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas; rewritten with its calibration.")] = SHIPPED,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Learns noise and trust in evidence from cases whose labels are open, and which are never scored again."""
+    emulator, before = load(atlas)
+    known = read_object(labels)
+    found: list[tuple[Captures, str]] = []
+    for folder in case_folders(cases):
+        truth = mapping(known.get(folder.name), f"{labels}: {folder.name}").get("effect")
+        if isinstance(truth, str):  # pairs have a list
+            dataset = dataset_at(str(folder))
+            found.append((read_captures(dataset, dataset.cloths[0]), truth))
+    with progress_bar("cases") as bar:
+        after = calibrate(found, emulator, step=bar.advance)
+    save(atlas, emulator, after)
+    if as_json:
+        print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
+    else:
+        output.print(
+            f"{atlas}: noise x {after.inflation:g}, evidence to the power {after.tempering:g} ({len(found)} cases)"
+        )
 
 
 @app.command("power")
@@ -89,18 +116,20 @@ def power(
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
     emulator, _ = load(atlas)
-    found = dict(detectable(emulator, samples=samples))
+    found = {"stiffness": STIFFNESS, "severity": dict(detectable(emulator, samples=samples))}
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(out, json.dumps(found, indent=1).encode())
+        write_atomically(out, (json.dumps(found, indent=1) + "\n").encode())
     shift = needed(emulator, np.random.default_rng(0)) if check else {}
     if as_json:
-        print_json({"detectable": found, "needed": shift, "samples": samples})
+        print_json({**found, "needed": shift, "samples": samples})
         return
-    table = Table("effect", "detectable", "unit", "of typical", *(["needs |d|"] if check else []))
+    levels = [f"{level:g}" for level in STIFFNESS]
+    table = Table("effect", "unit", *levels, *(["needs |d|"] if check else []), title="by ln B / (rho g R^3)")
     for name, one in registered().items():
-        p = one.severity
-        value = found.get(name)
-        cells = ("not found", "", "") if value is None else (f"{value:.3g}", p.unit, f"{value / p.typical:.1f}")
-        table.add_row(name, *cells, *([f"{shift[name]:.1f}" if name in shift else ""] if check else []))
+        row = found["severity"].get(name, (None,) * len(levels))
+        cells = ["" if value is None else f"{value:.3g}" for value in row]
+        table.add_row(
+            name, one.severity.unit, *cells, *([f"{shift[name]:.1f}" if name in shift else ""] if check else [])
+        )
     output.print(table)

@@ -37,13 +37,16 @@ ANGLES = 360
 BASE = "base"
 FINE = "fine-mesh"
 """The base model again, on a finer mesh with shorter steps: what a simulator's own errors do to the statistics."""
+LAWS = "other-laws"
+"""The base model again, with membrane, bending curve and lengths that theta leaves open drawn at random."""
 ONE_MESH = "one-mesh"
 """The base model again, all samples of a fabric on one mesh: what an asymmetry that they share does, be it a mesh's."""
-_FINE_VERTICES, _FINE_SETTINGS = 1205, DrapeSettings(steps=150, step_seconds=0.03)
+FINE_VERTICES, _FINE_SETTINGS = 1205, DrapeSettings(steps=150, step_seconds=0.03)
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
 """Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
 LEAST, MOST = 0.7, 6.0  # range of severities, in typical ones
 _SEED = 71
+_STIFF_IN_SHEAR = 5.8  # of theta's shear
 _PATCH_RADIUS = (0.097, 0.147)  # [m]
 _PATCH_SIZE = (0.012, 0.032)  # [m]
 
@@ -54,39 +57,61 @@ class Design:
 
     Attributes:
         points: Fabrics.
+        stiff_points: More of them that are stiff in shear, where little changes; of these the same shares as of the
+            others have what follows.
         effect_points: How many of them, the first ones, have every effect too.
         fine_points: How many of them have drapes on a finer mesh.
+        law_points: How many of them have drapes under other laws.
         one_mesh_points: How many of them have all samples on one mesh.
         samples: Samples of each, draped on both sides.
         vertices: Mesh size.
     """
 
     points: int = 320
+    stiff_points: int = 80
     effect_points: int = 160
-    fine_points: int = 40
+    fine_points: int = 100
+    law_points: int = 80
     one_mesh_points: int = 80
     samples: int = 4
     vertices: int = 480
 
     def theta(self) -> Float[ndarray, "points parameters"]:
         """The fabrics."""
-        count = 1 << max(0, (self.points - 1).bit_length())
-        unit = qmc.Sobol(len(NAMES), rng=np.random.default_rng(_SEED)).random(count)[: self.points]
-        return LOW + unit * (HIGH - LOW)
+        shear = NAMES.index("shear")
+        middle_low, middle_high = LOW.copy(), HIGH.copy()
+        middle_low[shear] = middle_high[shear] = _STIFF_IN_SHEAR
+        return np.concatenate(
+            [_spread(LOW, middle_high, self.points, _SEED), _spread(middle_low, HIGH, self.stiff_points, _SEED + 1)]
+        )
+
+    def has(self, point: int, count: int) -> bool:
+        """Whether a point is among the first `count`, or as large a share of the stiff ones."""
+        if point < self.points:
+            return point < count
+        return (point - self.points) * self.points < count * self.stiff_points
 
     def tasks(self) -> list[tuple[int, str]]:
         """(point, effect) to simulate, in an order of which any beginning is a smaller atlas."""
         effects = [name for name in registered() if name not in NOT_SIMULATED]
         return [
             (point, name)
-            for point in range(self.points)
+            for point in range(self.points + self.stiff_points)
             for name in (
                 BASE,
-                *([FINE] if point < self.fine_points else ()),
-                *([ONE_MESH] if point < self.one_mesh_points else ()),
-                *(effects if point < self.effect_points else ()),
+                *([FINE] if self.has(point, self.fine_points) else ()),
+                *([LAWS] if self.has(point, self.law_points) else ()),
+                *([ONE_MESH] if self.has(point, self.one_mesh_points) else ()),
+                *(effects if self.has(point, self.effect_points) else ()),
             )
         ]
+
+
+def _spread(low: ndarray, high: ndarray, count: int, seed: int) -> Float[ndarray, "points parameters"]:
+    """Scrambled Sobol points in a box."""
+    whole = 1 << max(0, (count - 1).bit_length())
+    unit = qmc.Sobol(len(low), rng=np.random.default_rng(seed)).random(whole)[:count]
+    return low + unit * (high - low)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +262,10 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
             value, statistics = np.zeros(0), observe(setups, _draped(folder, point, setups))
         elif name == FINE:
             value, statistics = np.zeros(0), statistics_of(_finer(design, point), _SIMULATORS)
+        elif name == LAWS:
+            other = BaseModel(design.vertices, other_laws=True)
+            changed = other.samples(_theta(design)[point], design.samples, (_SEED, point))
+            value, statistics = np.zeros(0), statistics_of(changed, _SIMULATORS)
         elif name == ONE_MESH:
             value, statistics = np.zeros(0), statistics_of(_on_one_mesh(design, point), _SIMULATORS)
         else:
@@ -252,7 +281,7 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
 
 def _finer(design: Design, point: int) -> list[Setup]:
     """The same samples on finer meshes: their fields are functions of the cloth's points."""
-    fine = BaseModel(_FINE_VERTICES, _FINE_SETTINGS)
+    fine = BaseModel(FINE_VERTICES, _FINE_SETTINGS)
     return fine.samples(_theta(design)[point], design.samples, (_SEED, point))
 
 

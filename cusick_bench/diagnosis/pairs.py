@@ -71,7 +71,7 @@ def _pair(
     """`first` at its best point, then `second` on what that leaves."""
     own = next(one for one in singles if one.hypothesis.name == first)
     grid = next(g for g in grids if g.hypothesis == own.hypothesis)
-    point = int(np.argmax(grid.log_likelihood(white)))
+    point = grid.best(grid.log_likelihood(white))
     left = white - grid.shift[point]
     other = candidates(left, [g for g in grids if g.hypothesis.name == second])[0]
     freedom = own.log_likelihood - own.log_evidence  # what the first one's grid costs

@@ -113,7 +113,7 @@ def noise(
     share = np.array([[1 / n[0], features.both / (n[0] * n[1])], [features.both / (n[0] * n[1]), 1 / n[1]]])
     covariance[_MEANS, _MEANS] = emulator.correlation * np.kron(share, np.ones((_COUNT, _COUNT)))
     ratio = emulator.sd(theta) / sd
-    wrong = emulator.discrepancy * np.outer(ratio, ratio)
+    wrong = emulator.wrong(theta) * np.outer(ratio, ratio)
     wrong = wrong + np.diag(emulator.base.variance(base_terms(theta[None]))[0] / sd**2)
     covariance[_MEANS, _MEANS] += np.kron(np.ones((2, 2)), wrong)
     spreads = features.spread_variance + emulator.base_spread.variance(spread_terms(theta[None]))[0]

@@ -2,13 +2,13 @@
 
 Forward selection: the cause with the best evidence is taken off the whitened residual, then the next, until evidence
 runs out. Each is charged for its freedom as a single cause is, so a step that noise could make is not taken; the order
-says which explains most, not which came first in nature.
+says which explains most, not which came first in nature. Effects are taken as their own laws have them: room for
+another law would let a very strong effect stand for several together.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -41,11 +41,11 @@ def steps(white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> list[Step]:
     """
     left, open_grids, found = white, list(grids), []
     while open_grids and len(found) < MOST:
-        best = candidates(left, open_grids)[0]
+        best = candidates(left, open_grids, law_difference=0.0)[0]
         if best.log_evidence < _LEAST_EVIDENCE:
             break
         grid = next(one for one in open_grids if one.hypothesis == best.hypothesis)
-        left = left - grid.shift[int(np.argmax(grid.log_likelihood(left)))]
+        left = left - grid.shift[grid.best(grid.log_likelihood(left, 0.0))]
         open_grids = [one for one in open_grids if one.hypothesis.name != best.hypothesis.name]
         found.append(Step(best, float(left @ left) / len(left)))
     return found

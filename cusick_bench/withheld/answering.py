@@ -37,7 +37,7 @@ def case_folders(cases: Path) -> list[Path]:
     Raises:
         WithheldError: None there.
     """
-    found = sorted(path for path in cases.iterdir() if path.is_dir()) if cases.is_dir() else []
+    found = sorted(p for p in cases.iterdir() if p.is_dir() and not p.name.startswith(".")) if cases.is_dir() else []
     if not found:
         raise WithheldError(f"no case folders in {cases}; give the folder that holds the cases' folders")
     return found
