@@ -308,6 +308,15 @@ def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: No
     assert "creep" not in again.probability
 
 
+def test_a_pinhole_camera_is_an_imaging_cause(emulator: Emulator, one_thread: None) -> None:
+    """The published programs look through a camera .7 m above, the silhouettes are parallel projections."""
+    found = diagnose(simulated_captures("perspective", 1 / 0.7), emulator, options=Options(samples=0))
+    assert found.p < 0.05
+    imaging = {name for name, one in registered().items() if one.kind == "imaging"}
+    assert sum(value for name, value in single_causes(found.probability).items() if name in imaging) > 0.6
+    assert "perspective" in found.set90  # beside scale and threshold, which shrink a hem as well
+
+
 def test_fabric_without_effect_is_left_in_peace(emulator: Emulator, one_thread: None) -> None:
     found = diagnose(simulated_captures(), emulator, options=Options(samples=0))
     assert found.verdict == NONE
