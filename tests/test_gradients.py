@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from cotton_tables import BENDING, STRETCH
 
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.drop import drop, drop_adjoint
@@ -17,14 +18,6 @@ from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.system import DrapeSystem, Parameters
 
 STEP = 0.05  # [s]
-# A cotton of the paper, roughly: every entry differs, so that a swapped index shows.
-STRETCH = np.column_stack([
-    [150.1, 189.2, 51.3, 36.7, 58.9, 207.3], [0.35, 2.37, 4.94, 6.39, 5.15, 2.22],
-    [150.5, 200.7, 60.3, 32.7, 49.9, 193.5], [10.2, 20.9, 25.4, 30.5, 25.1, 20.7],
-])  # fmt: skip
-BENDING = 1e-5 * np.array([
-    [1.07, 2.91, 9.29, 9.50, 8.14], [2.75, 4.84, 3.84, 7.40, 6.98], [2.46, 10.3, 12.3, 10.0, 10.2],
-])  # fmt: skip
 
 
 def _system(law: str, support: str = "fixed", vertices: int = 80) -> DrapeSystem:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cotton_tables import BENDING, STRETCH
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
@@ -11,13 +12,6 @@ from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh, disc_mesh
 from cusick_bench.sim.system import DrapeSystem, Law, Parameters
 
 LAWS: list[Law] = ["paper", "published"]
-STRETCH = np.column_stack([
-    [150.1, 189.2, 51.3, 36.7, 58.9, 207.3], [0.35, 2.37, 4.94, 6.39, 5.15, 2.22],
-    [120.5, 180.7, 60.3, 32.7, 49.9, 153.5], [10.2, 20.9, 25.4, 30.5, 25.1, 20.7],
-])  # fmt: skip
-BENDING = 1e-5 * np.array([
-    [1.07, 2.91, 9.29, 9.50, 8.14], [2.75, 4.84, 3.84, 7.40, 6.98], [2.46, 10.3, 12.3, 10.0, 10.2],
-])  # fmt: skip
 
 
 def _system(mesh: Mesh, law: Law, gravity: float = 9.8) -> DrapeSystem:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from cotton_tables import BENDING, STRETCH
 
 from cusick_bench.sim import torch_forces
 from cusick_bench.sim.drop import drop, drop_adjoint
@@ -20,13 +21,6 @@ from cusick_bench.sim.torch_linear import torch_solver
 from cusick_bench.sim.torch_rollout import adjoint, member_bytes, plan_batch, rollout
 
 STEP = 0.05  # [s]
-STRETCH = np.column_stack([
-    [150.1, 189.2, 51.3, 36.7, 58.9, 207.3], [0.35, 2.37, 4.94, 6.39, 5.15, 2.22],
-    [150.5, 200.7, 60.3, 32.7, 49.9, 193.5], [10.2, 20.9, 25.4, 30.5, 25.1, 20.7],
-])  # fmt: skip
-BENDING = 1e-5 * np.array([
-    [1.07, 2.91, 9.29, 9.50, 8.14], [2.75, 4.84, 3.84, 7.40, 6.98], [2.46, 10.3, 12.3, 10.0, 10.2],
-])  # fmt: skip
 NAMES = tuple(field.name for field in fields(BatchParameters))
 DEVICES = [
     "cpu",
