@@ -12,7 +12,7 @@ from cusick_bench.diagnosis.atlas import Design, build, random_value, read, silh
 from cusick_bench.diagnosis.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures, captures_from_profiles
-from cusick_bench.diagnosis.diagnose import Options, diagnose, set90, single_causes
+from cusick_bench.diagnosis.diagnose import Options, _named, _verdict, diagnose, set90, single_causes
 from cusick_bench.diagnosis.document import answer, document
 from cusick_bench.diagnosis.emulator import Emulator, acts_later, ridge
 from cusick_bench.diagnosis.errors import DiagnosisError
@@ -428,6 +428,19 @@ def test_a_pair_is_proposed_and_weighed(emulator: Emulator) -> None:
     best = max(found, key=lambda pair: found[pair][0])
     assert set(best) == set(chosen)
     assert found[best][0] > max(one.log_evidence for one in singles)
+
+
+def test_a_named_pair_holds_the_likeliest_cause_and_leads_with_it() -> None:
+    """The largest entry may be a pair without it: two pairs share the cause, neither is as likely as a third."""
+    probability = {NONE: 0.02, UNKNOWN: 0.02, "creep": 0.16, "threshold": 0.01, "perspective": 0.02}
+    probability |= {"creep + threshold": 0.25, "creep + perspective": 0.22, "threshold + perspective": 0.3}
+    verdict, name = _verdict(0.01, probability)
+    assert single_causes(probability)["creep"] == pytest.approx(0.63)
+    assert (verdict, name) == ("effect", "creep + threshold")
+    by_name = {one.name: one for one in hypotheses(load()[0])}
+    halves = tuple(Candidate(by_name[name], {}, 0.0, 0.0, 0.0) for name in ("threshold", "creep"))
+    named = _named(name, [], {name: halves}, single_causes(probability))
+    assert [one.hypothesis.name for one in named] == ["creep", "threshold"]
 
 
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:

@@ -128,7 +128,7 @@ def diagnose(
     probability = weighed.probability(calibrated.tempering)
     best = sorted(weighed.best.values(), key=lambda one: -probability[one.hypothesis.name])
     verdict, named = _verdict(p, probability)
-    cause = _named(named, best, weighed.together)
+    cause = _named(named, best, weighed.together, single_causes(probability))
     if any(acts_later(one.hypothesis.effect) for one in cause):
         notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
@@ -206,24 +206,28 @@ def _verdict(p: float, probability: Mapping[str, float]) -> tuple[str, str]:
     if p > ALPHA:
         return NONE, ""
     acting = {name: value for name, value in probability.items() if name not in (NONE, DENSITY_BIAS)}
-    leading = max(acting, key=lambda name: acting[name])
     single = single_causes(acting)
     total = sum(acting.values())
     if acting[UNKNOWN] >= 0.5 * total or len(acting) == 1:
         return UNKNOWN, ""
     top = max((name for name in single if name != UNKNOWN), key=lambda name: single[name])
-    if single[top] >= NAMED * total:
-        return "effect", leading if " + " in leading else top
-    return "ambiguous", top
+    if single[top] < NAMED * total:
+        return "ambiguous", top
+    with_top = [top, *(name for name in acting if top in name.split(" + ") and name != top)]
+    return "effect", max(with_top, key=lambda name: acting[name])
 
 
 def _named(
-    name: str, best: Sequence[Candidate], together: Mapping[str, tuple[Candidate, Candidate]]
+    name: str,
+    best: Sequence[Candidate],
+    together: Mapping[str, tuple[Candidate, Candidate]],
+    single: Mapping[str, float],
 ) -> tuple[Candidate, ...]:
+    """The named cause at its best; of a pair the half first that its probability is given to."""
     if not name:
         return ()
     if name in together:
-        return together[name]
+        return tuple(sorted(together[name], key=lambda one: -single.get(one.hypothesis.name, 0.0)))
     return tuple(one for one in best if one.hypothesis.name == name)[:1]
 
 

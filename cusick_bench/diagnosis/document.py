@@ -167,7 +167,8 @@ def table(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 
 def _ranked(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     single = single_causes(diagnosis.probability)
-    return [(n, p) for n, p in sorted(single.items(), key=lambda item: -item[1]) if p >= _LEAST]
+    named = {one.hypothesis.name for one in diagnosis.cause}
+    return [(n, p) for n, p in sorted(single.items(), key=lambda item: -item[1]) if p >= _LEAST or n in named]
 
 
 def _best(diagnosis: Diagnosis, name: str) -> Candidate | None:
