@@ -83,7 +83,8 @@ def variability_table(rows: Sequence[Row], notes: Sequence[str] = ()) -> TextTab
     said = (
         "Differences between drapes of one cloth: mean squared error of a pair of silhouettes, standard deviation of "
         "the drape coefficient and of the number of folds; ± jackknife standard error.",
-        "ratio: of draws to held-out samples; 1 where draws vary as samples do.",
+        "ratio: of draws to held-out samples; 1 where draws vary as samples do. Draws also differ by what the one "
+        "training sample leaves unknown of the cloth, which no sample of it does: DC sd above 1 is mostly that.",
         *notes,
     )
     kinds = tuple("oracle" if row["drapes_of"] == SAMPLES else "solver" for row in ordered)
