@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ from cusick_bench.diagnosis.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.localise import place
 from cusick_bench.diagnosis.next_measurement import advise
 from cusick_bench.diagnosis.pairs import pairs
-from cusick_bench.diagnosis.power import STIFFNESS, detectable
+from cusick_bench.diagnosis.power import STIFFNESS, _expected, detectable
 from cusick_bench.diagnosis.residual import Residual, against_base
 from cusick_bench.diagnosis.simulate import simulate
 from cusick_bench.diagnosis.statistics import NAMES, rotated
@@ -428,6 +429,16 @@ def test_a_pair_is_proposed_and_weighed(emulator: Emulator) -> None:
     best = max(found, key=lambda pair: found[pair][0])
     assert set(best) == set(chosen)
     assert found[best][0] > max(one.log_evidence for one in singles)
+
+
+def test_no_step_leaves_more_than_it_takes(emulator: Emulator) -> None:
+    """What no effect explains, on limp cloth where shifts are extrapolated: few steps, and the misfit only falls."""
+    theta = THETA.copy()
+    theta[0] = LOW[0]
+    residual = against_base(emulator, _expected(emulator, theta, 12), start=theta, fixed=True)
+    white = 2.0 * np.random.default_rng(18).standard_normal(len(residual.white))
+    misfits = [float(white @ white) / len(white), *(step.misfit for step in steps(white, grids(emulator, residual)))]
+    assert all(after < before for before, after in pairwise(misfits))
 
 
 def test_a_named_pair_holds_the_likeliest_cause_and_leads_with_it() -> None:

@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.evidence import Candidate, Grid, candidates
 MOST = 5
 _LEAST_EVIDENCE = 4.0
 """ln of the evidence that a step must have: with some twenty causes to choose from, noise reaches it in 1 of 20."""
+_LEAST_GAIN = 0.97  # share of |w|^2 that a step may leave at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,23 @@ def steps(white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> list[Step]:
         grids: All hypotheses.
     """
     left, open_grids, found = white, list(grids), []
-    while open_grids and len(found) < MOST:
-        best = candidates(left, open_grids, law_difference=0.0)[0]
-        if best.log_evidence < _LEAST_EVIDENCE:
-            break
-        grid = next(one for one in open_grids if one.hypothesis == best.hypothesis)
-        left = left - grid.shift[grid.best(grid.log_likelihood(left, 0.0))]
+    while len(found) < MOST and (taken := _next(left, open_grids)) is not None:
+        best, left = taken
         open_grids = [one for one in open_grids if one.hypothesis.name != best.hypothesis.name]
         found.append(Step(best, float(left @ left) / len(left)))
     return found
+
+
+def _next(left: Float[ndarray, "kept"], grids: Sequence[Grid]) -> tuple[Candidate, Float[ndarray, "kept"]] | None:
+    """The cause with the best evidence of those that leave less, and what it leaves; None where there is none.
+
+    Far beyond the atlas its own uncertainty lets a strong effect be likely that leaves more than it takes.
+    """
+    for best in candidates(left, grids, law_difference=0.0):
+        if best.log_evidence < _LEAST_EVIDENCE:
+            return None
+        grid = next(one for one in grids if one.hypothesis == best.hypothesis)
+        rest = left - grid.shift[grid.best(grid.log_likelihood(left, 0.0))]
+        if rest @ rest < _LEAST_GAIN * (left @ left):
+            return best, rest
+    return None
