@@ -24,7 +24,7 @@ from numpy import ndarray
 from cusick_bench.sim.outline import Outline, outline
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)  # a generator that is itself cached cannot be compiled into a second kernel by a later process
 def _columns(a, b, bottom, top, columns):
     """Cuts a piece of edge a-b at column borders: yields (column, from y, to y, mean x).
 

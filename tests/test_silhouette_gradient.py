@@ -1,5 +1,9 @@
 """Gradients of silhouettes against central differences and closed forms."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -133,3 +137,34 @@ def test_gradients_of_a_batch_and_of_single_precision_vertices():
     (expected,) = torch.autograd.grad((render(alone, faces, ParallelCamera()) ** 2).sum(), alone)
     assert gradient.dtype == torch.float32
     torch.testing.assert_close(gradient[1], expected.float())
+
+
+def test_a_gradient_follows_a_process_that_only_rendered(tmp_path):
+    """Kernels that one process leaves in the cache serve the next, whichever of them it needs."""
+    code = """
+import sys
+import os
+import subprocess
+import sys
+
+import numpy as np
+from cusick_bench.sim.coverage import area_gradient, pixel_areas
+from cusick_bench.sim.outline import outline
+points, faces = np.array([[0.2, 0.3], [3.1, 0.6], [1.5, 3.2]]), np.array([[0, 1, 2]])
+pieces = outline(points, faces, 4)
+if sys.argv[1] == "areas":
+    print(pixel_areas(points, pieces, 4, 4).sum())
+else:
+    print(area_gradient(points, faces, pieces, np.ones((4, 4)))[2, 1])
+"""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    found = []
+    for what in ("areas", "gradient", "areas", "gradient"):
+        command = [sys.executable, "-c", code, what]
+        run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stderr[-500:]
+        found.append(float(run.stdout))
+    (a, b), (c, d), (e, f) = [0.2, 0.3], [3.1, 0.6], [1.5, 3.2]
+    assert found[0] == pytest.approx(0.5 * ((c - a) * (f - b) - (e - a) * (d - b)))
+    assert found[1] == pytest.approx(0.5 * (c - a))
+    assert found[2:] == found[:2]
