@@ -13,6 +13,7 @@ from cusick_bench.leaderboard.anytime import Curve
 
 _TITLES = {"forward_equivalents": "cost [drapes]", "wall_seconds": "wall time [s]"}
 _DASHES = ("-", "--", ":", "-.")
+_MOST_RANGES = 8  # methods whose ranges can be told apart
 
 
 def save_anytime(path: Path, title: str, panels: Mapping[str, Sequence[Curve]]) -> None:
@@ -37,18 +38,20 @@ def save_anytime(path: Path, title: str, panels: Mapping[str, Sequence[Curve]]) 
             axis.step(
                 curve.cost[shown], curve.loss[shown], where="post", color=colour, linestyle=dash, label=curve.label
             )
-            axis.fill_between(
-                curve.cost[shown],
-                curve.low[shown],
-                curve.high[shown],
-                step="post",
-                color=colour,
-                alpha=0.1,
-                linewidth=0,
-            )
+            if len(curves) <= _MOST_RANGES:
+                axis.fill_between(
+                    curve.cost[shown],
+                    curve.low[shown],
+                    curve.high[shown],
+                    step="post",
+                    color=colour,
+                    alpha=0.1,
+                    linewidth=0,
+                )
         axis.set(xscale="log", yscale="log", xlabel=_TITLES[cost])
         axis.grid(visible=True, which="both", alpha=0.2)
-    axes[0].set_ylabel("best training MSE (mean and range of cells)")
+    ranges = " and range" if max(map(len, panels.values())) <= _MOST_RANGES else ""
+    axes[0].set_ylabel(f"best training MSE (mean{ranges} of cells)")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)
