@@ -260,14 +260,10 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
         setups = samples_of(design, point)
         if name == BASE:
             value, statistics = np.zeros(0), observe(setups, _draped(folder, point, setups))
-        elif name == FINE:
-            value, statistics = np.zeros(0), statistics_of(_finer(design, point), _SIMULATORS)
-        elif name == LAWS:
-            other = BaseModel(design.vertices, other_laws=True)
-            changed = other.samples(_theta(design)[point], design.samples, (_SEED, point))
+        elif name in (FINE, LAWS, ONE_MESH):
+            model = _other_model(design, point, name)
+            changed = model.samples(_theta(design)[point], design.samples, (_SEED, point))
             value, statistics = np.zeros(0), statistics_of(changed, _SIMULATORS)
-        elif name == ONE_MESH:
-            value, statistics = np.zeros(0), statistics_of(_on_one_mesh(design, point), _SIMULATORS)
         else:
             effect = registered()[name]
             generator = np.random.default_rng([_SEED, point, zlib.crc32(name.encode())])
@@ -279,16 +275,13 @@ def make(folder: Path, design: Design, tasks: list[tuple[int, str]]) -> int:
     return len(tasks)
 
 
-def _finer(design: Design, point: int) -> list[Setup]:
-    """The same samples on finer meshes: their fields are functions of the cloth's points."""
-    fine = BaseModel(FINE_VERTICES, _FINE_SETTINGS)
-    return fine.samples(_theta(design)[point], design.samples, (_SEED, point))
-
-
-def _on_one_mesh(design: Design, point: int) -> list[Setup]:
-    """The same samples on a mesh of the fabric's own."""
-    model = BaseModel(design.vertices, meshes=1, first_mesh=100 + point)
-    return model.samples(_theta(design)[point], design.samples, (_SEED, point))
+def _other_model(design: Design, point: int, name: str) -> BaseModel:
+    """The model that drapes the same samples otherwise: their fields are functions of the cloth's points."""
+    if name == FINE:
+        return BaseModel(FINE_VERTICES, _FINE_SETTINGS)
+    if name == LAWS:
+        return BaseModel(design.vertices, other_laws=True)
+    return BaseModel(design.vertices, meshes=1, first_mesh=100 + point)  # a mesh of the fabric's own
 
 
 def _as_later(effect: Effect, setups: list[Setup]) -> list[Setup]:

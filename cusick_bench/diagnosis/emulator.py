@@ -321,10 +321,13 @@ def _ends(bending: Float[ndarray, "*rows"]) -> tuple[Float[ndarray, "*rows"], Fl
 
 def _changed(base: Mapping[int, Point], other: Mapping[int, Point], weight: ndarray, sd: ndarray) -> ndarray:
     """Second moment over fabrics of what another model changes, less what the finite number of samples makes."""
-    found = {n: change / sd[n] for n in other if (change := _change(base, other, n)) is not None}
     total, mass = np.zeros((_COUNT, _COUNT)), 0.0
-    for number, change in found.items():
-        own = change.reshape(-1, _COUNT)
+    for number in sorted(other.keys() & base.keys()):
+        change = other[number].statistics - base[number].statistics
+        good = np.isfinite(change).all((1, 2))
+        if good.sum() < _LEAST_SAMPLES:
+            continue
+        own = (change[good] / sd[number]).reshape(-1, _COUNT)
         total += weight[number] * (np.outer(own.mean(0), own.mean(0)) - np.cov(own.T) / len(own))
         mass += weight[number]
     if not mass:
@@ -395,20 +398,6 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
     }
     discrepancy = _discrepancy(points, theta, sd)
     return Emulator(level, spread, log_sd, correlation, discrepancy, responses)
-
-
-def _both(base: Mapping[int, Point], other: Mapping[int, Point], number: int) -> tuple[ndarray, ndarray]:
-    """Statistics of the samples that both have, those of the other first."""
-    good = np.isfinite(other[number].statistics).all((1, 2)) & np.isfinite(base[number].statistics).all((1, 2))
-    return other[number].statistics[good], base[number].statistics[good]
-
-
-def _change(base: Mapping[int, Point], other: Mapping[int, Point], number: int) -> ndarray | None:
-    """What another model changes, by sample and face; None where fewer than two samples have both."""
-    if number not in base:
-        return None
-    changed, plain = _both(base, other, number)
-    return changed - plain if len(changed) >= _LEAST_SAMPLES else None
 
 
 def _only_even(mean: ndarray) -> ndarray:
