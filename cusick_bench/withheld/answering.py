@@ -8,10 +8,12 @@ other case. Answers are kept one file a case, so that a crash loses one; a case 
 import hashlib
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -68,18 +70,51 @@ def answer_suite(
     Raises:
         WithheldError: No cases.
     """
-    folders = case_folders(cases)
-    kept = out.with_name(out.name + ".parts") / _fingerprint(atlas, options)
-    kept.mkdir(parents=True, exist_ok=True)
-    todo = [folder for folder in folders if not (kept / f"{folder.name}.json").exists()]
-    for folder in folders:
-        if folder not in todo:
+    asked = dict.fromkeys(case_folders(cases), options)
+    return answer_each(asked, out, atlas, workers=workers, step=step)
+
+
+def answer_each(
+    asked: Mapping[Path, Options],
+    out: Path,
+    atlas: Path,
+    *,
+    facts: Mapping[str, Any] = MappingProxyType({}),
+    workers: int = 1,
+    step: Callable[[str], None] = lambda case: None,
+) -> dict[str, Any]:
+    """Answers cases, each in its own way, or goes on with what was begun.
+
+    Args:
+        asked: How to diagnose, by the case's folder.
+        out: File for the answers; single answers lie beside it until all are there, and after.
+        atlas: Fitted atlas.
+        facts: What else the document says of all answers.
+        workers: Processes.
+        step: Told of every answered case.
+
+    Returns:
+        The document that was written.
+    """
+    parts = {folder: _part(folder, out, atlas, options) for folder, options in asked.items()}
+    todo: list[_Task] = []
+    for folder, part in parts.items():
+        if part.exists():
             step(folder.name)
-    _each(todo, kept, atlas, options, workers, step)
-    found = {folder.name: json.loads((kept / f"{folder.name}.json").read_text()) for folder in folders}
-    content = {"code_version": code_version(), "atlas_sha256": _digest(atlas), "answers": found}
+        else:
+            todo.append(_Task(folder, asked[folder], part))
+    _each(todo, atlas, workers, step)
+    found = {folder.name: json.loads(part.read_text()) for folder, part in parts.items()}
+    content = {"code_version": code_version(), "atlas_sha256": _digest(atlas), **facts, "answers": found}
     write_atomically(out, json.dumps(content, indent=1).encode())
     return content
+
+
+def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
+    """Where the answer to one case is kept."""
+    kept = out.with_name(out.name + ".parts") / _fingerprint(atlas, options)
+    kept.mkdir(parents=True, exist_ok=True)
+    return kept / f"{folder.name}.json"
 
 
 def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> dict[str, Any]:
@@ -97,7 +132,7 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
         captures = read_captures(dataset, dataset.cloths[0])
         found = answer(diagnose(captures, emulator, calibration, options, simulators=simulators))
     except CusickError as error:
-        return _refused(str(error))
+        found = _refused(str(error))
     if options.without:
         found["without"] = list(options.without)
     return _rounded(found)
@@ -111,32 +146,37 @@ def _refused(reason: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _each(
-    todo: Sequence[Path], kept: Path, atlas: Path, options: Options, workers: int, step: Callable[[str], None]
-) -> None:
+@dataclass(frozen=True)
+class _Task:
+    """A case to answer, how, and the file for the answer."""
+
+    folder: Path
+    options: Options
+    part: Path
+
+
+def _each(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str], None]) -> None:
     if workers <= 1:
         simulators = Simulators(most=20)
-        for folder in todo:
-            _answer_and_write(folder, kept, atlas, options, simulators)
-            step(folder.name)
+        for task in todo:
+            _answer_and_write(task, atlas, simulators)
+            step(task.folder.name)
         return
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the processes share the cores
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        futures = {pool.submit(_answer_and_write, folder, kept, atlas, options): folder for folder in todo}
+        futures = {pool.submit(_answer_and_write, task, atlas): task for task in todo}
         for future in as_completed(futures):
             future.result()
-            step(futures[future].name)
+            step(futures[future].folder.name)
 
 
 _SIMULATORS = Simulators(most=20)
 
 
-def _answer_and_write(
-    folder: Path, kept: Path, atlas: Path, options: Options, simulators: Simulators | None = None
-) -> None:
-    found = answer_case(folder, atlas, options, simulators or _SIMULATORS)
-    write_atomically(kept / f"{folder.name}.json", json.dumps(found).encode())
+def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators | None = None) -> None:
+    found = answer_case(task.folder, atlas, task.options, simulators or _SIMULATORS)
+    write_atomically(task.part, json.dumps(found).encode())
 
 
 def _fingerprint(atlas: Path, options: Options) -> str:

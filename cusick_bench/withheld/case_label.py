@@ -7,12 +7,13 @@ from typing import Any
 
 from cusick_bench.withheld import causes
 from cusick_bench.withheld.answer import read_region
-from cusick_bench.withheld.document import listed, mapping, number, one_of
+from cusick_bench.withheld.document import entries, listed, mapping, number, one_of
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.location import Region
 
 NULL, SINGLE, PAIR, OUTSIDE = "null", "single", "pair", "unknown"
 DETECTABLE, TYPICAL = "detectable shift", "typical severity"
+LABELS = ("labels", "cases")  # keys under which they may stand in a document
 _LOWEST, _HIGHEST = -3, 4  # powers of two
 
 
@@ -61,6 +62,19 @@ class Label:
         if self.kind != SINGLE or not left_out & set(self.effects):
             return self
         return Label((), OUTSIDE, causes.UNKNOWN, self.multiple, self.unit, hidden=f"{self.truth}, left out")
+
+
+def read_labels(document: Mapping[str, Any], where: str) -> dict[str, Label]:
+    """Checks all labels of a `labels.json`.
+
+    Args:
+        document: Content of the file.
+        where: Its path, for messages.
+
+    Raises:
+        WithheldError: What breaks the format.
+    """
+    return {case: read_label(entry, f"{where}: {case}") for case, entry in entries(document, LABELS).items()}
 
 
 def read_label(found: Any, where: str) -> Label:

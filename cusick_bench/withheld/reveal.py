@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.withheld.answer import Answer, read_answer
-from cusick_bench.withheld.case_label import Label, read_label
+from cusick_bench.withheld.case_label import LABELS, Label, read_labels
 from cusick_bench.withheld.document import entries, read_object
 from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.leave_out import LEAVE_OUT, asked_of, least_of
 from cusick_bench.withheld.seal import holds
 
 _SHOWN = 3  # names in a message
@@ -42,17 +43,20 @@ def reveal(answers: Path, labels: Path, commitment: Path | None = None) -> Revea
     """
     said, true = read_object(answers), read_object(labels)
     answered = {case: read_answer(found, f"{answers}: {case}") for case, found in entries(said, _ANSWERS).items()}
-    found = entries(true, _LABELS)
-    labelled = {case: read_label(entry, f"{labels}: {case}") for case, entry in found.items()}
+    labelled = asked_of(said, answered, read_labels(true, str(labels)))
     _require_same_cases(set(answered), set(labelled), answers, labels)
-    notes = [_check_seals(found, commitment)]
+    notes = [_check_seals(entries(true, LABELS), commitment)]
+    if LEAVE_OUT in said:
+        notes.append(
+            f"Leave-one-effect-out: {len(labelled)} cases with one effect of at least {least_of(said):g} times the "
+            f"{next(iter(labelled.values())).unit}, each answered without it: the right answer is unknown."
+        )
     if facts := [f"{key} {said[key]}" for key in _FACTS if isinstance(said.get(key), str | int | float)]:
         notes.append(f"Answers were frozen with {', '.join(facts)}.")
     return Revealed(answered, labelled, tuple(notes))
 
 
 _ANSWERS = ("answers", "cases")
-_LABELS = ("labels", "cases")
 _FACTS = ("code_version", "time", "frozen")
 
 
