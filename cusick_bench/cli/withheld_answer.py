@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.diagnosis.closure import Draping
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.sim.effects import effect
@@ -50,9 +51,10 @@ def oracle(
 ) -> None:
     """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
     known = read_object(labels)
-    options = Options(samples, True, (), seed)
     with progress_bar("cases") as bar:
-        found = oracle_closures(cases, known, out, atlas, options, workers=workers, step=lambda case: bar.advance())
+        found = oracle_closures(
+            cases, known, out, atlas, Draping(samples, seed), workers=workers, step=lambda case: bar.advance()
+        )
     if as_json:
         print_json({"path": out, "closures": found})
     else:

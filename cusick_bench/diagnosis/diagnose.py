@@ -11,20 +11,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy import ndarray
 
 from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures
+from cusick_bench.diagnosis.closure import Closure, Draping, closures
 from cusick_bench.diagnosis.emulator import Emulator, acts_later
-from cusick_bench.diagnosis.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid, candidates, grid_at
-from cusick_bench.diagnosis.examine import ALPHA, Data, data_of, examine, to_atlas
+from cusick_bench.diagnosis.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid
+from cusick_bench.diagnosis.examine import ALPHA, Data, examine
 from cusick_bench.diagnosis.features import Features
-from cusick_bench.diagnosis.gap import Fold, Gap, gap
+from cusick_bench.diagnosis.gap import Gap
 from cusick_bench.diagnosis.hypotheses import shifts
 from cusick_bench.diagnosis.localise import Place, place
 from cusick_bench.diagnosis.next_measurement import Advice, advise
-from cusick_bench.diagnosis.residual import Residual, against_base, base_rows, noise, rows, scatter_of
-from cusick_bench.diagnosis.simulate import Simulated, simulate
+from cusick_bench.diagnosis.residual import Residual, base_rows, noise, rows, scatter_of
 from cusick_bench.diagnosis.steps import Step, steps
 from cusick_bench.diagnosis.store import Calibration
 from cusick_bench.sim.setup import Simulators
@@ -65,15 +64,14 @@ class Diagnosis:
         cause: The named one, if any (two for a pair).
         place: Where it acts.
         advice: What to measure next.
-        gap: Gap, floor and closure; None where nothing was simulated or could be.
         residual: What the base model leaves.
         features: Of the data.
-        base, effect: Simulated samples of the base model, and with the cause.
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
         steps: Causes taken off one after the other, until nothing more shows.
-        together: Gap and closure with all of them; None where they are the named cause, or nothing was simulated.
+        simulated: Gap, and closure by the cause; None where nothing was simulated.
+        together: The same by all steps; None where they are the named cause, or nothing was simulated.
     """
 
     fabric: str
@@ -85,16 +83,19 @@ class Diagnosis:
     cause: tuple[Candidate, ...]
     place: Place
     advice: list[Advice]
-    gap: Gap | None
     residual: Residual
     features: Features
-    base: Simulated | None
-    effect: Simulated | None
     baselines: Mapping[str, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
-    together: Gap | None = None
+    simulated: Closure | None = None
+    together: Closure | None = None
+
+    @property
+    def gap(self) -> Gap | None:
+        """Gap, floor and closure; None where nothing was simulated or could be."""
+        return None if self.simulated is None else self.simulated.gap
 
 
 def diagnose(
@@ -133,52 +134,22 @@ def diagnose(
         notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
     advice = advise(single_causes(probability))
-    difference, base, effect = None, None, None
-    if chosen.samples and (cause or chosen.always):
-        progress("simulating", 0.2)
-        kept = simulators or Simulators(most=20)
-        difference, base, effect = _simulated(emulator, data, residual, cause, chosen, kept, generator, progress)
     taken = tuple(steps(residual.white, made)) if p <= ALPHA else ()
-    together = None
-    if chosen.samples and chosen.always and len(taken) > len(cause):
-        every = tuple(step.candidate for step in taken)
-        kept = simulators or Simulators(most=20)
-        together = _simulated(emulator, data, residual, every, chosen, kept, generator, lambda what, share: None)[0]
+    simulated: list[Closure] = []
+    if chosen.samples and (cause or chosen.always):
+        alternatives = [cause]
+        if chosen.always and len(taken) > len(cause):
+            alternatives.append(tuple(step.candidate for step in taken))
+        draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
+        simulated = closures(
+            emulator, data, residual, alternatives, draping, progress=lambda share: progress("simulating", share)
+        )
     progress("done", 1.0)
     return Diagnosis(
         captures.fabric, verdict, p, probability, set90(single_causes(probability)), tuple(best), cause, spot, advice,
-        difference, residual, found, base, effect, _baselines(emulator, found, data, residual, made), tuple(notes),
-        chosen.without, taken, together,
+        residual, found, _baselines(emulator, found, data, residual, made), tuple(notes), chosen.without, taken,
+        *simulated,
     )  # fmt: skip
-
-
-def closure_by(
-    captures: Captures,
-    emulator: Emulator,
-    causes: tuple[Candidate, ...],
-    options: Options,
-    *,
-    simulators: Simulators | None = None,
-) -> Gap | None:
-    """Gap and closure by causes whose parameters are known: what a perfect diagnosis would reach.
-
-    Args:
-        captures: Silhouettes of a fabric.
-        emulator: The atlas, for the base parameters.
-        causes: With their true parameters, which are kept.
-        options: Samples and seed of the simulations.
-        simulators: Kept from fabric to fabric.
-
-    Raises:
-        DiagnosisError: Another geometry than the atlas', or no usable drape.
-    """
-    data = data_of(to_atlas(captures)[0])
-    residual = against_base(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
-    generator = np.random.default_rng([_SEED, options.seed])
-    kept = simulators or Simulators(most=20)
-    return _simulated(
-        emulator, data, residual, causes, options, kept, generator, lambda what, share: None, refit=False
-    )[0]
 
 
 def single_causes(probability: Mapping[str, float]) -> dict[str, float]:
@@ -229,56 +200,6 @@ def _named(
     if name in together:
         return tuple(sorted(together[name], key=lambda one: -single.get(one.hypothesis.name, 0.0)))
     return tuple(one for one in best if one.hypothesis.name == name)[:1]
-
-
-def _simulated(
-    emulator: Emulator,
-    data: Data,
-    residual: Residual,
-    cause: tuple[Candidate, ...],
-    options: Options,
-    simulators: Simulators,
-    generator: np.random.Generator,
-    progress: Callable[[str, float], None],
-    *,
-    refit: bool = True,
-) -> tuple[Gap | None, Simulated | None, Simulated | None]:
-    """Gap and closure over two folds, and the last fold's drapes."""
-    cause = () if any(acts_later(one.hypothesis.effect) for one in cause) else cause
-    every = np.arange(len(data.specimens))
-    parts = [every] if len(every) < 4 else [every[0::2], every[1::2]]
-    folds, base, effect = [], None, None
-    for number, held in enumerate(parts):
-        fitted = every if len(parts) == 1 else np.setdiff1d(every, held)
-        theta, causes = _fitted(emulator, data, fitted, residual, cause, refit)
-        seed = (_SEED, options.seed, number)
-        progress("simulating the base model", 0.2 + 0.4 * number)
-        base = simulate(theta[0], (), options.samples, seed, drift=data.later, simulators=simulators)
-        if cause:
-            progress("simulating the cause", 0.4 + 0.4 * number)
-            effect = simulate(theta[1], causes, options.samples, seed, drift=data.later, simulators=simulators)
-        folds.append(Fold(data.specimens[held], base.specimens, None if effect is None else effect.specimens))
-    return gap(folds, residual.sd, generator), base, effect
-
-
-def _fitted(
-    emulator: Emulator, data: Data, chosen: ndarray, residual: Residual, cause: tuple[Candidate, ...],
-    refit: bool,
-) -> tuple[tuple[ndarray, ndarray], tuple[Candidate, ...]]:  # fmt: skip
-    """Base parameters without and with the cause, and its parameters, from some samples alone."""
-    own = data.features(chosen)
-    scatter = scatter_of(data.specimens[chosen])
-    plain = against_base(emulator, own, scatter=scatter, drift=data.later, start=residual.theta)
-    joint, causes, total = plain, [], np.zeros(len(plain.kept))
-    for one in cause:
-        again = one
-        if refit:
-            again = candidates(joint.white, [grid_at(emulator, one.hypothesis, joint, least=0.0)])[0]
-        point = {name: np.array([value]) for name, value in again.value.items()}
-        total = total + shifts(emulator, one.hypothesis, joint.theta, joint.sd, data.later, point).rows[0]
-        joint = against_base(emulator, own, scatter=scatter, drift=data.later, start=joint.theta, shift=total)
-        causes.append(again)
-    return (plain.theta, joint.theta), tuple(causes)
 
 
 def _baselines(

@@ -66,8 +66,8 @@ def document(
                 {"sample": int(captures.sample[i]), "side": str(captures.side[i]), "radii_m": row.tolist()}
                 for i, row in enumerate(np.round(captures.radii * CLOTH_RADIUS / captures.protocol.cloth_radius_m, 5))
             ],
-            "base": _profiles(diagnosis.base),
-            "effect": _profiles(diagnosis.effect),
+            "base": _profiles(diagnosis.simulated and diagnosis.simulated.base),
+            "effect": _profiles(diagnosis.simulated and diagnosis.simulated.effect),
         },
         "indistinguishable": [
             {"effects": list(names), "why": why} for names, why in _ALIKE if set(names) & set(diagnosis.set90)
@@ -122,7 +122,7 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _steps(diagnosis: Diagnosis) -> dict[str, Any]:
     """Causes taken off one after the other, and how far all of them together close the gap."""
-    all_of_them = diagnosis.together
+    all_of_them = diagnosis.together and diagnosis.together.gap
     return {
         "causes": [
             {

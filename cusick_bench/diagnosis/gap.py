@@ -15,7 +15,7 @@ References:
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 
 import numpy as np
 from jaxtyping import Float
@@ -83,6 +83,23 @@ def faces_of(specimens: Float[ndarray, "samples 2 statistics"]) -> tuple[int, ..
     if known.all(1).sum() >= max(_LEAST, 0.6 * len(specimens)):
         return (0, 1)
     return (int(np.argmax(known.sum(0))),)
+
+
+def fit_of(
+    data: Float[ndarray, "samples 2 statistics"],
+    model: Float[ndarray, "simulated 2 statistics"],
+    sd: Float[ndarray, "statistics"],
+) -> float:
+    """G between samples and a model of them; infinite where either has fewer than two.
+
+    Args:
+        data: Statistics of the samples and sides.
+        model: Those of simulated samples.
+        sd: Unit of the statistics.
+    """
+    faces = faces_of(data)
+    own, other = side_by_side(data, sd, faces), side_by_side(model, sd, faces)
+    return cluster_distances(own, other).observed if min(len(own), len(other)) >= 2 else inf
 
 
 def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.random.Generator) -> Gap | None:

@@ -92,7 +92,12 @@ def base_rows(emulator: Emulator, theta: Float[ndarray, "parameters"], sd: ndarr
 
 
 def noise(
-    emulator: Emulator, theta: Float[ndarray, "parameters"], features: Features, scatter: ndarray | None
+    emulator: Emulator,
+    theta: Float[ndarray, "parameters"],
+    features: Features,
+    scatter: ndarray | None,
+    *,
+    exact: bool = False,
 ) -> Noise:
     """Covariance of the features at theta.
 
@@ -101,6 +106,7 @@ def noise(
         theta: Base parameters.
         features: Of the data, for their numbers of samples.
         scatter: Variances between samples in the data with their degrees of freedom in the last entry, or None.
+        exact: Leave the errors of model and atlas out of the means' covariance.
     """
     sd = emulator.sd(theta)
     if scatter is not None and scatter[-1] > 0:
@@ -115,7 +121,7 @@ def noise(
     ratio = emulator.sd(theta) / sd
     wrong = emulator.wrong(theta) * np.outer(ratio, ratio)
     wrong = wrong + np.diag(emulator.base.variance(base_terms(theta[None]))[0] / sd**2)
-    covariance[_MEANS, _MEANS] += np.kron(np.ones((2, 2)), wrong)
+    covariance[_MEANS, _MEANS] += 0.0 if exact else np.kron(np.ones((2, 2)), wrong)
     spreads = features.spread_variance + emulator.base_spread.variance(spread_terms(theta[None]))[0]
     covariance[_SPREADS, _SPREADS] = np.diag(spreads + _SPREAD_DISCREPANCY**2)
     start = _SPREADS.stop
@@ -145,6 +151,7 @@ def against_base(
     start: ndarray | None = None,
     shift: ndarray | None = None,
     fixed: bool = False,
+    exact: bool = False,
 ) -> Residual:
     """The best base model and what it leaves.
 
@@ -156,6 +163,7 @@ def against_base(
         start: Base parameters to start from, instead of a search over the bending level.
         shift: Shift of the rows, in sd, that is taken off before (of an effect).
         fixed: Linearise at `start` instead of searching on.
+        exact: As if model and atlas were without error: what is nearest to the data, not what is likeliest.
 
     Raises:
         DiagnosisError: No face has any drape.
@@ -164,9 +172,9 @@ def against_base(
         raise DiagnosisError("a diagnosis needs at least one drape, got none")
     theta = _start(emulator, features) if start is None else start.copy()
     precision = np.diag(PRIOR_SD**-2)
-    own = noise(emulator, theta, features, scatter)
+    own = noise(emulator, theta, features, scatter, exact=exact)
     for sweep in range(0 if fixed else _SWEEPS):
-        own = noise(emulator, theta, features, scatter) if sweep < 8 else own
+        own = noise(emulator, theta, features, scatter, exact=exact) if sweep < 8 else own
         value, jacobian, kept = _linearised(emulator, theta, features, own, shift)
         inverse = np.linalg.inv(own.covariance[np.ix_(kept, kept)])
         hessian = jacobian.T @ inverse @ jacobian + precision

@@ -15,7 +15,7 @@ from typing import Any
 
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis.captures import read_captures
-from cusick_bench.diagnosis.diagnose import Options, closure_by
+from cusick_bench.diagnosis.closure import Draping, closure_by
 from cusick_bench.diagnosis.evidence import Candidate
 from cusick_bench.diagnosis.hypotheses import hypotheses
 from cusick_bench.diagnosis.store import load as load_atlas
@@ -30,7 +30,7 @@ def oracle_closures(
     labels: Mapping[str, Any],
     out: Path,
     atlas: Path,
-    options: Options,
+    draping: Draping,
     *,
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
@@ -42,7 +42,7 @@ def oracle_closures(
         labels: Content of labels.json.
         out: File for the closures by case; null where there is no gap, or no such effect in the atlas.
         atlas: Fitted atlas.
-        options: Samples and seed of the simulations.
+        draping: Samples and seed of the simulations.
         workers: Processes.
         step: Told of every case.
     """
@@ -55,7 +55,7 @@ def oracle_closures(
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the processes share the cores
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        futures = {pool.submit(oracle_closure, cases / name, labels[name], atlas, options): name for name in todo}
+        futures = {pool.submit(oracle_closure, cases / name, labels[name], atlas, draping): name for name in todo}
         for future in as_completed(futures):
             found[futures[future]] = future.result()
             write_atomically(out, json.dumps(found, indent=1, sort_keys=True).encode())
@@ -63,7 +63,7 @@ def oracle_closures(
     return found
 
 
-def oracle_closure(folder: Path, label: Mapping[str, Any], atlas: Path, options: Options) -> float | None:
+def oracle_closure(folder: Path, label: Mapping[str, Any], atlas: Path, draping: Draping) -> float | None:
     """Closure by the true cause of one case; None where there is no gap, or no such effect in the atlas."""
     emulator, _ = load_atlas(atlas)
     known = {one.name: one for one in reversed(hypotheses(emulator))}
@@ -79,7 +79,7 @@ def oracle_closure(folder: Path, label: Mapping[str, Any], atlas: Path, options:
         causes.append(Candidate(hypothesis, full, 0.0, 0.0, 0.0))
     try:
         dataset = load(str(folder))
-        found = closure_by(read_captures(dataset, dataset.cloths[0]), emulator, tuple(causes), options)
+        found = closure_by(read_captures(dataset, dataset.cloths[0]), emulator, tuple(causes), draping)
     except CusickError:
         return None
     return found.closure if found is not None and isfinite(found.closure) else None
