@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.diagnosis.closure import Draping
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.evidence import UNKNOWN
 from cusick_bench.diagnosis.store import SHIPPED
@@ -132,10 +133,10 @@ def test_oracle_closure_is_judged(suite: Path, tmp_path: Path, one_thread: None)
     null = next(name for name in labels if name != single)
     truth = {"effect": "camera-scale", "class": "imaging", "severity": 0.1, "parameters": {"error": 0.1}}
     changed = {single: labels[single] | truth | {"location": None}, null: labels[null]}
-    found = oracle_closures(suite / "cases", changed, tmp_path / "oracle.json", SHIPPED, Options(samples=2))
+    found = oracle_closures(suite / "cases", changed, tmp_path / "oracle.json", SHIPPED, Draping(2))
     assert list(found) == [single]
-    assert oracle_closure(suite / "cases" / single, truth | {"effect": "density-bias"}, SHIPPED, QUICK) is None
-    again = oracle_closures(suite / "cases", changed, tmp_path / "oracle.json", SHIPPED, Options(samples=2))
+    assert oracle_closure(suite / "cases" / single, truth | {"effect": "density-bias"}, SHIPPED, Draping(2)) is None
+    again = oracle_closures(suite / "cases", changed, tmp_path / "oracle.json", SHIPPED, Draping(2))
     assert again == found
     answers = tmp_path / "answers.json"
     answer_suite(suite / "cases", answers, SHIPPED, QUICK)
