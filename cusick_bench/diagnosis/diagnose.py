@@ -69,7 +69,7 @@ class Diagnosis:
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
-        steps: Causes taken off one after the other, until nothing more shows.
+        steps: Causes taken off one after the other, until no further one shows.
         simulated: Gap, and closure by the cause; None where nothing was simulated.
         together: The same by all steps; None where they are the named cause, or nothing was simulated.
     """

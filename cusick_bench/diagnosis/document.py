@@ -147,7 +147,9 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == NONE:
         return "No unmodelled effect shows: the drapes differ from the base model no more than chance allows."
     if diagnosis.verdict == UNKNOWN:
-        return "The drapes differ from the base model, and none of the known effects explains how."
+        parts = [step.candidate.hypothesis.name for step in diagnosis.steps]
+        share = f" {', '.join(parts)} would be part of it, one after the other." if parts else ""
+        return f"The drapes differ from the base model, and no known effect, nor two of them, explains how.{share}"
     names = [one.hypothesis.name for one in diagnosis.cause]
     summary = "; and ".join(registered()[name].summary for name in names)
     if diagnosis.verdict == "effect":

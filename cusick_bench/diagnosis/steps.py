@@ -1,4 +1,4 @@
-"""Several causes, one after the other: which effects a real fabric needs before nothing more shows.
+"""Several causes, one after the other: which effects a real fabric needs before no further one shows.
 
 Forward selection: the cause with the best evidence is taken off the whitened residual, then the next, until evidence
 runs out. Each is charged for its freedom as a single cause is, so a step that noise could make is not taken; the order

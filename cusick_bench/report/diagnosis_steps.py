@@ -1,4 +1,4 @@
-"""Causes taken off one after the other, as a table: what a fabric needs until nothing more shows."""
+"""Causes taken off one after the other, as a table: what a fabric needs until no further one shows."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -31,8 +31,8 @@ def _parameters(step: Mapping[str, Any]) -> str:
 def _together(count: int, closure: float | None, interval: tuple[float, float] | None) -> str:
     least = "at least " if count >= MOST else ""
     words = (
-        f"The base model needs {least}{count} causes, one after the other, before nothing more shows. The order says "
-        "which explains most of what is left, not which came first."
+        f"The base model needs {least}{count} causes, one after the other, before no further effect of the list shows. "
+        "The order says which explains most of what is left, not which came first."
     )
     if closure is None:
         return words
