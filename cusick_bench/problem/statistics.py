@@ -5,9 +5,13 @@ With R(theta) = sum_m c_m exp(i m theta) the radius profile and 0.06 m the width
 
     area        mean of R^2, as drape coefficient
     depth       log of the root mean square of the folds, m >= 3
-    number      mean m of the folds' power, m = 3 to 16
+    number      expected number of crests of a random profile with the folds' power, sqrt(sum m^4 P / sum m^2 P), by
+                Rice's formula; it follows the number counted where the mean m of the power falls behind
     asymmetry   skewness of the folds: narrow crests and wide valleys, or the other way round
     grain       real and imaginary part of c_2, and the real part of c_4: warp against weft, in the cloth's frame
+
+References:
+    Rice. Mathematical analysis of random noise. Bell System Technical Journal 23-24, 1944-45, Sec. 3.6.
 """
 
 import torch
@@ -27,7 +31,6 @@ def drape_statistics(image: Image) -> Float[Tensor, "*batch 7"]:
     radius = radius_profile(image)
     harmonics = torch.fft.rfft(radius) / radius.shape[-1]
     power = 2 * harmonics.abs().square()[..., FIRST_FOLD : LAST_FOLD + 1]
-    orders = torch.arange(FIRST_FOLD, LAST_FOLD + 1, dtype=power.dtype)
     total = power.sum(-1) + _SHALLOW**2
     low = torch.fft.irfft(_only_low(harmonics), n=radius.shape[-1]) * radius.shape[-1]
     folds = radius - low
@@ -35,13 +38,19 @@ def drape_statistics(image: Image) -> Float[Tensor, "*batch 7"]:
     columns = [
         (radius.square().mean(-1) - PLATE_RADIUS**2) / (CLOTH_RADIUS**2 - PLATE_RADIUS**2),
         0.5 * torch.log(total / RADIUS_SCALE**2),
-        (power * orders).sum(-1) / total / 10,
+        (_moment(power, 4) / _moment(power, 2)).sqrt() / 10,
         folds.pow(3).mean(-1) / variance**1.5,
         harmonics[..., 2].real / RADIUS_SCALE * 20,
         harmonics[..., 2].imag / RADIUS_SCALE * 20,
         harmonics[..., 4].real / RADIUS_SCALE * 20,
     ]
     return torch.stack(columns, -1)
+
+
+def _moment(power: Float[Tensor, "*batch orders"], exponent: int) -> Float[Tensor, "*batch"]:
+    """sum m^exponent P; a flat profile counts as one of the first order."""
+    orders = torch.arange(FIRST_FOLD, LAST_FOLD + 1, dtype=power.dtype)
+    return (power * orders**exponent).sum(-1) + _SHALLOW**2 * FIRST_FOLD**exponent
 
 
 def _only_low(harmonics: Tensor) -> Tensor:
