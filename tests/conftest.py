@@ -12,6 +12,8 @@ import pytest
 import torch
 from PIL import Image
 
+from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.toy import write_toy
 from cusick_bench.problem.toy import toy_image
 from cusick_bench.sim.drape import DrapeSimulator
 
@@ -50,6 +52,18 @@ def make_lab(tmp_path_factory):
         return root
 
     return make
+
+
+@pytest.fixture(scope="session")
+def toy_data(tmp_path_factory) -> Path:
+    """Two cloths of five drapes each, of 7 and of 10 folds, with meshes, in the public layout."""
+    return write_toy(tmp_path_factory.mktemp("toy"), fabrics=(1, 4), samples=5, captures=1)
+
+
+@pytest.fixture(scope="session")
+def toy_dataset(toy_data: Path) -> DrapeDataset:
+    """The same, loaded."""
+    return load(toy_data)
 
 
 @pytest.fixture(autouse=True)

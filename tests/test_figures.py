@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
+from finished_cell import CLOTHS, held_out_images, write_cell
 from PIL import Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import paper_figures
-from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.toy import write_toy
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.metrics import ruled_surface
@@ -24,8 +24,6 @@ from cusick_bench.solvers.silhouettes import silhouette
 app = typer.Typer()
 paper_figures.register(app)
 
-CLOTHS = ("fabric_1", "fabric_4")  # of 7 and of 10 folds
-
 
 @pytest.fixture(autouse=True)
 def _coarse_scenes(monkeypatch):
@@ -35,66 +33,19 @@ def _coarse_scenes(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory) -> Path:
-    return write_toy(tmp_path_factory.mktemp("toy"), fabrics=(1, 4), samples=5, captures=1)
-
-
-@pytest.fixture(scope="module")
-def dataset(data: Path) -> DrapeDataset:
-    return load(data)
-
-
-def images(dataset: DrapeDataset, rows: tuple[int, ...]) -> np.ndarray:
-    return np.stack([dataset.image(row).numpy() for row in rows])
-
-
-def write_cell(
-    run: Path,
-    dataset: DrapeDataset,
-    solver: str,
-    cloth: str,
-    draws: np.ndarray,
-    *,
-    seed: int = 0,
-    arrays: dict[str, np.ndarray] | None = None,
-) -> Path:
-    """A finished cell with these silhouettes as draws."""
-    (split,) = dataset.split("paper", [cloth])
-    folder = run / "cells" / f"{solver}-{cloth}-{seed}".replace(":", "_")
-    folder.mkdir(parents=True)
-    kind = solver.split(":")[0] if ":" in solver else "solver"
-    record = {"solver": solver, "kind": kind, "cloth": cloth, "seed": seed, "dataset": dataset.name, "settings": {}}
-    record |= {"dataset_hash": dataset.content_hash, "protocol": "paper"}
-    record |= {"train": list(split.train), "test": list(split.test)}
-    (folder / "cell.json").write_text(json.dumps(record))
-    result = record | {"status": "done", "metrics": {"train_mse": 0.01, "test_mse": 0.05}, "spent": {}}
-    (folder / "result.json").write_text(json.dumps(result))
-    target = images(dataset, split.train)[0]
-    stored = {"train_image": target, "train_target": target, "draws": np.round(255 * draws).astype(np.uint8)}
-    np.savez(folder / "prediction.npz", **stored | (arrays or {}))
-    (folder / "done").touch()
-    return folder
-
-
-def held_out_images(dataset: DrapeDataset, cloth: str) -> np.ndarray:
-    (split,) = dataset.split("paper", [cloth])
-    return images(dataset, split.test)
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory, dataset) -> Path:
+def run(tmp_path_factory, toy_dataset) -> Path:
     """`right` draws other samples of its cloth, `swapped` those of the other one, `disc` one disc for all."""
     folder = tmp_path_factory.mktemp("run")
     disc = silhouette(np.full(4, 0.13))[None]
     mesh = ruled_surface(np.full(60, 0.12))
     drape = {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.faces)}
     for cloth, other in (CLOTHS, CLOTHS[::-1]):
-        own = held_out_images(dataset, cloth)
+        own = held_out_images(toy_dataset, cloth)
         drapes = drape | {"draw_vertices": np.stack([mesh.vertices] * len(own))}
-        write_cell(folder, dataset, "right", cloth, own, arrays=drapes)
-        write_cell(folder, dataset, "swapped", cloth, held_out_images(dataset, other))
-        write_cell(folder, dataset, "null:disc", cloth, disc)
-    write_cell(folder, dataset, "right", CLOTHS[0], held_out_images(dataset, CLOTHS[0])[:2], seed=1)
+        write_cell(folder, toy_dataset, "right", cloth, own, arrays=drapes)
+        write_cell(folder, toy_dataset, "swapped", cloth, held_out_images(toy_dataset, other))
+        write_cell(folder, toy_dataset, "null:disc", cloth, disc)
+    write_cell(folder, toy_dataset, "right", CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0])[:2], seed=1)
     return folder
 
 
@@ -117,8 +68,8 @@ def pictures(document: dict) -> Iterator[np.ndarray]:
 # -- figure 8
 
 
-def test_draws_are_taken_for_the_cloth_that_they_look_like(run, data, tmp_path):
-    document = draw("figure-8", run, data, tmp_path)
+def test_draws_are_taken_for_the_cloth_that_they_look_like(run, toy_data, tmp_path):
+    document = draw("figure-8", run, toy_data, tmp_path)
     assert document["chance"] == 0.5
     assert document["real"]["accuracy"] == 1
     assert document["real"]["drapes"] == 8
@@ -132,22 +83,22 @@ def test_draws_are_taken_for_the_cloth_that_they_look_like(run, data, tmp_path):
     assert (tmp_path / "figure-8-confusion.png").is_file()
 
 
-def test_ranks_of_held_out_coefficients_are_given_for_each_cloth(run, dataset):
-    document = radius_angle(load_cells(run), dataset).document()
+def test_ranks_of_held_out_coefficients_are_given_for_each_cloth(run, toy_dataset):
+    document = radius_angle(load_cells(run), toy_dataset).document()
     found = document["dc_ranks"]["right"]["fabric_4"]
     assert np.sort(found) == pytest.approx((np.arange(4) + 1) / 5)  # draws and samples are the same four
     assert set(document["dc_ranks"]["null:disc"]["fabric_1"]) == {0.25}  # a disc larger than all of them
 
 
-def test_the_number_of_draws_looked_at_is_bounded(run, dataset):
-    study = radius_angle(load_cells(run), dataset, ["right"], draws=2)
+def test_the_number_of_draws_looked_at_is_bounded(run, toy_dataset):
+    study = radius_angle(load_cells(run), toy_dataset, ["right"], draws=2)
     assert study.drawn[0].radii["fabric_4"].shape == (2, 720)
 
 
-def test_one_cloth_alone_cannot_be_told_apart(dataset, data, tmp_path):
-    write_cell(tmp_path / "run", dataset, "right", CLOTHS[0], held_out_images(dataset, CLOTHS[0]))
+def test_one_cloth_alone_cannot_be_told_apart(toy_dataset, toy_data, tmp_path):
+    write_cell(tmp_path / "run", toy_dataset, "right", CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0]))
     outcome = CliRunner().invoke(
-        app, ["figure-8", str(tmp_path / "run"), "--data", str(data), "--out", str(tmp_path / "figure")]
+        app, ["figure-8", str(tmp_path / "run"), "--data", str(toy_data), "--out", str(tmp_path / "figure")]
     )
     assert outcome.exit_code == 2
     assert "at least 2 cloths" in " ".join(outcome.output.split())
@@ -156,27 +107,27 @@ def test_one_cloth_alone_cannot_be_told_apart(dataset, data, tmp_path):
 # -- figures 6 and 7
 
 
-def test_fits_stand_beside_their_training_sample(run, data, dataset, tmp_path):
-    strips = fitted(load_cells(run), dataset)
+def test_fits_stand_beside_their_training_sample(run, toy_data, toy_dataset, tmp_path):
+    strips = fitted(load_cells(run), toy_dataset)
     assert [strip.cloth for strip in strips] == list(CLOTHS)
     assert list(strips[0].predicted) == ["right", "swapped", "null:disc"]
     assert not strips[0].real.ruled
     assert not strips[0].predicted["right"].ruled
     assert strips[0].predicted["swapped"].ruled
-    document = draw("figure-6", run, data, tmp_path)
+    document = draw("figure-6", run, toy_data, tmp_path)
     assert document["strips"][1]["mse"] == pytest.approx({"right": 0, "swapped": 0, "null:disc": 0})  # fits are copies
     (picture,) = pictures(document)
     assert picture.std() > 5
 
 
-def test_the_best_draw_is_shown_for_every_held_out_sample(run, data, dataset, tmp_path):
-    strips = held_out(load_cells(run), dataset, samples=2)
+def test_the_best_draw_is_shown_for_every_held_out_sample(run, toy_data, toy_dataset, tmp_path):
+    strips = held_out(load_cells(run), toy_dataset, samples=2)
     assert len(strips) == 4
     for strip in strips:
         assert strip.predicted["right"].mse == pytest.approx(0, abs=1e-5)  # the sample itself is among the draws
         assert np.abs(strip.predicted["right"].image - strip.real.image).max() < 0.01
         assert strip.predicted["right"].mse < strip.predicted["swapped"].mse
-    document = draw("figure-7", run, data, tmp_path, "--samples", "1", "--solver", "swapped")
+    document = draw("figure-7", run, toy_data, tmp_path, "--samples", "1", "--solver", "swapped")
     assert [set(strip["mse"]) for strip in document["strips"]] == [{"swapped"}] * 2
     assert {Path(file).name for file in document["files"]} == {
         "figure-7-fabric_1.png",
@@ -185,11 +136,11 @@ def test_the_best_draw_is_shown_for_every_held_out_sample(run, data, dataset, tm
     }
 
 
-def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(dataset, tmp_path):
+def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(toy_dataset, tmp_path):
     """Its draws are the held-out samples in another order: the best one is not the one made for the sample."""
-    own = held_out_images(dataset, CLOTHS[0])
-    write_cell(tmp_path, dataset, "oracle:shifted", CLOTHS[0], np.roll(own, 1, axis=0))
-    strips = held_out(load_cells(tmp_path), dataset, samples=3)
+    own = held_out_images(toy_dataset, CLOTHS[0])
+    write_cell(tmp_path, toy_dataset, "oracle:shifted", CLOTHS[0], np.roll(own, 1, axis=0))
+    strips = held_out(load_cells(tmp_path), toy_dataset, samples=3)
     for place, strip in enumerate(strips):
         shown = strip.predicted["oracle:shifted"]
         assert np.abs(shown.image - own[place - 1]).max() < 0.01
@@ -197,13 +148,13 @@ def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(dataset, tmp_path)
         assert shown.remark == ""
 
 
-def test_a_solver_that_lacks_a_cloth_leaves_its_place_empty(dataset, data, tmp_path):
+def test_a_solver_that_lacks_a_cloth_leaves_its_place_empty(toy_dataset, toy_data, tmp_path):
     for cloth in CLOTHS:
-        write_cell(tmp_path / "run", dataset, "right", cloth, held_out_images(dataset, cloth))
-    write_cell(tmp_path / "run", dataset, "late", CLOTHS[0], held_out_images(dataset, CLOTHS[0]))
-    strips = draw("figure-6", tmp_path / "run", data, tmp_path / "figure")["strips"]
+        write_cell(tmp_path / "run", toy_dataset, "right", cloth, held_out_images(toy_dataset, cloth))
+    write_cell(tmp_path / "run", toy_dataset, "late", CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0]))
+    strips = draw("figure-6", tmp_path / "run", toy_data, tmp_path / "figure")["strips"]
     assert [set(strip["mse"]) for strip in strips] == [{"late", "right"}, {"right"}]
-    assert draw("figure-8", tmp_path / "run", data, tmp_path / "figure")["draws"]["late"]["accuracy"] == 1
+    assert draw("figure-8", tmp_path / "run", toy_data, tmp_path / "figure")["draws"]["late"]["accuracy"] == 1
 
 
 # -- what cannot be drawn
@@ -232,15 +183,17 @@ def test_an_unknown_solver_is_named_with_those_there_are(run):
         ({"draw_vertices": np.zeros((3, 3, 3)), "faces": np.array([[0, 1, 2]])}, "3 drapes stand behind 2 draws"),
     ],
 )
-def test_a_damaged_prediction_is_refused_with_its_path(dataset, tmp_path, arrays, reason):
-    folder = write_cell(tmp_path, dataset, "bad", CLOTHS[0], held_out_images(dataset, CLOTHS[0])[:2], arrays=arrays)
+def test_a_damaged_prediction_is_refused_with_its_path(toy_dataset, tmp_path, arrays, reason):
+    folder = write_cell(
+        tmp_path, toy_dataset, "bad", CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0])[:2], arrays=arrays
+    )
     with pytest.raises(ReportError, match=reason) as caught:
         load_draws(folder)
     assert str(folder) in str(caught.value)
 
 
-def test_a_missing_prediction_is_refused(dataset, tmp_path):
-    folder = write_cell(tmp_path, dataset, "bad", CLOTHS[0], held_out_images(dataset, CLOTHS[0]))
+def test_a_missing_prediction_is_refused(toy_dataset, tmp_path):
+    folder = write_cell(tmp_path, toy_dataset, "bad", CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0]))
     (folder / "prediction.npz").write_bytes(b"PK")
     with pytest.raises(ReportError, match="run it again"):
         load_draws(folder)
