@@ -21,7 +21,7 @@ from cusick_bench.diagnosis.hypotheses import hypotheses
 from cusick_bench.diagnosis.store import load as load_atlas
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
-from cusick_bench.withheld.case_label import PAIR, SINGLE, read_label
+from cusick_bench.withheld.case_label import DETECTABLE, PAIR, SINGLE, read_label
 from cusick_bench.withheld.document import listed, mapping
 
 
@@ -35,7 +35,7 @@ def oracle_closures(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> dict[str, float | None]:
-    """Closure by the true cause of every case that has one, or goes on with a file that was begun.
+    """Closure by the true cause of every case that has one, the strongest first, or goes on with a file that was begun.
 
     Args:
         cases: Folder of the cases.
@@ -47,11 +47,13 @@ def oracle_closures(
         step: Told of every case.
     """
     found: dict[str, float | None] = json.loads(out.read_text()) if out.exists() else {}
+    known = {name: read_label(label, name) for name, label in labels.items()}
     todo = [
         name
-        for name, label in labels.items()
-        if name not in found and read_label(label, name).kind in (SINGLE, PAIR) and (cases / name).is_dir()
+        for name, label in known.items()
+        if name not in found and label.kind in (SINGLE, PAIR) and (cases / name).is_dir()
     ]
+    todo.sort(key=lambda name: (known[name].unit != DETECTABLE, -known[name].multiple))  # the strongest count most
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the processes share the cores
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
