@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 import typer
+from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
 
@@ -16,6 +17,8 @@ COMMANDS = (
     "atlas", "diagnose", "withheld",
 )  # fmt: skip
 """Commands, each the `app` of the module of its name; a module is imported when its command is called for."""
+
+_COMPLETION = ("install_completion", "show_completion")
 
 
 class Commands(TyperGroup):
@@ -31,7 +34,18 @@ class Commands(TyperGroup):
             return None
         command = get_command(import_module(f"cusick_bench.cli.{cmd_name}").app)
         command.name = cmd_name
+        _tidy(command)
         return command
+
+
+def _tidy(command: Any) -> None:
+    """Units in brackets stand on the help page as written, and shells' completion is offered by the whole alone."""
+    command.params = [option for option in command.params if option.name not in _COMPLETION]
+    for option in command.params:
+        if getattr(option, "help", None):
+            option.help = escape(option.help)  # or `[m]` would be taken for a style and left out
+    for inner in getattr(command, "commands", {}).values():
+        _tidy(inner)
 
 
 app = typer.Typer(

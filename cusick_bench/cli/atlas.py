@@ -35,13 +35,17 @@ def _root() -> None:
 @user_errors
 def build_atlas(
     out: Annotated[Path, typer.Option(help="Folder of its points; a build that was stopped goes on there.")],
-    points: Annotated[int, typer.Option(min=60, help="Fabrics.")] = _PLAN.points,
-    stiff_points: Annotated[int, typer.Option(min=0, help="More that are stiff in shear.")] = _PLAN.stiff_points,
-    effect_points: Annotated[int, typer.Option(min=0, help="Of these, with every effect.")] = _PLAN.effect_points,
-    fine_points: Annotated[int, typer.Option(min=0, help="Of these, on a finer mesh too.")] = _PLAN.fine_points,
-    law_points: Annotated[int, typer.Option(min=0, help="Of these, under other laws too.")] = _PLAN.law_points,
+    points: Annotated[int, typer.Option(min=60, help="Fabrics, all over the base model's parameters.")] = _PLAN.points,
+    stiff_points: Annotated[
+        int, typer.Option(min=0, help="Further fabrics that are stiff in shear.")
+    ] = _PLAN.stiff_points,
+    effect_points: Annotated[
+        int, typer.Option(min=0, help="Fabrics draped with every effect too.")
+    ] = _PLAN.effect_points,
+    fine_points: Annotated[int, typer.Option(min=0, help="Fabrics draped on a finer mesh too.")] = _PLAN.fine_points,
+    law_points: Annotated[int, typer.Option(min=0, help="Fabrics draped under other laws too.")] = _PLAN.law_points,
     one_mesh_points: Annotated[
-        int, typer.Option(min=0, help="Of these, with all samples on one mesh too.")
+        int, typer.Option(min=0, help="Fabrics draped with all samples on one mesh too.")
     ] = _PLAN.one_mesh_points,
     samples: Annotated[int, typer.Option(min=2, help="Samples of each fabric.")] = _PLAN.samples,
     vertices: Annotated[int, typer.Option(min=100, help="Mesh size.")] = _PLAN.vertices,

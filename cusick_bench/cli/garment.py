@@ -58,12 +58,14 @@ class Motion(StrEnum):
 @app.command()
 @user_errors
 def skirt(
-    result: Annotated[Path | None, typer.Option("--from", help="Cell folder of a run (OUT/cells/HASH).")] = None,
+    result: Annotated[
+        Path | None, typer.Option("--from", help="Cell of a run (OUT/cells/KEY) whose cloth to wear.")
+    ] = None,
     density: Annotated[float | None, typer.Option(help="Areal density [kg/m2], instead of --from.")] = None,
     bending: Annotated[str | None, typer.Option(help="Bending stiffness [N m], one number or three.")] = None,
     stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
     shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
-    kind: Annotated[Kind, typer.Option()] = Kind.circular,
+    kind: Annotated[Kind, typer.Option(help="Cut of the skirt.")] = Kind.circular,
     dynamic: Annotated[bool, typer.Option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
     motion: Annotated[Motion, typer.Option(help="How the waist moves.")] = Motion.sway,
     amplitude: Annotated[float | None, typer.Option(help="Of the motion [m, or deg]; 0.08 m or 90 deg.")] = None,
@@ -80,7 +82,7 @@ def skirt(
     hem: Annotated[float, typer.Option(help="Radius of the A-line skirt's hem [m].")] = 0.22,
     hip: Annotated[float, typer.Option(help="Radius of the hips [m]; 0: no body in the skirt.")] = 0.13,
     name: Annotated[str | None, typer.Option(help="Name of the cloth; a colour in it is used.")] = None,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of draws, mesh and how the skirt is put on.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:

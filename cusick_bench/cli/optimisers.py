@@ -19,12 +19,16 @@ app = typer.Typer()
 @app.command()
 @user_errors
 def optimisers(
-    function: Annotated[str, typer.Option(help="branin or hartmann6.")] = Plan.function,
-    dimension: Annotated[int, typer.Option(help="Coordinates; only those of the function matter.")] = Plan.dimension,
-    evaluations: Annotated[int, typer.Option(help="Of each run; 0 for as many as published.")] = Plan.evaluations,
-    runs: Annotated[int, typer.Option(help="Of each method.")] = Plan.runs,
-    method: Annotated[list[str] | None, typer.Option(help="Repeat for several; all by default.")] = None,
-    seed: Annotated[int, typer.Option(help="Of everything.")] = Plan.seed,
+    function: Annotated[str, typer.Option(help="Test function: branin or hartmann6.")] = Plan.function,
+    dimension: Annotated[
+        int, typer.Option(help="Coordinates in all; only those of the function matter.")
+    ] = Plan.dimension,
+    evaluations: Annotated[
+        int, typer.Option(help="Evaluations of a run; 0 for as many as published.")
+    ] = Plan.evaluations,
+    runs: Annotated[int, typer.Option(help="Runs of each method.")] = Plan.runs,
+    method: Annotated[list[str] | None, typer.Option(help="Solver; repeatable; all by default.")] = None,
+    seed: Annotated[int, typer.Option(help="Of embeddings and solvers.")] = Plan.seed,
     out: Annotated[
         Path | None, typer.Option(help="Folder for finished runs, and for a table of all that are in it.")
     ] = None,

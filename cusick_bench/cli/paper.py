@@ -29,15 +29,22 @@ paper_figures.register(app)
 
 Out = Annotated[Path, typer.Option(help="Folder for cells and tables; finished cells in it are kept.")]
 Data = Annotated[str, typer.Option(help="Name or folder of a data set; the release's folder for the paper's cloths.")]
-FabricsCsv = Annotated[Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data.")]
+FabricsCsv = Annotated[
+    Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data by default.")
+]
 Cloth = Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; the paper's five (else all) by default.")]
 Solver = Annotated[
-    list[str] | None, typer.Option(help="Method: NAME, NAME,option=value or NAME@space; repeatable; the table's own.")
+    list[str] | None,
+    typer.Option(help="Method: NAME, NAME,option=value or NAME@space; repeatable; all of the table by default."),
 ]
 Vertices = Annotated[int, typer.Option(min=1, help="Vertices of the disc mesh; the paper has 2699.")]
-Draws = Annotated[int, typer.Option(min=1, help="Draws of who offers many, and of their random-phase row.")]
+Draws = Annotated[
+    int, typer.Option(min=1, help="Draws of each method that learns a distribution, and of the random-phase row.")
+]
 Seeds = Annotated[int, typer.Option(min=1, help="Number of seeds.")]
-Drapes = Annotated[float, typer.Option(help="Forward-equivalents a cell may spend (a gradient is two).")]
+Drapes = Annotated[
+    float, typer.Option(help="Drapes that a cell (method, cloth, seed) may spend; a gradient counts as two.")
+]
 Seconds = Annotated[float | None, typer.Option(help="Also run with this wall time a cell as the only limit [s].")]
 Mode = Annotated[str, typer.Option(help="drop (implicit Euler) or equilibrium (Newton).")]
 Steps = Annotated[int, typer.Option(min=1, help="Steps of a drop, of 0.05 s.")]

@@ -19,9 +19,9 @@ app = typer.Typer()
 @user_errors
 def robustness(
     draws: Annotated[int, typer.Option(min=1, help="Random cloths.")] = 1000,
-    vertices: Annotated[int, typer.Option(help="Mesh size.")] = 1205,
-    mode: Annotated[Mode, typer.Option()] = Mode.equilibrium,
-    least: Annotated[float, typer.Option(help="Fraction that has to converge.")] = 0.995,
+    vertices: Annotated[int, typer.Option(help="Vertices of the disc mesh.")] = 1205,
+    mode: Annotated[Mode, typer.Option(help="Fall from flat, or static balance.")] = Mode.equilibrium,
+    least: Annotated[float, typer.Option(help="Share of the cloths that has to come to rest.")] = 0.995,
     seed: Annotated[int, typer.Option(help="Seed of the first cloth.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:

@@ -43,7 +43,7 @@ def run_command(
     protocol: Annotated[str, typer.Option(help="How samples are split into training and held out.")] = "paper",
     space: Annotated[str, typer.Option(help="Parameter space: homo or heter.")] = "homo",
     budget: Annotated[
-        float, typer.Option(help="Forward-equivalents a cell may spend (a gradient is two).")
+        float, typer.Option(help="Drapes that a cell may spend; a gradient counts as two.")
     ] = DEFAULT_BUDGET,
     seconds: Annotated[float | None, typer.Option(help="Wall time a cell may spend [s].")] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Number of seeds.")] = 1,
@@ -56,13 +56,15 @@ def run_command(
         str, typer.Option(help="How the cloth is laid down: with the training image's folds, or random.")
     ] = "image",
     loss: Annotated[str, typer.Option(help="Training loss: mse, profile or mse+profile.")] = "mse",
-    camera: Annotated[str, typer.Option(help="parallel or pinhole.")] = "parallel",
-    renderer: Annotated[str, typer.Option(help="coverage or soft.")] = "coverage",
+    camera: Annotated[
+        str, typer.Option(help="Camera: parallel, as the data, or pinhole, as the published scripts.")
+    ] = "parallel",
+    renderer: Annotated[str, typer.Option(help="Silhouette: coverage of each pixel, or soft (DIB-R).")] = "coverage",
     with_effect: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME:param=value,...",
-            help="What the base model leaves out and the fit shall not; repeatable; see `effects`.",
+            help="Effect to fit with, which the base model leaves out; repeatable; see `effects`.",
         ),
     ] = None,
     executor: Annotated[str, typer.Option(help="What runs the cells: process.")] = "process",
@@ -72,7 +74,8 @@ def run_command(
 ) -> None:
     """Run solvers on cloths, score them on held-out samples, and keep every number with what made it.
 
-    Repeating the command goes on where it was stopped. Exit status 1 if a cell failed.
+    A cell is one solver on one cloth with one seed. Repeating the command goes on where it was stopped. Exit status 1
+    if a cell failed.
     """
     if executor not in EXECUTORS:
         raise RunnerError(f"unknown executor {executor!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")

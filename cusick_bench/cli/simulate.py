@@ -165,25 +165,33 @@ def simulate(
     bending: Annotated[str, typer.Option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")],
     stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
     shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
-    vertices: Annotated[int, typer.Option(help="Mesh size.")] = 2699,
+    vertices: Annotated[int, typer.Option(help="Vertices of the disc mesh.")] = 2699,
     mesh: Annotated[Path | None, typer.Option(help="Flat cloth mesh (OBJ) instead of the own disc mesher.")] = None,
-    heterogeneity: Annotated[float, typer.Option(help="Spread of log stiffness (smooth field, 2 cm).")] = 0.0,
-    laying: Annotated[float, typer.Option(help="Sd of the height in which the cloth is laid down [m].")] = 1e-3,
+    heterogeneity: Annotated[float, typer.Option(help="Sd of log stiffness (smooth field, 2 cm).")] = 0.0,
+    laying: Annotated[
+        float, typer.Option(help="Sd of the heights in which the cloth is laid down, which decide where it folds [m].")
+    ] = 1e-3,
     rest: Annotated[float, typer.Option(help="Sd of the rest shape's height [m].")] = 0.0,
     self_contact: Annotated[float, typer.Option(help="Distance that folds keep from each other [m]; 0: none.")] = 0.0,
     draws: Annotated[
         int, typer.Option(min=1, help="Number of drapes, each with its own random shapes; draped in batches.")
     ] = 1,
-    mode: Annotated[Mode, typer.Option()] = Mode.drop,
-    law: Annotated[LawName, typer.Option()] = LawName.paper,
-    camera: Annotated[CameraName, typer.Option()] = CameraName.parallel,
+    mode: Annotated[
+        Mode, typer.Option(help="Fall from flat (implicit Euler), or static balance (Newton).")
+    ] = Mode.drop,
+    law: Annotated[
+        LawName, typer.Option(help="Material law: from an energy, or the published program's.")
+    ] = LawName.paper,
+    camera: Annotated[
+        CameraName, typer.Option(help="Parallel as the data, or pinhole as the published scripts.")
+    ] = CameraName.parallel,
     steps: Annotated[int, typer.Option(help="Steps of 0.05 s of the drop.")] = 100,
-    seed: Annotated[int, typer.Option()] = 0,
+    seed: Annotated[int, typer.Option(help="Of the first draw's random shapes.")] = 0,
     with_effect: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME:param=value,...",
-            help="What the base model leaves out; repeatable; see `effects`. Draws are then made one by one.",
+            help="Effect that the base model leaves out; repeatable; see `effects`. Draws are then made one by one.",
         ),
     ] = None,
     device: Annotated[

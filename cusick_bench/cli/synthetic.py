@@ -16,7 +16,7 @@ SHIPPED = Path(synthetic_files.__file__).parent / "synthetic"
 def synthetic(
     out: Annotated[Path, typer.Option(help="Folder to write the set to.")],
     samples: Annotated[int, typer.Option(min=1, max=12, help="Samples per cloth; fewer make a part.")] = 12,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Simulates the synthetic set from its recipe and compares every file with the shipped one."""
     with progress_bar("draping", len(synthetic_recipe.cloths()) * samples * len(synthetic_recipe.CAPTURES)) as bar:

@@ -36,21 +36,24 @@ def generate_suite(
     out: Annotated[Path, typer.Option(help="Folder of the cases and of the commitment to their labels.")],
     labels: Annotated[Path, typer.Option(help="Folder of the labels, outside of the cases.")],
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Who knows it knows all labels; by default random, kept in LABELS.")
+        int | None,
+        typer.Option(
+            min=0, help="Of all random choices: who knows it knows the labels. By default random, kept in LABELS."
+        ),
     ] = None,
     nulls: Annotated[int, typer.Option(min=0, help="Cases without any effect.")] = 200,
     singles: Annotated[
         int, typer.Option(min=0, help="Cases with one effect; all effects and severities in turn.")
     ] = len(DRAWN) * len(MULTIPLES),
     pairs: Annotated[int, typer.Option(min=0, help="Cases with two effects.")] = 22,
-    unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect outside of the list.")] = 48,
+    unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect that no answerer has on its list.")] = 48,
     detectable: Annotated[
         Path | None, typer.Option(help="Table that `atlas power --out` wrote; by default typical severities count.")
     ] = None,
     vertices: Annotated[int, typer.Option(min=100, help="Mesh size of the truth.")] = 1205,
     samples: Annotated[int, typer.Option(min=1, help="Samples of each case, with two faces and two captures.")] = 12,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
