@@ -17,7 +17,7 @@ from cusick_bench.withheld.causes import ABSORBED, EFFECTS
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import Suite, generate
 from cusick_bench.withheld.leave_out import answer_left_out, left_out
-from cusick_bench.withheld.reveal import reveal
+from cusick_bench.withheld.reveal import Revealed, reveal
 from cusick_bench.withheld.score import ANSWERS, score
 
 QUICK = Options(samples=0)
@@ -125,16 +125,19 @@ def test_a_case_that_is_refused_counts_as_unknown(cases: Path, labels: Path, tmp
 class TestWhatIsNotTaken:
     """Files that claim to be of leave-one-effect-out."""
 
-    def reveal(self, labels: Path, answers: dict[str, Any], least: object = 2) -> None:
+    def reveal(self, labels: Path, answers: dict[str, Any], least: object = 2) -> Revealed:
         said = labels.with_name("said.json")
         said.write_text(json.dumps({"leave_out": {"least": least}, "answers": answers}))
-        reveal(said, labels)
+        return reveal(said, labels)
 
     def answer(self, *without: str) -> dict[str, Any]:
         return {"verdict": "unknown", "causes": [], "set90": ["unknown"], "without": list(without)}
 
     def test_the_honest_one_is(self, labels):
-        self.reveal(labels, {"case_0001": self.answer("camera-scale")})
+        found = self.reveal(labels, {"case_0001": self.answer("camera-scale")}).labels
+        assert {case: label.kind for case, label in found.items()} == {"case_0001": "unknown"}, (
+            "whoever's answer it gets"
+        )
 
     def test_a_case_that_lacks(self, labels):
         with pytest.raises(WithheldError, match="lacks 1: case_0002"):

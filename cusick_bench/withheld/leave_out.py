@@ -98,7 +98,7 @@ def answer_left_out(
 def asked_of(
     document: Mapping[str, Any], answers: Mapping[str, Answer], labels: Mapping[str, Label]
 ) -> dict[str, Label]:
-    """Labels of the cases that a document must answer: all of them, or those of leave-one-effect-out.
+    """Labels of the cases that a document must answer: all of them, or those of leave-one-effect-out, then `unknown`.
 
     Args:
         document: Content of the file.
@@ -117,7 +117,7 @@ def asked_of(
                 f"with {LEAVE_OUT} every case must be answered without its own effect, got {case} with "
                 f"{effects[case]!r} among its causes; make the answers anew by `withheld leave-out`"
             )
-    return {case: labels[case] for case in effects}
+    return {case: labels[case].without(frozenset({effect})) for case, effect in effects.items()}
 
 
 def least_of(document: Mapping[str, Any]) -> float:
