@@ -112,9 +112,7 @@ def answer_each(
 
 def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
     """Where the answer to one case is kept."""
-    kept = out.with_name(out.name + ".parts") / _fingerprint(atlas, options)
-    kept.mkdir(parents=True, exist_ok=True)
-    return kept / f"{folder.name}.json"
+    return out.with_name(out.name + ".parts") / _fingerprint(atlas, options) / f"{folder.name}.json"
 
 
 def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> dict[str, Any]:
@@ -176,6 +174,7 @@ _SIMULATORS = Simulators(most=20)
 
 def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators | None = None) -> None:
     found = answer_case(task.folder, atlas, task.options, simulators or _SIMULATORS)
+    task.part.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(task.part, json.dumps(found).encode())
 
 
