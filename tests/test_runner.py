@@ -32,6 +32,7 @@ from cusick_bench.runner import (
     shard,
 )
 from cusick_bench.runner import cell as cell_module
+from cusick_bench.runner.environment import code_version
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.solvers.homo import Homo
@@ -360,3 +361,9 @@ def test_bars_show_loss_and_end(data, dataset):
     assert "loss 0.0123 fitting" in text
     assert "50 %" in text
     assert "planted failure" in text
+
+
+def test_version_of_the_code_covers_the_layers_that_are_named() -> None:
+    """Answers of a diagnosis that changed are not taken over: its layer is part of their version."""
+    versions = {code_version(), code_version("diagnosis"), code_version("withheld"), code_version("no such layer")}
+    assert len(versions) == 3  # a layer without code adds nothing

@@ -61,7 +61,7 @@ def diagnose_data(
 
             result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
-            one = document(result, captures, emulator, command=command, version=code_version())
+            one = document(result, captures, emulator, command=command, version=code_version("diagnosis"))
             found.append(_written(one, out))
     if summary is not None:
         _summarise(found, summary)

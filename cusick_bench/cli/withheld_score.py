@@ -76,7 +76,7 @@ def _facts(answers: Path, labels: Path, seed: int) -> dict[str, Any]:
     return {
         "command": f"cusick-bench withheld score {answers.name} {labels.name} --seed {seed}",
         **dict(zip(("answers_sha256", "labels_sha256"), digests, strict=True)),
-        "code_version": code_version(),
+        "code_version": code_version("withheld"),
     }
 
 

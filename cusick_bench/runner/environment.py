@@ -17,12 +17,16 @@ _DECISIVE = ("sim", "datasets", "problem", "solvers", "metrics")
 _LIBRARIES = ("numpy", "scipy", "torch", "numba", "nlopt", "cvxpy", "botorch", "gpytorch", "cma")
 
 
-@lru_cache(maxsize=1)
-def code_version() -> str:
-    """Package version and a fingerprint of the source that decides numbers: `0.1.0+1a2b3c4d5e6f`."""
+@lru_cache(maxsize=4)
+def code_version(*more: str) -> str:
+    """Package version and a fingerprint of the source that decides numbers: `0.1.0+1a2b3c4d5e6f`.
+
+    Args:
+        more: Layers that decide them beside those of every cell, such as `diagnosis`.
+    """
     root = Path(cusick_bench.__file__).parent
     digest = hashlib.sha256()
-    for layer in _DECISIVE:
+    for layer in (*_DECISIVE, *more):
         for path in sorted((root / layer).resolve().rglob("*.py")):
             digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return f"{cusick_bench.__version__}+{digest.hexdigest()[:12]}"

@@ -105,7 +105,7 @@ def answer_each(
             todo.append(_Task(folder, asked[folder], part))
     _each(todo, atlas, workers, step)
     found = {folder.name: json.loads(part.read_text()) for folder, part in parts.items()}
-    content = {"code_version": code_version(), "atlas_sha256": _digest(atlas), **facts, "answers": found}
+    content = {"code_version": _version(), "atlas_sha256": _digest(atlas), **facts, "answers": found}
     write_atomically(out, json.dumps(content, indent=1).encode())
     return content
 
@@ -178,9 +178,14 @@ def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators | None = 
     write_atomically(task.part, json.dumps(found).encode())
 
 
+def _version() -> str:
+    """Of the code that makes answers."""
+    return code_version("diagnosis")
+
+
 def _fingerprint(atlas: Path, options: Options) -> str:
     """Answers of other code, another atlas or other options are not taken over."""
-    return hashlib.sha256(f"{code_version()} {_digest(atlas)} {options}".encode()).hexdigest()[:16]
+    return hashlib.sha256(f"{_version()} {_digest(atlas)} {options}".encode()).hexdigest()[:16]
 
 
 def _digest(path: Path) -> str:
