@@ -105,14 +105,15 @@ def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.
 
 
 def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each alternative has its closure; creep, which leaves no trace in the gap, has none."""
+    """Each alternative has its closure, creep alone has none: the gap does not see the drift that tells it."""
     monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
     scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
     creep = Candidate(hypothesis_of(emulator, "creep"), {"loss": 0.3}, 0.0, 0.0, 0.0)
     data = fabric(emulator, [scale], NOTHING)
     shares: list[float] = []
-    alone, right, later = closures(
-        emulator, data, residual_of(emulator, data), [(), (scale,), (creep,)], Draping(60), progress=shares.append
+    alternatives = [(), (scale,), (creep,), (scale, creep)]
+    alone, right, later, both = closures(
+        emulator, data, residual_of(emulator, data), alternatives, Draping(60), progress=shares.append
     )
     assert alone.gap is not None
     assert right.gap is not None
@@ -123,6 +124,8 @@ def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pyte
     assert alone.effect is None
     assert right.effect is not None
     assert right.gap.closure > 0.6
+    assert both.gap is not None
+    assert both.gap.closure > 0.6
     assert shares == sorted(shares)
     assert shares[-1] <= 1
 

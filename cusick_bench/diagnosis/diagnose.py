@@ -130,7 +130,7 @@ def diagnose(
     best = sorted(weighed.best.values(), key=lambda one: -probability[one.hypothesis.name])
     verdict, named = _verdict(p, probability)
     cause = _named(named, best, weighed.together, single_causes(probability))
-    if any(acts_later(one.hypothesis.effect) for one in cause):
+    if cause and all(acts_later(one.hypothesis.effect) for one in cause):
         notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
     advice = advise(single_causes(probability))
