@@ -558,3 +558,20 @@ def test_no_figure_of_no_cases_claims_to_have_reached_its_goal(tmp_path):
     assert empty
     assert all(figure.reached == "" for figure in empty)
     assert replace(empty[0], value=nan).reached == ""
+
+
+def test_a_page_lists_what_had_no_cases_instead_of_empty_lines(tmp_path):
+    truth = {
+        "case_1": label("none", None, severity=None),
+        "case_2": label("unknown", None, severity=None, hidden="wind"),
+    }
+    page = markdown(scored(tmp_path, truth, {case: perfect(one) for case, one in truth.items()}), [], {})
+    assert "| unknown recalled | all | 1 |" in page
+    assert "| power |" not in page
+    assert "Not judged, for want of cases: " in page
+    assert "exact effect" in page.split("Not judged")[1].split("\n")[0]
+    assert "By severity" not in page
+    whole = suite()
+    assert "**By severity**" in markdown(
+        scored(tmp_path, whole, {case: perfect(one) for case, one in whole.items()}), [], {}
+    )

@@ -93,7 +93,8 @@ def _show(scores: Scores, failed: list[Failure]) -> None:
     screen = output if output.is_terminal else Console(width=_PIPED_WIDTH)
     lines = headline(scores)
     screen.print(_table(lines, lines[0].index("reached")))
-    screen.print(_table(by_severity(scores)))
+    if len(levels := by_severity(scores)) > 2:
+        screen.print(_table(levels))
     listed = [[item.case, ", ".join(item.faults), item.label, item.answer] for item in failed[:_SHOWN]]
     screen.print(_table([["case", "what is wrong", "label", "answer"], *listed]))
     if len(failed) > _SHOWN:

@@ -45,7 +45,7 @@ def with_interval(figure: Figure) -> str:
 
 
 def headline(scores: Scores) -> list[list[str]]:
-    """Lines of the main table: one a figure that has a goal, or that is given for all cases only.
+    """Lines of the main table: one a figure with cases that has a goal, or that is given for all cases only.
 
     Returns:
         Heading and lines: figure, cases, n, answers with interval, goal, reached, then each other method.
@@ -54,7 +54,7 @@ def headline(scores: Scores) -> list[list[str]]:
     values = {(figure.method, figure.name, figure.subset): figure for figure in scores.figures}
     lines = [["figure", "cases", "n", "answers [95 %]", "goal", "reached", *rivals]]
     for figure in _of(scores, ANSWERS):
-        if not _is_headline(figure, scores):
+        if not figure.cases or not _is_headline(figure, scores):
             continue
         others = [values.get((rival, figure.name, figure.subset)) for rival in rivals]
         goal = "" if figure.goal is None else str(figure.goal)
@@ -71,10 +71,17 @@ def _is_headline(figure: Figure, scores: Scores) -> bool:
     return figure.goal is not None or figure.subset == (CLEAR if CLEAR in subsets else ALL)
 
 
+def _not_judged(scores: Scores) -> list[str]:
+    """Figures that have no case."""
+    own = _of(scores, ANSWERS)
+    judged = {figure.name for figure in own if figure.cases}
+    return [name for name in dict.fromkeys(figure.name for figure in own) if name not in judged]
+
+
 def by_severity(scores: Scores) -> list[list[str]]:
     """Lines of the power curve: one a figure that depends on severity, a column a level, cases in the last line."""
-    own = [figure for figure in _of(scores, ANSWERS) if figure.subset not in (ALL, CLEAR)]
-    levels = sorted({figure.subset for figure in own if figure.cases}, key=_order)
+    own = [figure for figure in _of(scores, ANSWERS) if figure.cases and figure.subset not in (ALL, CLEAR)]
+    levels = sorted({figure.subset for figure in own}, key=_order)
     values = {(figure.name, figure.subset): figure for figure in own}
     names = list(dict.fromkeys(figure.name for figure in own))
     lines = [["figure", *levels]]
@@ -107,7 +114,10 @@ def markdown(scores: Scores, failed: Sequence[Failure], facts: Mapping[str, Any]
     parts += [*_grid(headline(scores)), ""]
     shown = dict.fromkeys(line[0] for line in headline(scores)[1:])
     parts += [f"- {name}: {_MEANINGS[name]}." for name in shown]
-    parts += ["", "**By severity** (nearest power of two)", "", *_grid(by_severity(scores))]
+    if absent := _not_judged(scores):
+        parts += ["", f"Not judged, for want of cases: {', '.join(absent)}."]
+    if len(levels := by_severity(scores)) > 2:
+        parts += ["", "**By severity** (nearest power of two)", "", *_grid(levels)]
     parts += ["", "**Reliability** of the largest probability", "", *_grid(_reliability(scores.cases))]
     parts += ["", "**Confusion by class** (rows: truth, columns: answer)", "", *_grid(_square(scores.cases))]
     parts += ["", "**Confusion by effect**", "", *_grid(_taken_for(scores.cases))]
