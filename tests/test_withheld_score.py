@@ -570,7 +570,6 @@ def test_a_page_lists_what_had_no_cases_instead_of_empty_lines(tmp_path):
     assert "| power |" not in page
     assert "Not judged, for want of cases: " in page
     assert "exact effect" in page.split("Not judged")[1].split("\n")[0]
-    assert "By severity" not in page
     whole = suite()
     assert "**By severity**" in markdown(
         scored(tmp_path, whole, {case: perfect(one) for case, one in whole.items()}), [], {}
