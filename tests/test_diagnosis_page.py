@@ -252,6 +252,9 @@ def test_a_floor_below_zero_makes_no_ratio(profiles, tmp_path):
     assert "The gap exceeds its floor." in text
     assert "times its floor" not in text
     assert "2.5 times in 1000" in text
+    tiny = page(made | {"gap": {"base": 0.85, "floor": 0.0013, "p": 0.0025}}, tmp_path).text
+    assert "0.85 floor 0.0013" in tiny
+    assert "times its floor" not in tiny
 
 
 def test_what_cannot_be_told_apart_has_its_reason(pages):

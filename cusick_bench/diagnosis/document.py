@@ -148,7 +148,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return "No unmodelled effect shows: the drapes differ from the base model no more than chance allows."
     if diagnosis.verdict == UNKNOWN:
         parts = [step.candidate.hypothesis.name for step in diagnosis.steps]
-        share = f" {', '.join(parts)} would be part of it, one after the other." if parts else ""
+        share = f" Parts of it, one after the other: {', '.join(parts)}." if parts else ""
         return f"The drapes differ from the base model, and no known effect, nor two of them, explains how.{share}"
     names = [one.hypothesis.name for one in diagnosis.cause]
     summary = "; and ".join(registered()[name].summary for name in names)

@@ -40,6 +40,7 @@ from cusick_bench.report.diagnosis_words import (
     data_in_words,
     entropy_of,
     gap_in_words,
+    times_floor,
     worth,
 )
 from cusick_bench.report.errors import ReportError
@@ -139,8 +140,8 @@ def _facts(document: Mapping[str, Any], verdict: str, cards: list[CauseCard]) ->
     if base is not None and floor is not None:
         if base <= floor:
             facts.append(("gap", "none", "above its floor"))
-        elif floor > 0:
-            facts.append(("gap", f"{plain(base / floor)} ×", "its floor"))
+        elif ratio := times_floor(base, floor):
+            facts.append(("gap", f"{plain(ratio)} ×", "its floor"))
         else:
             facts.append(("gap", plain(base), f"floor {plain(floor)}"))
     if cards:

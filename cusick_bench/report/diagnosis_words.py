@@ -59,6 +59,7 @@ _CLAIMS = {
     "none": "nothing is missing in the base model",
     "unknown": "something that is not on the list of effects",
 }
+_LEAST_FLOOR = 1 / 50  # of the gap
 _WORTH = ((0.75, "would settle nearly all"), (0.4, "would settle about half"), (0.15, "would settle a part"),
           (0.0, "would settle little"))  # fmt: skip
 
@@ -78,20 +79,24 @@ def chance(p: float | None) -> str:
     return f"If nothing were missing in the base model, data like these would come up {often} ({percent_or_point(p)})."
 
 
+def times_floor(base: float, floor: float) -> float | None:
+    """Gap over floor; None where the floor, 0 but for chance, is too small to be a unit."""
+    return base / floor if floor > _LEAST_FLOOR * base else None
+
+
 def gap_in_words(base: float | None, floor: float | None, effect: float | None, *, causes: int = 1) -> str:
     """How the gap compares with its floor, and with what a cause (or two) leaves of it."""
     if base is None:
         return "The gap was not measured: no drapes were simulated."
     if floor is None:
         return "The gap has no floor to be read against: too few samples."
-    if floor > 0:
-        ratio = base / floor
-        first = f"The gap is {plain(ratio)} times its floor" if ratio > 1 else "The gap does not exceed its floor"
-    else:
-        first = "The gap exceeds its floor" if base > floor else "The gap does not exceed its floor"
-    if effect is None or base <= floor:
+    if base <= floor:
+        return "The gap does not exceed its floor."
+    ratio = times_floor(base, floor)
+    first = "The gap exceeds its floor" if ratio is None else f"The gap is {plain(ratio)} times its floor"
+    if effect is None:
         return first + "."
-    if floor <= 0:
+    if ratio is None:
         return f"{first}; {'both causes leave' if causes > 1 else 'a cause leaves'} less."
     return f"{first}; with {'both causes' if causes > 1 else 'the cause'} {plain(effect / floor)} times."
 
