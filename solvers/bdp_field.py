@@ -90,7 +90,8 @@ class BdpField(Solver):
                 finished = True
             except BudgetExceeded:
                 pass
-        best = prediction_at(problem, incumbent.tau, finished=finished)
+        nearest = min(incumbent, inference.seen, key=lambda one: one.loss)  # a draw, where the fit found no time
+        best = prediction_at(problem, nearest.tau, finished=finished)
         posterior = {"mean": inference.q.mean, "root": inference.q.root, "seed": np.array(seed)}
         seen = predictive_draws(problem, lambda index: self.redraw(problem, posterior, index), self.draws, progress)
         return with_draws(best, seen, posterior)
@@ -121,12 +122,14 @@ class _Inference:
         problem: Who drapes.
         seed: Of the run.
         q: What is known of the cloth.
+        seen: The drape that happened to be nearest to the training image.
         cloths, statistics: The drapes so far.
     """
 
     problem: DrapeProblem
     seed: int
     q: Normal = field(init=False)
+    seen: Incumbent = field(init=False)
     cloths: list[np.ndarray] = field(default_factory=list)
     statistics: list[np.ndarray] = field(default_factory=list)
     _tried: int = 0
@@ -135,6 +138,7 @@ class _Inference:
     def __post_init__(self) -> None:
         cloth = self.problem.space.specimen_level.start
         self.q = Normal(np.zeros(cloth), np.eye(cloth))
+        self.seen = Incumbent(self.problem)
 
     def begin(self, level: float) -> None:
         """The prior, but for the level of bending, that a search has found.
@@ -154,7 +158,7 @@ class _Inference:
                 tau = _specimen(self.q, standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension))
                 self._tried += 1
                 try:
-                    image = self.problem.observe(tau).image
+                    image = self.seen.observe(tau).image
                 except DrapeDiverged:
                     continue
                 self.cloths.append(tau[: len(self.q.mean)])

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.datasets.profile import drape_coefficient
-from cusick_bench.problem import DrapeProblem
+from cusick_bench.problem import DrapeProblem, Observation
 
 # What an optimiser is told instead of infinity where a drape fails: worse than any loss of a silhouette (MSE
 # <= 1).
@@ -44,12 +44,20 @@ class Incumbent:
         self._keep(tau, loss)
         return min(loss, PENALTY), gradient
 
-    def drape_coefficient(self, tau: Vector) -> float:
-        """Drape coefficient at tau.
+    def observe(self, tau: Vector) -> Observation:
+        """The drape at tau and how it is seen.
 
         Raises:
             DrapeDiverged: The drape fails.
         """
         seen = self.problem.observe(tau)
         self._keep(tau, seen.loss)
-        return drape_coefficient(seen.image)
+        return seen
+
+    def drape_coefficient(self, tau: Vector) -> float:
+        """Drape coefficient at tau.
+
+        Raises:
+            DrapeDiverged: The drape fails.
+        """
+        return drape_coefficient(self.observe(tau).image)
