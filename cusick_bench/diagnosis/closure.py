@@ -85,8 +85,8 @@ def closures(
         emulator: The atlas.
         data: Samples of a fabric.
         residual: What the best base model leaves of all of them.
-        alternatives: What is taken to act, together; nothing for the base model alone. Creep alone is passed over: the
-            gap compares drapes, not their drift from picture to picture.
+        alternatives: What is taken to act, together; nothing for the base model alone. Creep is left out: the gap
+            compares drapes, not their drift from picture to picture, which is what tells of it.
         draping: How models are simulated.
         refit: Fit the causes' parameters to each fold too, instead of keeping them.
         progress: Told the share that is over.
@@ -94,7 +94,7 @@ def closures(
     Returns:
         One for each alternative.
     """
-    seen = [() if all(acts_later(one.hypothesis.effect) for one in causes) else causes for causes in alternatives]
+    seen = [tuple(one for one in causes if not acts_later(one.hypothesis.effect)) for causes in alternatives]
     every = np.arange(len(data.specimens))
     parts = [every] if len(every) < 4 else [every[0::2], every[1::2]]
     steps = len(parts) * (1 + sum(bool(causes) for causes in seen))

@@ -130,14 +130,15 @@ def diagnose(
     best = sorted(weighed.best.values(), key=lambda one: -probability[one.hypothesis.name])
     verdict, named = _verdict(p, probability)
     cause = _named(named, best, weighed.together, single_causes(probability))
-    if cause and all(acts_later(one.hypothesis.effect) for one in cause):
+    drifting = any(acts_later(one.hypothesis.effect) for one in cause)
+    if drifting:
         notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
     spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
     advice = advise(single_causes(probability))
     taken = tuple(steps(residual.white, made)) if p <= ALPHA else ()
     simulated: list[Closure] = []
     if chosen.samples and (cause or chosen.always):
-        alternatives = [cause]
+        alternatives = [() if drifting else cause]
         if chosen.always and len(taken) > len(cause):
             alternatives.append(tuple(step.candidate for step in taken))
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
