@@ -93,7 +93,7 @@ def _show(scores: Scores, failed: list[Failure]) -> None:
     screen = output if output.is_terminal else Console(width=_PIPED_WIDTH)
     lines = headline(scores)
     screen.print(_table(lines, lines[0].index("reached")))
-    if len(levels := by_severity(scores)) > 2:
+    if levels := by_severity(scores):
         screen.print(_table(levels))
     listed = [[item.case, ", ".join(item.faults), item.label, item.answer] for item in failed[:_SHOWN]]
     screen.print(_table([["case", "what is wrong", "label", "answer"], *listed]))

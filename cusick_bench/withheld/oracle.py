@@ -21,7 +21,7 @@ from cusick_bench.diagnosis.hypotheses import hypotheses
 from cusick_bench.diagnosis.store import load as load_atlas
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
-from cusick_bench.withheld.case_label import DETECTABLE, PAIR, SINGLE, read_label
+from cusick_bench.withheld.case_label import DETECTABLE, PAIR, SINGLE, read_labels
 from cusick_bench.withheld.document import listed, mapping
 
 
@@ -47,7 +47,7 @@ def oracle_closures(
         step: Told of every case.
     """
     found: dict[str, float | None] = json.loads(out.read_text()) if out.exists() else {}
-    known = {name: read_label(label, name) for name, label in labels.items()}
+    known = read_labels(labels, "labels")
     todo = [
         name
         for name, label in known.items()

@@ -79,8 +79,14 @@ def _not_judged(scores: Scores) -> list[str]:
 
 
 def by_severity(scores: Scores) -> list[list[str]]:
-    """Lines of the power curve: one a figure that depends on severity, a column a level, cases in the last line."""
+    """Lines of the power curve: one a figure that depends on severity, a column a level, cases in the last line.
+
+    Returns:
+        Heading and lines; nothing where no case has a severity.
+    """
     own = [figure for figure in _of(scores, ANSWERS) if figure.cases and figure.subset not in (ALL, CLEAR)]
+    if not own:
+        return []
     levels = sorted({figure.subset for figure in own}, key=_order)
     values = {(figure.name, figure.subset): figure for figure in own}
     names = list(dict.fromkeys(figure.name for figure in own))
@@ -111,12 +117,13 @@ def markdown(scores: Scores, failed: Sequence[Failure], facts: Mapping[str, Any]
     """
     origin = ", ".join(f"{name.replace('_', ' ')} `{value}`" for name, value in facts.items())
     parts = ["**Withheld cases**", "", *(f"- {note}" for note in scores.notes), f"- {origin}.", ""]
-    parts += [*_grid(headline(scores)), ""]
-    shown = dict.fromkeys(line[0] for line in headline(scores)[1:])
+    lines = headline(scores)
+    parts += [*_grid(lines), ""]
+    shown = dict.fromkeys(line[0] for line in lines[1:])
     parts += [f"- {name}: {_MEANINGS[name]}." for name in shown]
     if absent := _not_judged(scores):
         parts += ["", f"Not judged, for want of cases: {', '.join(absent)}."]
-    if len(levels := by_severity(scores)) > 2:
+    if levels := by_severity(scores):
         parts += ["", "**By severity** (nearest power of two)", "", *_grid(levels)]
     parts += ["", "**Reliability** of the largest probability", "", *_grid(_reliability(scores.cases))]
     parts += ["", "**Confusion by class** (rows: truth, columns: answer)", "", *_grid(_square(scores.cases))]
