@@ -263,6 +263,27 @@ def test_what_cannot_be_told_apart_has_its_reason(pages):
     assert "Nothing among the likely causes" in pages["effect"].text
 
 
+def test_causes_that_these_drapes_leave_open_are_not_called_alike(profiles, tmp_path):
+    made = document(profiles, "ambiguous") | {"indistinguishable": []}
+    told = page(made, tmp_path).text.split("What cannot be told apart")[1]
+    assert "None by their nature" in told
+
+
+def test_a_face_that_nobody_photographed_is_not_shown(profiles, tmp_path):
+    """The models are draped on both faces all the same; only what there is data of can be compared."""
+    made = document(profiles, "effect")
+    assert page(made, tmp_path).text.count("face down") == 5  # data in words, table, mean, drapes, silhouette
+    upper = [drape for drape in profiles["data"] if drape["side"] == "up"]
+    made["profiles"] = profiles | {"data": upper}
+    made["statistics"] = [one | {"down": None} for one in made["statistics"]]
+    made["data"] = made["data"] | {"down": None}
+    shown = page(made, tmp_path)
+    assert "face down" not in shown.text
+    assert "Every drape, face up." in shown.text
+    labels = [one["aria-label"] for one in shown.all("svg") if one.get("aria-label")]
+    assert not any("face down" in words for words in labels)
+
+
 def test_place_is_named_only_where_there_is_one(pages):
     assert "from 45° to 90°, 120 to 150 mm from the centre" in pages["patch"].text
     assert "No place on the cloth can be named: it acts along a direction" in pages["effect"].text
@@ -550,6 +571,13 @@ def test_every_statistic_and_effect_has_words():
     assert not any("_" in word for word in words)
     assert {name for name in registered() if not signature(name)} <= {"plate-slip"}
     assert "`" not in "".join(physics(name) for name in registered())
+
+
+def test_rounding_errors_are_shown_as_nothing():
+    rounded = statistic("harmonic_1_real", "harmonics", "m", (-0.0021, -0.0019, 0.0, 2.2e-19), -5.5)
+    tiny = statistic("harmonic_1_real", "harmonics", "m", (2.2e-19, 1e-19, 0.0, 1e-19), 5.5)
+    assert statistic_rows({"statistics": [rounded]})[0].effect == "0"
+    assert statistic_rows({"statistics": [tiny]})[0].up == "2.20e-16"
 
 
 def test_scores_point_the_way_the_data_lie():

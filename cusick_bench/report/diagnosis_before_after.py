@@ -30,7 +30,8 @@ def before_after(document: Mapping[str, Any]) -> dict[str, Any]:
             "means": [],
             "why": "the document holds none of the data" if not sided else "those of the data are absent",
         }
-    sides = [side for side in _FACES if any(side in own for own in sided.values())]
+    sided = _on_faces_of_data(sided)
+    sides = [side for side in _FACES if side in sided["data"]]
     sources = [source for source in _SOURCES if source in sided]
     cause = named_cause(document)
     names = _SOURCES | ({"effect": f"with {cause}"} if cause else {})
@@ -44,9 +45,16 @@ def before_after(document: Mapping[str, Any]) -> dict[str, Any]:
         "every": [(heads[s], every_graph(sided, s, f"Radius over angle of every drape: {names[s]}")) for s in sources],
         "outlines": outlines,
         "modes": SHAPE_MODES,
+        "faces": " and ".join(_FACES[side] for side in sides),
         "band": any(len(drapes) > 1 for drapes in sided["data"].values()),
         "damaged": _damaged(sided),
     }
+
+
+def _on_faces_of_data(sided: Sided) -> Sided:
+    """Drapes on the faces that the data show; a model drapes both, and only like can be compared with like."""
+    shared = {source: {s: own[s] for s in sided["data"] if s in own} for source, own in sided.items()}
+    return {source: own for source, own in shared.items() if own}
 
 
 def _listed(sources: list[str], names: Mapping[str, str]) -> str:

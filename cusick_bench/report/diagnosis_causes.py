@@ -27,6 +27,7 @@ from cusick_bench.sim.effects import registered
 _LEAST, _MOST, _ALWAYS = 0.02, 8, 3  # probability from which a cause is shown; at most, and at least so many
 _ROWS = 10  # statistics
 _SHORT = 26  # letters of a name that a heading has room for
+_ROUNDING = 1e-9  # share of a row's largest value below which another one is 0 but for rounding
 _MILLIMETRES = {"m": "mm", "m/rad": "mm/rad"}
 
 
@@ -171,10 +172,12 @@ def statistic_rows(document: Mapping[str, Any]) -> list[StatisticRow]:
 def _row(entry: Mapping[str, Any], z: float, most: float) -> StatisticRow:
     unit = text(entry.get("unit"))
     factor = 1e3 if unit in _MILLIMETRES else 1.0
+    values = {key: number(entry.get(key)) for key in ("up", "down", "base", "effect")}
+    rounding = _ROUNDING * max((abs(found) for found in values.values() if found is not None), default=0.0)
 
     def value(key: str) -> str:
-        found = number(entry.get(key))
-        return UNKNOWN if found is None else plain(factor * found, 3)
+        found = values[key]
+        return UNKNOWN if found is None else plain(factor * found if abs(found) > rounding else 0.0, 3)
 
     z = _towards(entry, z)
     score = signed(f"{z:.1f}")

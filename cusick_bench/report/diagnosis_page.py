@@ -22,6 +22,7 @@ from cusick_bench.report.diagnosis_place import place_content
 from cusick_bench.report.diagnosis_steps import steps_content
 from cusick_bench.report.diagnosis_template import DIAGNOSIS_PAGE
 from cusick_bench.report.diagnosis_values import (
+    UNKNOWN,
     mapping,
     mappings,
     number,
@@ -92,7 +93,7 @@ def _content(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
         "gap": _gap(document),
         "where": place_content(document),
         "causes": {"shown": cards, "rest": rest_in_words(document, cards)},
-        "statistics": {"rows": statistic_rows(document), "with_cause": _with_cause(document)},
+        "statistics": _statistics(document),
         "profiles": before_after(document),
         "closure": _closure(document, verdict),
         "steps": steps_content(document),
@@ -102,6 +103,7 @@ def _content(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
             {"effects": ", ".join(texts(one.get("effects"))), "why": text(one.get("why"))}
             for one in mappings(document.get("indistinguishable"))
         ],
+        "told_apart": _TOLD_APART.get(verdict, "Nothing among the likely causes."),
         "without": ", ".join(texts(document.get("without"))),
         "notes": texts(document.get("notes")),
         "cloth": cloth_in_words(base, data.get("areal_density_kg_m2")),
@@ -110,6 +112,13 @@ def _content(document: Mapping[str, Any], verdict: str) -> dict[str, Any]:
 
 
 _MADE = {"command": "Command", "version": "Version", "atlas": "Atlas"}
+
+
+def _statistics(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Rows of the table of statistics, and which of its columns hold anything."""
+    rows = statistic_rows(document)
+    faces = {face: any(getattr(row, face) != UNKNOWN for row in rows) for face in ("up", "down")}
+    return {"rows": rows, "with_cause": _with_cause(document), **faces}
 
 
 def _with_cause(document: Mapping[str, Any]) -> str:
@@ -179,6 +188,7 @@ _NO_NEXT = {
     "unknown": "The measurements on the list separate known causes, and this is none of them. The statistics that "
     "differ most say what to look for in the sample and on the bench.",
 }
+_TOLD_APART = {"ambiguous": "None by their nature: the likely causes differ, but not enough in these drapes."}
 _OPEN = {
     "none": "There is no gap to close.",
     "ambiguous": "Not given: no single cause was named that could be simulated.",

@@ -169,10 +169,12 @@ ol.next small { display: block; }
 <table>
 <caption>What differs most from the base model{{ statistics.with_cause }}.
  z is data minus base model in standard errors; cosine and sine are of m times the angle from warp.</caption>
-<thead><tr><th class="left">statistic</th><th>unit</th><th>face up</th><th>face down</th><th>base model</th>
-{% if statistics.with_cause %}<th>with cause</th>{% endif %}<th>z</th><td></td></tr></thead>
+<thead><tr><th class="left">statistic</th><th>unit</th>
+{% if statistics.up %}<th>face up</th>{% endif %}{% if statistics.down %}<th>face down</th>{% endif %}
+<th>base model</th>{% if statistics.with_cause %}<th>with cause</th>{% endif %}<th>z</th><td></td></tr></thead>
 <tbody>{% for row in statistics.rows %}
-<tr><td class="left">{{ row.name }}</td><td>{{ row.unit }}</td><td>{{ row.up }}</td><td>{{ row.down }}</td>
+<tr><td class="left">{{ row.name }}</td><td>{{ row.unit }}</td>
+{% if statistics.up %}<td>{{ row.up }}</td>{% endif %}{% if statistics.down %}<td>{{ row.down }}</td>{% endif %}
 <td>{{ row.base }}</td>{% if statistics.with_cause %}<td>{{ row.effect }}</td>{% endif %}
 <td>{{ row.z }}</td><td class="bars">{{ row.bar }}</td></tr>
 {% endfor %}</tbody>
@@ -195,7 +197,7 @@ ol.next small { display: block; }
 <div class="card">
 <div class="three">{% for name, graph in profiles.every %}
 <figure><h3>{{ name }}</h3>{{ graph }}</figure>{% endfor %}</div>
-<p class="soft">Every drape, both faces. Compare number, depth and regularity of folds, not their places.
+<p class="soft">Every drape, {{ profiles.faces }}. Compare number, depth and regularity of folds, not their places.
  Dotted: radius of the plate and of the flat cloth.</p>
 </div>
 <div class="card">
@@ -236,7 +238,7 @@ ol.next small { display: block; }
 <ul>{% for group in indistinguishable %}
 <li><b>{{ group.effects }}</b>{% if group.why %}: {{ group.why }}{% endif %}</li>
 {% endfor %}</ul>
-{% else %}<p class="empty">Nothing among the likely causes.</p>{% endif %}
+{% else %}<p class="empty">{{ told_apart }}</p>{% endif %}
 {% if without %}<p>Not considered: {{ without }}.</p>{% endif %}
 {% if notes %}
 <h3>Notes</h3>
