@@ -209,6 +209,16 @@ def test_drape_is_drawn_lit_from_above_with_its_shadow_beside():
     assert picture[0, 0, 3] == 0
 
 
+def test_a_fan_over_the_plate_is_as_flat_as_it_is():
+    """The public meshes are one fan and one strip: normals averaged at the plate's edge would make it a dome."""
+    fan = ruled_surface(np.full(720, 0.11))
+    view = View(elevation=85.0, target=0.0, width=120, height=120, fov=22.0)
+    picture = render_drape(np.asarray(fan.vertices), np.asarray(fan.faces), (0.5, 0.5, 0.5), view)
+    row, column = np.mgrid[:120, :120]
+    plate = picture[np.hypot(row - 59.5, column - 59.5) < 25, 0]
+    assert np.ptp(plate) <= 1
+
+
 def test_nearer_cloth_hides_what_is_behind_it():
     """Two sheets facing the eye: the nearer, smaller one is seen in front of the farther one, in either order."""
     square = np.array([[0.0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]])

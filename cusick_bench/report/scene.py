@@ -20,8 +20,9 @@ _GAMMA = 2.2
 _PEDESTAL_HEIGHT = 0.095  # [m], a little more than the longest drop of the rim
 _SHADOW_SIZE = 900  # [px] of the light's depth map
 _SHADOW_BIAS = 0.0025  # [m]
-_SHADOW_REACH = 0.33  # [m], radius on the ground beyond which no shadow falls
+_SHADOW_REACH = 0.22  # [m], radius on the ground at which its shadow has faded, still within the picture
 _LIGHT = np.array([-0.62, -0.28, 0.85])  # towards the key light
+_NEEDLE = 20  # longest over shortest edge from which a face is shaded flat
 _PEDESTAL = (0.62, 0.63, 0.65)
 # Cloth colours (sRGB) by the words of a cloth's name; the first that occurs is taken.
 _COLOURS = {
@@ -49,11 +50,11 @@ class View:
 
     azimuth: float = -70.0
     elevation: float = 30.0
-    distance: float = 0.80
+    distance: float = 0.84
     width: int = 640
     height: int = 420
     fov: float = 18.5
-    target: float = -0.034
+    target: float = -0.047
 
 
 def cloth_colour(name: str) -> tuple[float, float, float]:
@@ -112,6 +113,18 @@ class _Part:
             np.add.at(normals, self.faces[:, side], self.face_normals)
         return _unit(normals)
 
+    @cached_property
+    def needles(self) -> ndarray:
+        """Which faces are so long that a crease at one end would round off all of them, as in a fan over the plate."""
+        corner = self.vertices[self.faces]
+        edges = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2)
+        return edges.max(1) > _NEEDLE * edges.min(1)
+
+    def shading(self, faces: ndarray, share: ndarray) -> ndarray:
+        """Normals to be lit by, at points of faces given by their weights of the corners."""
+        smooth = _unit(np.einsum("pk,pkd->pd", share, self.normals[self.faces[faces]]))
+        return np.where(self.needles[faces, None], _unit(self.face_normals[faces]), smooth)
+
 
 def _pedestal(radius: float = PLATE_RADIUS - 0.004, sides: int = 96) -> _Part:
     """The stand under the plate, a shade thinner than the plate so that it never shows through the cloth."""
@@ -161,7 +174,7 @@ def _rasterise(points, faces, width, height):
                 u = ((b[0] - column) * (c[1] - row) - (b[1] - row) * (c[0] - column)) / area
                 v = ((c[0] - column) * (a[1] - row) - (c[1] - row) * (a[0] - column)) / area
                 w = 1.0 - u - v
-                if u < 0.0 or v < 0.0 or w < 0.0:
+                if min(u, v, w) < -1e-9:  # or rounding would leave holes where edges and corners meet
                     continue
                 closeness = u * a[2] + v * b[2] + w * c[2]
                 if closeness > nearest[row, column]:
@@ -232,7 +245,7 @@ def _shade(parts: list[_Part], shadow: _ShadowMap, view: View) -> ndarray:
         share = weights[seen] * screen[corners, 2]
         share /= share.sum(1, keepdims=True)
         position = np.einsum("pk,pkd->pd", share, part.vertices[corners])
-        normal = _unit(np.einsum("pk,pkd->pd", share, part.normals[corners]))
+        normal = part.shading(owner[seen], share)
         upper = np.einsum("pd,pd->p", part.face_normals[owner[seen]], eye - position) > 0
         canvas[seen, :3] = _light(
             position, np.where(upper[:, None], normal, -normal), upper, np.array(part.colour) ** _GAMMA, eye, shadow
@@ -267,7 +280,7 @@ def _ground(shadow: _ShadowMap, eye: ndarray, frame: ndarray, focal: float, widt
     near = np.hypot(position[..., 0], position[..., 1]) < _SHADOW_REACH
     dark = np.zeros(row.shape)
     dark[near] = 1 - shadow.light(position[near], 0)
-    fading = np.clip(1.5 - np.hypot(position[..., 0], position[..., 1]) / 0.19, 0, 1)
+    fading = np.clip(2 - 2 * np.hypot(position[..., 0], position[..., 1]) / _SHADOW_REACH, 0, 1)
     canvas = np.zeros((height, width, 4))
     canvas[..., 3] = np.kron(0.34 * fading * gaussian_filter(dark, 5.0), np.ones((2, 2)))[:height, :width]
     return canvas
