@@ -11,7 +11,6 @@ References:
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -47,7 +46,7 @@ class TrustRegion:
         """Whether the region is too small to go on with."""
         return self.length < SHORTEST
 
-    def after(self, improved: bool) -> Self:
+    def after(self, improved: bool) -> "TrustRegion":
         """The region after another point."""
         if improved and self.successes + 1 == SUCCESSES:
             return replace(self, length=min(2 * self.length, LONGEST), successes=0, failures=0)

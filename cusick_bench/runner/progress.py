@@ -2,7 +2,7 @@
 
 import math
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, runtime_checkable
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from cusick_bench.runner.grid import Cell
 
 
+@runtime_checkable
 class Watcher(Protocol):
     """Whoever wants to know how a grid gets on."""
 
@@ -57,7 +58,7 @@ class ProgressBars:
         self._grid: TaskID | None = None
         self._cells: dict[Cell, TaskID] = {}
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "ProgressBars":
         self._progress.start()
         return self
 
