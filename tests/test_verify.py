@@ -15,7 +15,7 @@ from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.resimulate import cell_of, read_record, record_key, repeat, rescore
 from cusick_bench.leaderboard.submit import altered, append, read_rows, rows_of
-from cusick_bench.leaderboard.verify import data_of, keep, verified_keys, verify_cell
+from cusick_bench.leaderboard.verify import keep, verified_keys, verify_cell
 from cusick_bench.problem import Budget
 from cusick_bench.runner import ProblemSettings, Source, plan, run
 from cusick_bench.sim.settings import DrapeSettings
@@ -196,13 +196,6 @@ class TestCommand:
         result = CliRunner().invoke(app, ["verify", str(folder), "--data", str(data)])
         assert result.exit_code == 1
         assert "test_mse" in result.output
-
-    def test_data_are_found_in_the_command(self, finished):
-        cells = load_cells(finished)
-        cells.run["command"] = ["run", "--data=/lab", "--fabrics-csv", "weights.csv"]
-        assert data_of(cells) == ("/lab", "weights.csv")
-        cells.run["command"] = ["run"]
-        assert data_of(cells)[0] == cells.table["dataset"].iloc[0]
 
     def test_unknown_solver_is_said(self, finished):
         result = CliRunner().invoke(app, ["verify", str(finished), "--solver", "nobody"])

@@ -29,7 +29,10 @@ _OUT = Path("runs/diagnosis")
 @app.command("diagnose")
 @user_errors
 def diagnose_data(
-    data: Annotated[str, typer.Argument(help="Data set: a name, or a folder in the public layout.", metavar="DATA")],
+    data: Annotated[
+        str,
+        typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA"),
+    ] = "cusick",
     fabric: Annotated[
         list[str] | None, typer.Option(help="Fabric to diagnose (repeatable); by default all with three samples.")
     ] = None,

@@ -8,17 +8,24 @@ import typer
 from rich.status import Status
 
 from cusick_bench.cli.common import console, plain, print_json, user_errors
-from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard import Cells, load_cells
+from cusick_bench.leaderboard.source import load_data_of
 from cusick_bench.report.radius_angle import DRAWS, radius_angle, save_confusion, save_radius_angle
 from cusick_bench.report.side_by_side import SAMPLES, Strip, fitted, held_out, save_strips
 from cusick_bench.runner.store import write_json
 
 Run = Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")]
-Data = Annotated[str, typer.Option(help="Name or folder of the data set of the run.")]
-FabricsCsv = Annotated[Path | None, typer.Option(help="Table of areal densities that the run was given.")]
+Data = Annotated[
+    str | None,
+    typer.Option(help="Data set of the run; found by itself if left out, or else in the folder CUSICK_DATA."),
+]
+FabricsCsv = Annotated[Path | None, typer.Option(help="Table of areal densities; by default the run's own.")]
 Out = Annotated[Path, typer.Option(help="Folder for the figure and its numbers.")]
-Solvers = Annotated[list[str] | None, typer.Option("--solver", help="Solver to show; repeatable; all by default.")]
+Solvers = Annotated[
+    list[str] | None,
+    typer.Option("--solver", help="Solver to show; repeatable; default: no oracles, in figure 6 no nulls."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
 
 
@@ -32,7 +39,7 @@ def register(app: typer.Typer) -> None:
 def figure_6(
     run: Run,
     out: Out,
-    data: Data = "synthetic",
+    data: Data = None,
     fabrics_csv: FabricsCsv = None,
     solver: Solvers = None,
     as_json: AsJson = False,
@@ -50,7 +57,7 @@ def figure_6(
 def figure_7(
     run: Run,
     out: Out,
-    data: Data = "synthetic",
+    data: Data = None,
     fabrics_csv: FabricsCsv = None,
     solver: Solvers = None,
     samples: Annotated[int, typer.Option(min=1, help="Most held-out samples of a cloth.")] = SAMPLES,
@@ -73,7 +80,7 @@ def figure_7(
 def figure_8(
     run: Run,
     out: Out,
-    data: Data = "synthetic",
+    data: Data = None,
     fabrics_csv: FabricsCsv = None,
     solver: Solvers = None,
     draws: Annotated[int, typer.Option(min=1, help="Most draws of a cell to classify.")] = DRAWS,
@@ -94,8 +101,9 @@ def figure_8(
     _finish(study.document(), paths, out / "figure-8.json", as_json)
 
 
-def _load(run: Path, data: str, fabrics_csv: Path | None) -> tuple[Cells, DrapeDataset]:
-    return load_cells(run), load(data, fabrics_csv=fabrics_csv)
+def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells, DrapeDataset]:
+    cells = load_cells(run)
+    return cells, load_data_of(cells, data, fabrics_csv)
 
 
 def _status() -> AbstractContextManager[Status]:

@@ -1,6 +1,5 @@
 """`cusick-bench report`: one self-contained HTML page of a results folder, with pictures."""
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -8,8 +7,9 @@ import numpy as np
 import typer
 
 from cusick_bench.cli.common import console, print_json, user_errors
-from cusick_bench.datasets import DataError, DrapeDataset, load
+from cusick_bench.datasets import DataError, DrapeDataset
 from cusick_bench.leaderboard import Cells, leaderboards, load_cells
+from cusick_bench.leaderboard.source import load_data_of
 from cusick_bench.report import ReportError, write_report
 from cusick_bench.sim.errors import CusickError
 
@@ -55,28 +55,17 @@ def report(
 def _unseen(cells: Cells, data: str | None) -> dict[str, np.ndarray]:
     """Radii of each cloth's unseen samples [m]; empty, with a warning, where the data are not the run's."""
     try:
-        dataset = load(data or _data_of(cells))
+        dataset = load_data_of(cells, data)
         if dataset.content_hash not in set(cells.table["dataset_hash"]):
-            raise DataError(f"{dataset.name} is not what the run used: its content hash differs")
+            raise DataError(f"{dataset.name} is not what the run used", remedy="give the run's data with --data")
         tests = dict(zip(cells.table["cloth"], cells.table["test"], strict=True))
         return {cloth: _radii(dataset, rows) for cloth, rows in tests.items() if len(rows)}
     except (CusickError, OSError) as error:
         if data is not None:
             raise
-        console.print(f"no band of unseen samples: {error}; give the data with --data", markup=False, highlight=False)
+        console.print(f"no band of unseen samples: {error}", markup=False, highlight=False)
         return {}
 
 
 def _radii(dataset: DrapeDataset, rows: tuple[int, ...]) -> np.ndarray:
     return np.stack([dataset.sample(row).profile.radii for row in rows])
-
-
-def _data_of(cells: Cells) -> str:
-    """The `--data` of the run's command line."""
-    words = [str(word) for word in cells.run.get("command", []) or []]
-    for word, following in pairwise([*words, ""]):
-        if word == "--data" and following:
-            return following
-        if word.startswith("--data="):
-            return word.removeprefix("--data=")
-    return str(cells.table["dataset"].iloc[0])

@@ -8,12 +8,12 @@ from rich.console import Console
 from rich.table import Table
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
-from cusick_bench.datasets import load
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.resimulate import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.source import load_data_of
 from cusick_bench.leaderboard.submit import altered, read_rows, rows_of
-from cusick_bench.leaderboard.verify import Verification, data_of, keep, verify_cell
+from cusick_bench.leaderboard.verify import Verification, keep, verify_cell
 
 PIPED_WIDTH = 120
 _STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
@@ -29,7 +29,7 @@ def verify_command(
     ],
     solver: Annotated[list[str] | None, typer.Option(help="Only this solver's row; repeatable.")] = None,
     cloth: Annotated[list[str] | None, typer.Option(help="Only this cloth; repeatable.")] = None,
-    data: Annotated[str | None, typer.Option(help="Data set; by default the run's own.")] = None,
+    data: Annotated[str | None, typer.Option(help="Data set; by default the run's own; see CUSICK_DATA.")] = None,
     fabrics_csv: Annotated[
         Path | None, typer.Option(help="Table of areal densities; by default the run's own.")
     ] = None,
@@ -57,8 +57,7 @@ def verify_command(
         table = table.loc[table[name].isin(wanted)] if wanted else table
     if table.empty:
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
-    source, csv = data_of(cells)
-    dataset = load(data or source, fabrics_csv=fabrics_csv or csv)
+    dataset = load_data_of(cells, data, fabrics_csv)
     verifications = []
     with console.status("starting") as status:
         for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):

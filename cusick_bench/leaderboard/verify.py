@@ -10,12 +10,10 @@ import hashlib
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.resimulate import (
     REDRAWN,
     Check,
@@ -117,17 +115,6 @@ def verified_keys(run: Path) -> set[str]:
         for key, found in known.items()
         if found.get("status") == "verified" and found.get("files") == _digests(run / "cells" / key)
     }
-
-
-def data_of(cells: Cells) -> tuple[str, str | None]:
-    """The `--data` and `--fabrics-csv` of the run's command line; the data set's name where it had none."""
-    words = [str(word) for word in cells.run.get("command", []) or []]
-    given: dict[str, str] = {}
-    for word, following in pairwise([*words, ""]):
-        name, equals, value = word.partition("=")
-        if name in ("--data", "--fabrics-csv"):
-            given[name] = value if equals else following
-    return given.get("--data", str(cells.table["dataset"].iloc[0])), given.get("--fabrics-csv")
 
 
 def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redrawn: int, seed: int) -> Verification:
