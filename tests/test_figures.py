@@ -16,7 +16,7 @@ from cusick_bench.datasets.toy import write_toy
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.report import ReportError
-from cusick_bench.report.predictions import entrants, load_draws
+from cusick_bench.report.predictions import entrants, in_blocks, load_draws
 from cusick_bench.report.radius_angle import radius_angle
 from cusick_bench.report.side_by_side import fitted, held_out
 from cusick_bench.solvers.silhouettes import silhouette
@@ -110,12 +110,14 @@ def test_one_cloth_alone_cannot_be_told_apart(toy_dataset, toy_data, tmp_path):
 def test_fits_stand_beside_their_training_sample(run, toy_data, toy_dataset, tmp_path):
     strips = fitted(load_cells(run), toy_dataset)
     assert [strip.cloth for strip in strips] == list(CLOTHS)
-    assert list(strips[0].predicted) == ["right", "swapped", "null:disc"]
+    assert list(strips[0].predicted) == ["right", "swapped"]  # what does not simulate, fits nothing
     assert not strips[0].real.ruled
     assert not strips[0].predicted["right"].ruled
     assert strips[0].predicted["swapped"].ruled
     document = draw("figure-6", run, toy_data, tmp_path)
-    assert document["strips"][1]["mse"] == pytest.approx({"right": 0, "swapped": 0, "null:disc": 0})  # fits are copies
+    assert document["strips"][1]["mse"] == pytest.approx({"right": 0, "swapped": 0})  # fits are copies
+    asked = draw("figure-6", run, toy_data, tmp_path, "--solver", "null:disc")
+    assert set(asked["strips"][0]["mse"]) == {"null:disc"}
     (picture,) = pictures(document)
     assert picture.std() > 5
 
@@ -146,6 +148,45 @@ def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(toy_dataset, tmp_p
         assert np.abs(shown.image - own[place - 1]).max() < 0.01
         assert shown.mse == pytest.approx(np.mean((own[place] - own[place - 1]) ** 2), abs=1e-3)
         assert shown.remark == ""
+
+
+def test_oracles_are_shown_on_demand_or_where_there_is_nothing_else(run, toy_dataset, tmp_path):
+    for cloth in CLOTHS:
+        write_cell(tmp_path, toy_dataset, "oracle:shifted", cloth, held_out_images(toy_dataset, cloth))
+    alone = load_cells(tmp_path)
+    assert [one.label for one in entrants(alone, kinds=("solver", "null"))] == ["oracle:shifted"]
+    for cloth in CLOTHS:
+        write_cell(tmp_path, toy_dataset, "null:copy", cloth, held_out_images(toy_dataset, cloth)[:1])
+    both = load_cells(tmp_path)
+    assert [one.label for one in entrants(both, kinds=("solver", "null"))] == ["null:copy"]
+    assert [one.label for one in entrants(both)] == ["null:copy", "oracle:shifted"]
+    assert [one.label for one in entrants(both, ["oracle:shifted"], kinds=("null",))] == ["oracle:shifted"]
+    assert [group.label for group in radius_angle(both, toy_dataset).drawn] == ["null:copy"]
+    assert set(held_out(both, toy_dataset, samples=1)[0].predicted) == {"null:copy"}
+
+
+@pytest.mark.parametrize(("count", "lengths"), [(0, [0]), (1, [1]), (5, [5]), (6, [3, 3]), (11, [3, 4, 4])])
+def test_many_methods_stand_in_even_blocks(count, lengths):
+    blocks = in_blocks(range(count), 5)
+    assert [len(block) for block in blocks] == lengths
+    assert [item for block in blocks for item in block] == list(range(count))
+
+
+@pytest.mark.parametrize("command", ["figure-6", "figure-8"])
+def test_a_sheet_of_many_methods_is_higher_not_wider(toy_dataset, toy_data, tmp_path, command):
+    names = [f"method-{letter}" for letter in "abcdefg"]
+    for cloth in CLOTHS:
+        for name in names:
+            write_cell(tmp_path / "run", toy_dataset, name, cloth, held_out_images(toy_dataset, cloth)[:2])
+    some = [word for name in names[:4] for word in ("--solver", name)]
+    few, many = (
+        next(pictures(draw(command, tmp_path / "run", toy_data, tmp_path / "figure", *options)))
+        for options in (some, [])
+    )
+    assert many.shape[1] == few.shape[1]
+    assert 1.6 * few.shape[0] < many.shape[0] < 2.2 * few.shape[0]
+    for half in (slice(0, len(many) // 2), slice(len(many) // 2, None)):
+        assert many[half].std() > 5
 
 
 def test_a_solver_that_lacks_a_cloth_leaves_its_place_empty(toy_dataset, toy_data, tmp_path):

@@ -4,6 +4,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,10 @@ from cusick_bench.runner import load_prediction
 from cusick_bench.runner.cell import load_cell
 
 _MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
+COLUMNS = 5  # of methods beside the real drapes; a page has room for no more
 _KINDS = {"solver": 0, "null": 1, "oracle": 2}
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +79,15 @@ class Draws:
         return surface_of(self.images[draw] / 255, vertices, self.faces)
 
 
-def entrants(cells: Cells, solvers: Sequence[str] | None = None) -> list[Entrant]:
+def entrants(
+    cells: Cells, solvers: Sequence[str] | None = None, *, kinds: Sequence[str] = tuple(_KINDS)
+) -> list[Entrant]:
     """The solvers of a run: those that simulate, those that do not, those that have seen the answer.
 
     Args:
         cells: What the run's folder holds.
-        solvers: Names of the solvers to keep, in this order; all by default.
+        solvers: Names of the solvers to keep, in this order; those of the kinds by default.
+        kinds: Kinds to keep where no solver is named; all where the run has none of them.
 
     Raises:
         ReportError: A solver that is not in the run.
@@ -90,11 +97,23 @@ def entrants(cells: Cells, solvers: Sequence[str] | None = None) -> list[Entrant
         for (solver, variant), group in variants(cells.table)
     ]
     if solvers is None:
-        return sorted(found, key=lambda entrant: (_KINDS.get(entrant.kind, 3), entrant.label))
+        wanted = [entrant for entrant in found if entrant.kind in kinds] or found
+        return sorted(wanted, key=lambda entrant: (_KINDS.get(entrant.kind, 3), entrant.label))
     present = sorted(set(cells.table["solver"]))
     if missing := [solver for solver in solvers if solver not in present]:
         raise ReportError(f"no {', '.join(missing)} in {cells.folder}; --solver takes any of: {', '.join(present)}")
     return [entrant for name in solvers for entrant in found if entrant.cells["solver"].iloc[0] == name]
+
+
+def in_blocks(items: Sequence[T], most: int = COLUMNS) -> list[list[T]]:
+    """Items in as few blocks of at most `most` as can be, of nearly equal length: what stands side by side."""
+    count = max(1, -(-len(items) // most))
+    return [list(items[len(items) * i // count : len(items) * (i + 1) // count]) for i in range(count)]
+
+
+def heading(label: str) -> str:
+    """A solver's label with a line for each of its options."""
+    return label.replace(",", "\n").replace(" (", "\n(")
 
 
 def check_data(cells: Cells, dataset: DrapeDataset) -> None:

@@ -33,7 +33,15 @@ from cusick_bench.metrics import (
     ranks,
     standardised,
 )
-from cusick_bench.report.predictions import Entrant, check_data, entrants, held_out_rows, load_draws
+from cusick_bench.report.predictions import (
+    Entrant,
+    check_data,
+    entrants,
+    heading,
+    held_out_rows,
+    in_blocks,
+    load_draws,
+)
 
 DRAWS = 200  # of a cell that are classified, evenly spaced
 _LINES = 12  # drawn in a panel
@@ -121,7 +129,7 @@ def radius_angle(
     Args:
         cells: What the run's folder holds.
         dataset: The run's data.
-        solvers: Which of its solvers; all by default.
+        solvers: Which of its solvers; by default all but oracles.
         draws: Most draws of a cell to look at.
         progress: Told what is measured.
 
@@ -130,7 +138,7 @@ def radius_angle(
         MetricError: Fewer than two cloths, or too few samples.
     """
     check_data(cells, dataset)
-    chosen = entrants(cells, solvers)
+    chosen = entrants(cells, solvers, kinds=("solver", "null"))
     cloths = sorted(set(cells.table["cloth"]))
     shapes: dict[str, list[Shape]] = {}
     samples: list[int] = []
@@ -171,22 +179,35 @@ def _radii(shapes: dict[str, list[Shape]]) -> dict[str, ndarray]:
 
 
 def save_radius_angle(study: RadiusAngle, path: Path) -> None:
-    """Draws radius over angle as PNG: a row a cloth, the real samples and every solver side by side."""
-    groups = [study.real, *study.drawn]
-    rows, columns = len(study.cloths), len(groups)
-    figure = Figure(figsize=(0.8 + 2.9 * columns, 0.9 + 1.45 * rows), dpi=130, layout="constrained")
+    """Draws radius over angle as PNG: a row a cloth, solvers side by side, in blocks that begin with real samples."""
+    blocks, cloths = in_blocks(study.drawn), study.cloths
+    rows, columns = len(cloths) * len(blocks), 1 + max(map(len, blocks))
+    figure = Figure(figsize=(0.8 + 2.9 * columns, 1.2 + 1.5 * rows), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for column, group in enumerate(groups):
-        axes[0, column].set_title(f"{group.label}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
-        for row, cloth in enumerate(study.cloths):
-            colour = _DRAWN if column else _REAL
-            _panel(axes[row, column], group.radii.get(cloth), group.confusion.accuracies[row], colour)
-    for row, cloth in enumerate(study.cloths):
-        axes[row, 0].set_ylabel(f"{cloth}\nradius [mm]", fontsize=8)
-    for axis in axes[-1]:
-        axis.set_xlabel("angle from warp [deg]", fontsize=8)
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    for number, block in enumerate(blocks):
+        _block(axes[number * len(cloths) :][: len(cloths)], cloths, [study.real, *block])
+    figure.suptitle(
+        f"radius over angle of up to {_LINES} drapes each (dotted: radius of the plate and of the flat cloth)",
+        fontsize=10,
+    )
     figure.savefig(path)
+
+
+def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group]) -> None:
+    """Draws groups side by side, the real one first."""
+    for column, group in enumerate(groups):
+        axes[0, column].set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
+        for row, cloth in enumerate(cloths):
+            axis = axes[row, column]
+            axis.set_axis_on()
+            axis.tick_params(labelleft=column == 0, labelbottom=row == len(cloths) - 1)
+            _panel(axis, group.radii.get(cloth), group.confusion.accuracies[row], _DRAWN if column else _REAL)
+        axes[-1, column].set_xlabel("angle from warp [deg]", fontsize=8)
+    for row, cloth in enumerate(cloths):
+        axes[row, 0].set_ylabel(f"{cloth}\nradius [mm]", fontsize=8)
 
 
 def save_confusion(study: RadiusAngle, path: Path) -> None:
@@ -200,7 +221,7 @@ def save_confusion(study: RadiusAngle, path: Path) -> None:
     ticks = range(len(study.cloths))
     for axis, group in zip(axes, groups, strict=False):
         _matrix(axis, group.confusion)
-        axis.set_title(f"{group.label}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
+        axis.set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
         axis.set_xticks(range(len(study.cloths) + 1), (*study.cloths, "none"), rotation=45, ha="right", fontsize=8)
         axis.set_xlabel("taken for", fontsize=8)
         axis.set_ylabel("drapes of", fontsize=8)
@@ -212,7 +233,7 @@ def save_confusion(study: RadiusAngle, path: Path) -> None:
 
 def _panel(axis: Axes, radii: ndarray | None, accuracy: float, colour: str) -> None:
     for height in (_PLATE_MM, _CLOTH_MM):
-        axis.axhline(height, color="0.75", linewidth=0.6, linestyle=":")
+        axis.axhline(height, color="0.5", linewidth=0.8, linestyle=":")
     axis.set(xlim=(0, 360), xticks=range(0, 361, 90), ylim=(_PLATE_MM - 8, _CLOTH_MM + 14))
     axis.tick_params(labelsize=7)
     if radii is None:
@@ -222,7 +243,8 @@ def _panel(axis: Axes, radii: ndarray | None, accuracy: float, colour: str) -> N
     for index in np.unique(np.linspace(0, len(radii) - 1, _LINES).astype(int)):
         axis.plot(angle, 1e3 * np.append(radii[index], radii[index, 0]), color=colour, linewidth=0.7, alpha=0.55)
     text = f"{len(radii)} drape{'s' * (len(radii) > 1)}, {_at_home(accuracy)}"
-    axis.text(356, _CLOTH_MM + 12, text, ha="right", va="top", fontsize=6.5, color="0.3")
+    behind = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1}
+    axis.text(356, _CLOTH_MM + 12, text, ha="right", va="top", fontsize=6.5, color="0.3", bbox=behind)
 
 
 def _matrix(axis: Axes, confusion: Confusion) -> None:

@@ -28,7 +28,9 @@ from cusick_bench.report.predictions import (
     Entrant,
     check_data,
     entrants,
+    heading,
     held_out_rows,
+    in_blocks,
     load_draws,
     surface_of,
     train_row,
@@ -36,7 +38,7 @@ from cusick_bench.report.predictions import (
 
 SAMPLES = 3  # held-out samples of a cloth that are shown
 _MARGIN = 16  # [px] of a silhouette that no cloth of 15 cm reaches
-_SKY = 60  # [px] above a drape from the side
+_SKY = 50  # [px] above a drape from the side
 _OUTLINE = "#eb7319"
 
 Progress = Callable[[str], None]
@@ -95,14 +97,14 @@ def fitted(
     Args:
         cells: What the run's folder holds.
         dataset: The run's data.
-        solvers: Which of its solvers; all by default.
+        solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
         progress: Told what is read.
 
     Raises:
         ReportError: Other data, an unknown solver, or a damaged prediction.
     """
     check_data(cells, dataset)
-    chosen, strips = entrants(cells, solvers), []
+    chosen, strips = entrants(cells, solvers, kinds=("solver",)), []
     for cloth in sorted(set(cells.table["cloth"])):
         progress(f"fits of {cloth}")
         folders = _first_folders(chosen, cloth)
@@ -132,7 +134,7 @@ def held_out(
     Args:
         cells: What the run's folder holds.
         dataset: The run's data.
-        solvers: Which of its solvers; all by default.
+        solvers: Which of its solvers; by default all but oracles.
         samples: Most samples of a cloth.
         progress: Told what is read.
 
@@ -140,7 +142,7 @@ def held_out(
         ReportError: Other data, an unknown solver, or a damaged prediction.
     """
     check_data(cells, dataset)
-    chosen, strips = entrants(cells, solvers), []
+    chosen, strips = entrants(cells, solvers, kinds=("solver", "null")), []
     for cloth in sorted(set(cells.table["cloth"])):
         progress(f"draws of {cloth}")
         rows = held_out_rows(cells, cloth)[:samples]
@@ -193,36 +195,39 @@ def _draw_tile(draws: Draws, best: int, error: float, remark: str) -> Tile:
 
 
 def save_strips(strips: Sequence[Strip], path: Path, title: str) -> None:
-    """Writes strips one below the other as PNG.
+    """Writes strips one below the other as PNG; where there are many methods, in blocks that repeat the real drapes.
 
     Args:
         strips: At least one.
         path: File to write.
         title: Line above them.
     """
-    labels = list(dict.fromkeys(label for strip in strips for label in strip.predicted))
-    columns, rows = 1 + len(labels), 2 * len(strips)
-    size = (0.5 + 2.1 * columns, 0.6 + 3.55 * len(strips))
-    figure = Figure(figsize=size, dpi=130, layout="constrained")
+    blocks = in_blocks(list(dict.fromkeys(label for strip in strips for label in strip.predicted)))
+    columns, rows = 1 + max(map(len, blocks)), len(blocks) * len(strips)
+    figure = Figure(figsize=(0.5 + 2.1 * columns, 0.6 + 3.55 * rows), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, squeeze=False, height_ratios=[1.45, 1.0] * len(strips))
+    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[1.45, 1.0] * rows)
     for axis in axes.ravel():
         axis.set_axis_off()
-    for index, strip in enumerate(strips):
-        outline = profile_from_image(strip.real.image)
-        for column, label in enumerate(["real", *labels]):
-            tile = strip.predicted.get(label) if column else strip.real
-            if tile is None:
-                continue
-            _from_above(axes[2 * index, column], tile, outline if column else None)
-            _from_side(axes[2 * index + 1, column], tile, strip.cloth)
-            if index == 0:
-                axes[0, column].set_title(label, fontsize=9)
-        heading = f"{strip.cloth}\nsample {strip.sample}"
-        corner = axes[2 * index, 0]
-        corner.text(-0.05, 0.5, heading, transform=corner.transAxes, fontsize=8, ha="right", va="center", rotation=90)
+    for number, labels in enumerate(blocks):
+        for index, strip in enumerate(strips, start=number * len(strips)):
+            _strip(axes[2 * index : 2 * index + 2], strip, labels)
+        for axis, label in zip(axes[2 * number * len(strips)], ["real", *labels], strict=False):
+            axis.set_title(heading(label), fontsize=9)
     figure.suptitle(title, fontsize=10)
     figure.savefig(path)
+
+
+def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
+    """Draws a real drape and some of its predictions, from above into the first row of axes, from the side below."""
+    outline = profile_from_image(strip.real.image)
+    for column, label in enumerate(["real", *labels]):
+        tile = strip.predicted.get(label) if column else strip.real
+        if tile is not None:
+            _from_above(axes[0, column], tile, outline if column else None)
+            _from_side(axes[1, column], tile, strip.cloth)
+    words, corner = f"{strip.cloth}\nsample {strip.sample}", axes[0, 0]
+    corner.text(-0.05, 0.5, words, transform=corner.transAxes, fontsize=8, ha="right", va="center", rotation=90)
 
 
 def _from_above(axis: Axes, tile: Tile, outline: Profile | None) -> None:
