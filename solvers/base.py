@@ -78,6 +78,7 @@ class Solver(ABC):
     summary: ClassVar[str] = ""
     space: ClassVar[str | None] = None  # the parameter space that the method is about, whatever the run asks for
     needs_gradient: ClassVar[bool] = False
+    most_numbers: ClassVar[int | None] = None  # longest tau that it can search, None for any
     needs_mesh: ClassVar[bool] = False  # whether it fits the training drape's shape in three dimensions
 
     @property
@@ -100,6 +101,12 @@ class Solver(ABC):
             raise SolverError(
                 f"{self.name} needs gradients, and the space {problem.space.name!r} has none; "
                 "use a gradient-free solver such as nlopt:LN_BOBYQA"
+            )
+        if self.most_numbers is not None and problem.dimension > self.most_numbers:
+            raise SolverError(
+                f"{self.name} keeps tables as large as the square of the parameters' number, so it takes at most "
+                f"{self.most_numbers} of them, and the space {problem.space.name!r} has {problem.dimension} here; use "
+                "another space or solver"
             )
         if self.needs_mesh and problem.train_mesh is None:
             raise SolverError(

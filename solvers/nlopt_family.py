@@ -33,6 +33,9 @@ BENCHMARKED = (
     "GN_ESCH",
 )
 _NEEDS_ANOTHER = ("AUGLAG", "MLSL")
+# Keep a quadratic model, a simplex or a population that grows with the dimension.
+_DENSE = ("BOBYQA", "NEWUOA", "COBYLA", "NELDERMEAD", "PRAXIS", "SLSQP", "CRS2", "ISRES")
+_MOST_DENSE = 2000  # numbers: 32 MB a table, and half a minute a step of LD_SLSQP, whose work grows with the cube
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,7 @@ def nlopt_solver(algorithm: str) -> type[Solver]:
         "name": f"nlopt:{algorithm}",
         "algorithm": algorithm,
         "needs_gradient": algorithm[1] == "D",
+        "most_numbers": _MOST_DENSE if any(word in algorithm for word in _DENSE) else None,
         "summary": opt.get_algorithm_name(),
         "reference": "Johnson, NLopt, https://github.com/stevengj/nlopt",
         "__doc__": f"NLopt's {algorithm}: {opt.get_algorithm_name()}.",

@@ -18,7 +18,17 @@ from cusick_bench.leaderboard.paper import SOLVERS, PaperTable, make_table, meth
 from cusick_bench.leaderboard.text import provenance
 from cusick_bench.problem import Budget
 from cusick_bench.report.fold_variability import fold_variability, variability_table
-from cusick_bench.runner import Cell, ProblemSettings, ProgressBars, RunnerError, Source, load_once, plan, run
+from cusick_bench.runner import (
+    Cell,
+    ProblemSettings,
+    ProgressBars,
+    RunnerError,
+    Source,
+    load_once,
+    plan,
+    require_space,
+    run,
+)
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.settings import DrapeSettings
 
@@ -161,9 +171,12 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
     notes = [f"Left out, since not registered: {', '.join(missing)}."] if missing else []
     dataset, planned = load_once(grid.source), list[Cell]()
     for space in dict.fromkeys(method.space for method in chosen):
+        solvers = [method.solver for method in chosen if method.space == space]
+        if space is not None:
+            require_space(solvers, space)
         planned += plan(
             dataset,
-            solvers=[method.solver for method in chosen if method.space == space],
+            solvers=solvers,
             cloths=grid.cloths,
             seeds=list(range(grid.seeds)),
             settings=replace(grid.settings, space=space or grid.settings.space),

@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import console, print_json, user_errors
-from cusick_bench.problem import Budget
+from cusick_bench.problem import SPACES, Budget
 from cusick_bench.runner import (
     ProblemSettings,
     ProgressBars,
@@ -18,6 +18,7 @@ from cusick_bench.runner import (
     labelled,
     load_once,
     plan,
+    require_space,
     run,
     shard,
 )
@@ -27,6 +28,7 @@ app = typer.Typer()
 
 EXECUTORS = ("process",)
 
+DEFAULT_SPACE = ProblemSettings().space
 DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
 
 
@@ -41,7 +43,10 @@ def run_command(
     cloth: Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; all by default.")] = None,
     solver: Annotated[list[str] | None, typer.Option(help="Solver; repeatable; see `solvers`.")] = None,
     protocol: Annotated[str, typer.Option(help="How samples are split into training and held out.")] = "paper",
-    space: Annotated[str, typer.Option(help="Parameter space: homo or heter.")] = "homo",
+    space: Annotated[
+        str | None,
+        typer.Option(help=f"Parameter space: {', '.join(SPACES)}; by default the solver's own, or {DEFAULT_SPACE}."),
+    ] = None,
     budget: Annotated[
         float, typer.Option(help="Drapes that a cell may spend; a gradient counts as two.")
     ] = DEFAULT_BUDGET,
@@ -79,8 +84,10 @@ def run_command(
     """
     if executor not in EXECUTORS:
         raise RunnerError(f"unknown executor {executor!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
+    if space is not None:
+        require_space(solver or [], space)
     settings = ProblemSettings(
-        space=space,
+        space=space or DEFAULT_SPACE,
         vertices=vertices,
         drape=DrapeSettings(law=law, mode=mode, steps=steps),  # pyright: ignore[reportArgumentType]
         camera=camera,

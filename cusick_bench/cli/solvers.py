@@ -26,6 +26,7 @@ def solvers(
             "name": name,
             "kind": solver.kind,
             "summary": solver.summary,
+            "space": solver.space or "any",
             "needs_gradient": solver.needs_gradient,
             "options": {field.name: field.default for field in fields(solver) if not field.kw_only},
             "reference": solver.reference,
@@ -35,8 +36,8 @@ def solvers(
     if json:
         print_json({"solvers": rows})
         return
-    table = Table("name", "kind", "what it is", "options", "reference")
+    table = Table("name", "kind", "space", "what it is", "options", "reference")
     for row in rows:
         options = ", ".join(f"{key}={value}" for key, value in row["options"].items())
-        table.add_row(row["name"], row["kind"], row["summary"], options, row["reference"])
+        table.add_row(row["name"], row["kind"], row["space"], row["summary"], options, row["reference"])
     output.print(table)

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -195,6 +195,27 @@ def plan(
         if made[cell.solver].kind == "solver":
             dataset.require_density(cell.train[0])
     return cells
+
+
+def require_space(solvers: Iterable[str], space: str) -> None:
+    """Makes sure that solvers can be asked to work in a parameter space.
+
+    Args:
+        solvers: Registered names, with options.
+        space: Name of the space.
+
+    Raises:
+        CusickError: An unknown space or solver, or a solver that is about another space.
+    """
+    if space not in SPACES:
+        raise ProblemError(f"unknown space {space!r}; use one of {', '.join(SPACES)}")
+    for text in solvers:
+        own = make_solver(text).space
+        if own not in (None, space):
+            raise RunnerError(
+                f"{text} works in the space {own} only, not in {space}; run it without a space, or give {space} to "
+                "solvers that work in any; see `cusick-bench solvers`"
+            )
 
 
 def shard(cells: list[Cell], text: str) -> list[Cell]:
