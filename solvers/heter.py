@@ -1,158 +1,135 @@
 """Gradient fit of one stretch table a face and one bending table a hinge: 241,734 numbers on 2699 vertices.
 
-One silhouette does not determine as many numbers, so the fit is a regularised one: tau = tau_0 + (smooth fields), with
-tau_0 the best homogeneous cloth and a Gaussian prior on the fields (`smooth_field`), whose white coordinates z minimise
+One silhouette does not determine as many numbers, so the fit is a regularised one: tau = tau_0 + (39 numbers that all
+elements share) + (smooth fields), with tau_0 the cloth whose bending level has the drape coefficient, and a Gaussian
+prior on both (`smooth_field`), whose white coordinates z minimise
 
-    J(z) = MODES loss(tau(z)) / FLOOR + |z|^2 / 2,
+    J(z) = MODES E(tau(z)) / FLOOR + |z|^2 / 2,
 
 half the misfit of the silhouette's harmonics, each known as well as edges are drawn, plus minus the log prior. Every
 table moves on its own, but neighbours move together over the prior's length, and nothing moves unless the silhouette
-asks for it. The prior also preconditions: a gradient in z is a smoothed gradient in tau.
+asks for it. E compares blurred silhouettes (`blurred_misfit`), since the pixels' squared error has a kink at every
+place where outlines meet. What the fit answers with is the cloth of the lowest loss on its way, whatever its J.
 
-Stages: bending level by drape coefficient; a short homogeneous fit; then rounds of momentum steps of fixed length,
-which cross the rough ground of folds that come and go, and of L-BFGS. From round to round the steps become shorter;
-when they are short and a round gains nothing, the fit ends. After every round all state is saved, and a killed run
-goes on from there.
+A walk of Gauss-Newton steps (`gauss_newton`) goes down. The ground is rough: where a fold slips in or out, within
+1e-4 of a step in a limp cloth, the drape and J leap, and a search that takes only what is lower soon stands before a
+cliff. So every step is taken, up or down, and only the longest allowed one becomes shorter. Every few steps all state
+is saved, and a killed run goes on from there.
 
 References:
     Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024 (the row HETER of Table 1).
-    Lindgren, Rue, Lindstroem, J. Royal Statistical Society B 73(4), 2011. Liu, Nocedal, Math. Programming 45, 1989.
+    Lindgren, Rue, Lindstroem, J. Royal Statistical Society B 73(4), 2011.
+    Schlenkrich, Griewank, Walther, Math. Programming 121, 2010.
 """
 
 import contextlib
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
-from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
-from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at
-from cusick_bench.solvers.incumbent import PENALTY, Incumbent
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.blurred_misfit import BlurredMisfit
+from cusick_bench.solvers.gauss_newton import Adjoints, damped_step
+from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
-from cusick_bench.solvers.quasi_newton import Search, descend
 from cusick_bench.solvers.smooth_field import StiffnessField
 
-FLOOR = 5e-4  # MSE between two drawings of one edge: what a silhouette is known to
+FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px
 MODES = 20.0  # independent numbers in a silhouette, halved: harmonics 1 to 20, cosine and sine
-SHORTENING = 0.6  # of the steps' length, from round to round
-SHORTEST = 1 / 20  # of the first length: shorter steps are not worth their gradients
-GAIN = 0.01  # relative decrease of J below which a round gained nothing
+LAST = 0.1  # of the first radius, at the end of the walk
+SAVED = 8  # steps between two savings
 
 White = Float[np.ndarray, " white"]
+Residual = Float[np.ndarray, " kept"]
 
 
-class SharedIncumbent(Incumbent):
-    """A search over homogeneous cloths in the heterogeneous space: all elements share one table of 24 + 15 numbers.
+class BlurredIncumbent(Incumbent):
+    """An incumbent of the problem's loss, whose gradients are those of the blurred misfit."""
 
-    Attributes:
-        shared: The 39 numbers of the best cloth.
-    """
+    def __init__(self, problem: DrapeProblem, blur: float) -> None:
+        super().__init__(problem)
+        self._misfit = BlurredMisfit(problem.train_image, blur)
 
-    def __init__(self, start: Incumbent) -> None:
-        super().__init__(start.problem)
-        self.tau, self.loss = start.tau, start.loss
-        self._faces = len(start.problem.simulator.mesh.faces)
-        self.shared = self._first(start.tau)
-
-    def _first(self, tau: np.ndarray) -> Float[np.ndarray, " 39"]:
-        bending = STRETCH_SIZE * self._faces
-        return np.concatenate([tau[:STRETCH_SIZE], tau[bending : bending + BENDING_SIZE]])
-
-    def everywhere(self, shared: Float[np.ndarray, " 39"]) -> np.ndarray:
-        """The vector tau of the cloth that has these numbers on every element."""
-        hinges = len(self.problem.simulator.mesh.hinges)
-        return np.concatenate([np.tile(shared[:STRETCH_SIZE], self._faces), np.tile(shared[STRETCH_SIZE:], hinges)])
-
-    def shared_value_and_gradient(self, shared: Float[np.ndarray, " 39"]) -> tuple[float, np.ndarray]:
-        """Loss and its gradient to the 39 numbers."""
-        loss, gradient = self.value_and_gradient(self.everywhere(shared))
-        cut = STRETCH_SIZE * self._faces
-        sums = gradient[:cut].reshape(-1, STRETCH_SIZE).sum(0), gradient[cut:].reshape(-1, BENDING_SIZE).sum(0)
-        return loss, np.concatenate(sums)
+    def residual_and_product(self, tau: np.ndarray) -> tuple[Residual, np.ndarray] | None:
+        """Residual r of the blurred silhouette, and (dr/dtau)^T r; None where the drape fails."""
+        losses, gradients = self.problem.evaluate_and_gradient_batch(tau[None], self._misfit)
+        self._keep(tau, float(losses[0]))
+        return (self._misfit.residual, gradients[0] / 2) if np.isfinite(losses[0]) else None
 
 
+@dataclass(frozen=True)
 class RegularisedFit:
-    """J(z) around a homogeneous cloth.
+    """J around a homogeneous cloth.
 
     Attributes:
-        incumbent: Remembers the lowest loss, whatever J.
-        field: Smooth deviations.
+        incumbent: Remembers the cloth of the lowest loss, whatever J.
+        field: How a cloth may deviate.
         mean: tau_0.
-        precision: Weight of the loss.
+        weight: Of the misfit E.
     """
 
-    def __init__(self, incumbent: Incumbent, field: StiffnessField, mean: np.ndarray, precision: float) -> None:
-        self.incumbent, self.field, self.mean, self.precision = incumbent, field, mean, precision
+    incumbent: BlurredIncumbent
+    field: StiffnessField
+    mean: Float[np.ndarray, " parameters"]
+    weight: float = MODES / FLOOR
 
-    def __call__(self, z: White) -> tuple[float, White]:
-        """J and its gradient; a failed drape counts as a loss of PENALTY."""
-        loss, gradient = self.incumbent.value_and_gradient(self.mean + self.field.deviation(z))
-        return self.precision * loss + 0.5 * float(z @ z), self.precision * self.field.pulled_back(gradient) + z
+    def look(self, z: White) -> tuple[Residual, White] | None:
+        """Residual r, and (dr/dz)^T r; None where the drape fails."""
+        seen = self.incumbent.residual_and_product(self.mean + self.field.deviation(z))
+        return None if seen is None else (seen[0], self.field.pulled_back(seen[1]))
 
-    def step(self, direction: White, size: float) -> White:
-        """A step along a direction, of root mean square `size` in tau."""
-        moved = np.sqrt(np.mean(self.field.deviation(direction) ** 2))
-        return direction * (size / max(moved, 1e-300))
+    def gradient(self, z: White, product: White) -> White:
+        """Gradient of J, from the product at z."""
+        return 2 * self.weight * product + z
 
 
-def momentum(search: Search, fit: RegularisedFit, *, steps: int, size: float) -> Search:
-    """Steps along the running mean of the gradients, all as long, whether J rises or falls; returns the lowest point.
+@dataclass(frozen=True)
+class Walk:
+    """Where the walk stands.
 
-    Args:
-        search: Where to begin.
-        fit: What to minimise.
-        steps: Gradients to spend.
-        size: Root mean square change of tau a step, falling to a tenth [prior standard deviations].
+    Attributes:
+        z: Where it is.
+        adjoints: What it has seen, the last pair at z.
+        step: Number of the next step.
+        caution: Share of the radius that is used, halved after a failed drape.
     """
-    best, point, mean = search, search.point, search.gradient
-    for index in range(steps):
-        point = point - fit.step(mean, size * (1 - 0.9 * index / steps))
-        value, gradient = fit(point)
-        if value < best.value:
-            best = Search(point, value, gradient, search.steps[:0], search.changes[:0])
-        if value >= fit.precision * PENALTY:  # the drape failed: on from the lowest point
-            point, mean = best.point, best.gradient
-        else:
-            mean = 0.7 * mean + 0.3 * gradient
-    return best
 
+    z: White
+    adjoints: Adjoints
+    step: int = 0
+    caution: float = 1.0
 
-def polish(search: Search, fit: RegularisedFit, *, iterations: int, size: float) -> Search:
-    """L-BFGS, until it gets no lower or gains less than a thousandth an iteration."""
-    for _ in range(iterations):
-        first = float(np.linalg.norm(fit.step(search.gradient, size)))
-        found = descend(search, fit, first=first)
-        if found is None:
-            break
-        gained, search = 1 - found.value / search.value, found
-        if gained < 0.1 * GAIN:
-            break
-    return search
+    def on(self, fit: RegularisedFit, radius: float) -> "Walk":
+        """The next step, wherever it leads; where the drape fails, back again and shorter."""
+        gradient = fit.gradient(self.z, self.adjoints.products[-1])
+        z = self.z + damped_step(gradient, self.adjoints, weight=fit.weight, radius=self.caution * radius)
+        seen = fit.look(z)
+        if seen is None:
+            return replace(self, step=self.step + 1, caution=self.caution / 2)
+        return Walk(z, self.adjoints.and_of(*seen), self.step + 1, min(1.0, 2 * self.caution))
 
 
 @dataclass(frozen=True)
 class Heter(Solver):
-    """Smooth fields of stiffness around the best homogeneous cloth.
+    """Smooth fields of stiffness around a homogeneous cloth.
 
     Attributes:
         search: Most drapes for the bending level.
-        shared_iterations: L-BFGS iterations of the homogeneous start.
-        momentum_steps: Gradients with momentum in a round.
-        iterations: Most L-BFGS iterations in a round.
-        rounds: Most rounds.
-        step: First root mean square step of tau [prior standard deviations].
+        steps: Of the walk, a gradient each.
+        radius: Longest first step [standard deviations of the prior].
+        blur: Width of the blur [px].
         amplitude: Prior standard deviation of the fields [prior standard deviations of a cloth's mean].
         length: Distance at which their correlation has fallen to 0.14 [m].
     """
 
     search: int = 8
-    shared_iterations: int = 8
-    momentum_steps: int = 16
-    iterations: int = 25
-    rounds: int = 30
-    step: float = 0.02
+    steps: int = 160
+    radius: float = 1.0
+    blur: float = 2.0
     amplitude: float = 0.5
     length: float = 0.05
     name: ClassVar[str] = "heter"
@@ -161,64 +138,60 @@ class Heter(Solver):
     space: ClassVar[str | None] = "heter"
     needs_gradient: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        for name in ("radius", "blur"):
+            if not (math.isfinite(value := getattr(self, name)) and value > 0):
+                raise SolverError(f"heter's {name} must be > 0 and finite, got {value}; leave it out for the usual one")
+
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        incumbent, finished = Incumbent(problem), False
+        incumbent, finished = BlurredIncumbent(problem, self.blur), False
         with problem.meter.reserve(1), contextlib.suppress(BudgetExceeded):
             finished = self._fit(problem, incumbent, progress)
         return prediction_at(problem, incumbent.tau, finished=finished)
 
-    def _fit(self, problem: DrapeProblem, incumbent: Incumbent, progress: Progress) -> bool:
-        """Whether the rounds ended by themselves."""
+    def _fit(self, problem: DrapeProblem, incumbent: BlurredIncumbent, progress: Progress) -> bool:
+        """Whether the walk came to its end."""
         field = StiffnessField(problem.simulator.mesh, self.amplitude, self.length)
+        begun = self._restored(problem, incumbent, field) or self._begun(incumbent, field)
+        if begun is None:
+            return False
+        fit, walk = begun
+        while walk.step < self.steps:
+            if walk.step % SAVED == 0:
+                self._keep(problem, fit, walk)
+                progress(f"step {walk.step + 1}, loss {incumbent.loss:.4f}", problem.meter.share)
+            walk = walk.on(fit, self.radius * (1 - (1 - LAST) * walk.step / self.steps))
+        return True
+
+    def _begun(self, incumbent: BlurredIncumbent, field: StiffnessField) -> tuple[RegularisedFit, Walk] | None:
+        """From the bending level that has the drape coefficient; None where no level gives a drape."""
+        match_bending_level(incumbent, self.search)
+        fit, z = RegularisedFit(incumbent, field, incumbent.tau), np.zeros(field.dimension)
+        seen = fit.look(z)
+        return None if seen is None else (fit, Walk(z, Adjoints.of(*seen)))
+
+    def _restored(
+        self, problem: DrapeProblem, incumbent: BlurredIncumbent, field: StiffnessField
+    ) -> tuple[RegularisedFit, Walk] | None:
+        """What was saved last, None where nothing was."""
         state = problem.restore()
         if state is None:
-            mean = self._homogeneous(incumbent)
-            fit = RegularisedFit(incumbent, field, mean, MODES / FLOOR)
-            search, size, first = Search.at(np.zeros(field.dimension), fit), self.step, 0
-        else:
-            incumbent.tau, incumbent.loss = state["tau"], float(state["loss"])
-            fit = RegularisedFit(incumbent, field, state["mean"], MODES / FLOOR)
-            search = Search(state["point"], float(state["value"]), state["gradient"], state["steps"], state["changes"])
-            size, first = float(state["size"]), int(state["round"])
-        for index in range(first, self.rounds):
-            self._keep(problem, fit, search, size, index)
-            progress(f"round {index + 1}, loss {incumbent.loss:.4f}", problem.meter.share)
-            before = search.value
-            if size > SHORTEST * self.step:
-                search = momentum(search, fit, steps=self.momentum_steps, size=size)
-            search = polish(search, fit, iterations=self.iterations, size=size)
-            if size <= SHORTEST * self.step and search.value > (1 - GAIN) * before:
-                return True
-            size *= SHORTENING
-        return False
-
-    def _homogeneous(self, incumbent: Incumbent) -> np.ndarray:
-        """tau of the best homogeneous cloth: bending level, then L-BFGS on the shared tables."""
-        match_bending_level(incumbent, self.search)
-        shared = SharedIncumbent(incumbent)
-        try:
-            search = Search.at(shared.shared, shared.shared_value_and_gradient)
-            for _ in range(self.shared_iterations):
-                found = descend(search, shared.shared_value_and_gradient, first=0.5)
-                if found is None:
-                    break
-                search = found
-        finally:
-            incumbent.tau, incumbent.loss = shared.tau, shared.loss
-        return incumbent.tau
+            return None
+        incumbent.tau, incumbent.loss = state["tau"], float(state["loss"])
+        adjoints = Adjoints(state["residuals"], state["products"])
+        walk = Walk(state["z"], adjoints, int(state["step"]), float(state["caution"]))
+        return RegularisedFit(incumbent, field, state["mean"]), walk
 
     @staticmethod
-    def _keep(problem: DrapeProblem, fit: RegularisedFit, search: Search, size: float, index: int) -> None:
-        """Saves what the next round begins with."""
+    def _keep(problem: DrapeProblem, fit: RegularisedFit, walk: Walk) -> None:
+        """Saves what the next step begins with."""
         problem.save(
             tau=fit.incumbent.tau,
             loss=np.array(fit.incumbent.loss),
             mean=fit.mean,
-            point=search.point,
-            value=np.array(search.value),
-            gradient=search.gradient,
-            steps=search.steps,
-            changes=search.changes,
-            size=np.array(size),
-            round=np.array(index),
+            z=walk.z,
+            residuals=walk.adjoints.residuals,
+            products=walk.adjoints.products,
+            step=np.array(walk.step),
+            caution=np.array(walk.caution),
         )

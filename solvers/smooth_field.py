@@ -1,7 +1,8 @@
-"""Smooth Gaussian fields of stiffness over the cloth, in white coordinates: tau = mean + amplitude P W, W = S z.
+"""Smooth Gaussian fields of stiffness over the cloth, in white coordinates: deviation = P (shared z_0 + amplitude S z).
 
-Every one of the 39 table entries deviates from the cloth's mean by its own field with Matern covariance (nu = 1):
-the solution of (kappa^2 - Laplace) w = white noise, discretised with linear finite elements on the flat mesh,
+Every one of the 39 table entries deviates by a number z_0 that all elements share, and by its own field with Matern
+covariance (nu = 1), the solution of (kappa^2 - Laplace) w = white noise, discretised with linear finite elements on
+the flat mesh,
 
     (kappa^2 M + K) w = sqrt(4 pi) kappa M^(1/2) z,    z ~ N(0, I),    kappa = sqrt(8) / length,
 
@@ -60,25 +61,27 @@ class StiffnessField:
         mesh: The cloth.
         amplitude: Standard deviation of each entry of tau over the cloth [prior standard deviations].
         length: Distance at which the correlation is 0.14 [m].
+        shared: Standard deviation of what all elements have in common [prior standard deviations].
 
     Raises:
-        SolverError: Amplitude or length is not positive.
+        SolverError: Amplitude, length or what is shared is not positive.
     """
 
     mesh: Mesh
     amplitude: float
     length: float
+    shared: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "length"):
+        for name in ("amplitude", "length", "shared"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise SolverError(f"a stiffness field's {name} must be > 0 and finite, got {value}")
 
     @property
     def dimension(self) -> int:
-        """Length of z: one number a vertex and table entry."""
-        return FIELDS * self.mesh.vertices
+        """Length of z: for each table entry the shared number, then one a vertex."""
+        return FIELDS * (1 + self.mesh.vertices)
 
     @cached_property
     def _on_faces(self) -> sparse.csr_matrix:
@@ -104,7 +107,8 @@ class StiffnessField:
 
     def deviation(self, z: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " parameters"]:
         """The change of tau that z stands for; linear."""
-        fields = self._factor.solve(self._noise * z.reshape(-1, FIELDS))
+        common, white = np.split(z.reshape(-1, FIELDS), [1])
+        fields = self.shared * common + self._factor.solve(self._noise * white)
         stretch, bending = fields[:, :STRETCH_SIZE], fields[:, STRETCH_SIZE:]
         return np.concatenate([(self._on_faces @ stretch).ravel(), (self._on_hinges @ bending).ravel()])
 
@@ -113,4 +117,6 @@ class StiffnessField:
         cut = STRETCH_SIZE * len(self.mesh.faces)
         stretch = self._on_faces.T @ gradient[:cut].reshape(-1, STRETCH_SIZE)
         bending = self._on_hinges.T @ gradient[cut:].reshape(-1, BENDING_SIZE)
-        return (self._noise * self._factor.solve(np.concatenate([stretch, bending], axis=1))).ravel()
+        corners = np.concatenate([stretch, bending], axis=1)
+        common = self.shared * corners.sum(0, keepdims=True)
+        return np.concatenate([common, self._noise * self._factor.solve(corners)]).ravel()
