@@ -40,7 +40,7 @@ from cusick_bench.solvers.linearisation import PAIRS, LinearModel, Normal, linea
 from cusick_bench.solvers.predictive import predictive_draws, with_draws
 from cusick_bench.solvers.variational import INFERENCE, PREDICTION, standard_normal
 
-LEVEL_SD = 0.3  # of the level of bending in the first round, when the search has found it [prior standard deviations]
+LEVEL_SD = 0.4  # of the level of bending in the first round, when the search has found it [prior standard deviations]
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class BdpField(Solver):
     """
 
     draws: int = 200
-    first: int = 96
+    first: int = 112
     rounds: int = 4
     cloths: int = 32
     search: int = 8

@@ -81,13 +81,23 @@ def linearise(
     statistics: Float[ndarray, "pairs statistics"],
     weights: Float[ndarray, " pairs"],
 ) -> LinearModel:
-    """Regresses statistics on cloths.
+    """Regresses statistics on cloths: on all pairs alike, and what that leaves on the pairs as they are weighted.
 
     Args:
         cloths: theta of every pair.
         statistics: s of every pair; `PAIRS` for every number of the cloth, or more.
         weights: How much a pair counts, > 0.
     """
+    broad = _regressed(cloths, statistics, np.ones(len(cloths)))
+    near = _regressed(cloths, statistics - broad(cloths), weights)
+    return LinearModel(broad.slope + near.slope, broad.intercept + near.intercept, near.scatter)
+
+
+def _regressed(
+    cloths: Float[ndarray, "pairs cloth"],
+    statistics: Float[ndarray, "pairs statistics"],
+    weights: Float[ndarray, " pairs"],
+) -> LinearModel:
     share = weights / weights.sum()
     centre, middle = share @ cloths, share @ statistics
     pairs = _effective(weights)

@@ -73,7 +73,8 @@ class TestStatistics:
         angle = np.arange(720) * 2 * np.pi / 720
         image = self._image(0.12 + 0.01 * np.cos(7 * angle) + 0.004 * np.cos(2 * angle))
         found = dict(zip(STATISTICS, drape_statistics(image).tolist(), strict=True))
-        assert found["area"] == pytest.approx(drape_coefficient(image.numpy()), abs=0.005)
+        coefficient = drape_coefficient(image.numpy())
+        assert found["area"] == pytest.approx(math.log(coefficient / (1 - coefficient)), abs=0.02)
         assert found["depth"] == pytest.approx(math.log(0.01 / math.sqrt(2) / 0.06), abs=0.02)
         assert found["number"] == pytest.approx(0.7, abs=0.01)
         assert found["asymmetry"] == pytest.approx(0.0, abs=0.05)
@@ -130,6 +131,16 @@ class TestLinearisation:
             found = linearise(cloths, statistics, np.ones(len(cloths)))
             scatters.append(np.diag(found.scatter) / np.diag(true.scatter))
         assert np.mean(scatters) == pytest.approx(1.0, abs=0.25)
+
+    def test_what_far_pairs_have_shown_is_not_forgotten(self):
+        """Pairs near to the observation that hardly differ show no slope; the others have shown it."""
+        generator = np.random.default_rng(3)
+        cloths = generator.standard_normal((160, 20))
+        cloths[80:, 0] = 0.05 * generator.standard_normal(80)
+        statistics = cloths[:, :1] + 0.3 * generator.standard_normal((160, 1))
+        found = linearise(cloths, statistics, np.repeat([1e-3, 1.0], 80))
+        assert found.slope[0, 0] == pytest.approx(1.0, abs=0.15)
+        assert np.abs(found.slope[0, 1:]).max() < 0.15
 
     def test_posterior_is_that_of_a_gaussian(self):
         *_, model = self._pairs(3)
@@ -256,20 +267,14 @@ class TestLearning:
         with pytest.raises(SolverError, match="use loss=mse"):
             _solve("bdp", replace(toy_problem(space="heter"), loss="profile"))
 
-    @pytest.mark.parametrize(("bending", "runs"), [(2.0, 1), (8.0, 3)])
-    def test_bdp_field_learns_the_level_of_bending(self, bending, runs):
-        """Its draws have the training cloth's drape coefficient, whichever cloth that is.
-
-        Of a stiff cloth in most runs: what the last round changes is not draped again, and may lead astray.
-        """
-        errors = []
-        for seed in range(runs):
-            problem = toy_problem(space="field", bending=bending, budget=Budget(240))
-            answer = _solve("bdp-field,draws=30,refinement=2", problem, seed)
-            drawn = np.array([drape_coefficient(image) for image in answer.draws])
-            errors.append(abs(drawn.mean() - drape_coefficient(problem.train_image)))
-            assert drawn.std() > 0.01
-        assert np.median(errors) < 0.05
+    @pytest.mark.parametrize("bending", [2.0, 8.0])
+    def test_bdp_field_learns_the_level_of_bending(self, bending):
+        """Its draws have the training cloth's drape coefficient, whichever cloth that is."""
+        problem = toy_problem(space="field", bending=bending, budget=Budget(250))
+        answer = _solve("bdp-field,draws=30,refinement=2", problem)
+        drawn = np.array([drape_coefficient(image) for image in answer.draws])
+        assert drawn.mean() == pytest.approx(drape_coefficient(problem.train_image), abs=0.05)
+        assert drawn.std() > 0.01
 
     def test_bdp_field_learns_from_what_the_budget_allows(self):
         """From too few drapes it learns nothing but the level: a regression on them would leave no scatter."""

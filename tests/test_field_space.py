@@ -82,14 +82,24 @@ class TestSpace:
         assert cloth.rest_angle.numpy() == pytest.approx(0.0, abs=1e-12)
         factors = cloth.material.bending[0].log().numpy() - space.prior.bending_median
         assert np.diff(factors, axis=1) == pytest.approx(TRAITS["hardening"].mean)
-        assert factors[:, 2] == pytest.approx([0, TRAITS["bias"].mean, 0])
+        assert factors[:, 2] - TRAITS["bending"].mean == pytest.approx([0, TRAITS["bias"].mean, 0], abs=1e-12)
 
     def test_traits_are_a_standard_deviation_of_theirs_away(self, space):
         tau = torch.zeros(space.dimension, dtype=torch.float64)
-        tau[39:42] = torch.tensor([1.0, -1.0, 2.0])
+        tau[39:43] = torch.tensor([3.0, 1.0, -1.0, 2.0])
         found = {name: space.trait(tau, name).item() for name in TRAITS}
-        sign = {"stretch": 1, "hardening": -1, "bias": 2}
+        sign = {"bending": 3, "stretch": 1, "hardening": -1, "bias": 2}
         assert found == pytest.approx({name: prior.mean + sign[name] * prior.sd for name, prior in TRAITS.items()})
+
+    def test_level_is_the_most_probable_cloth_of_that_stiffness(self, space):
+        """All bending stiffnesses rise alike, by trait and table together: any other share is less probable."""
+        zero, level = (torch.as_tensor(tau) for tau in (np.zeros(space.dimension), space.bending_level(3.0)))
+        ratio = space.specimen(level).material.bending / space.specimen(zero).material.bending
+        assert ratio.numpy() == pytest.approx(3.0)
+        own, trait = space.prior.bending_level(3.0), math.log(3.0) / TRAITS["bending"].sd
+        for share in np.linspace(0, 1, 11):
+            assert share**2 * own @ own + (1 - share) ** 2 * trait**2 >= float(level @ level) - 1e-12
+        assert float(space.bending_level(1.0) @ space.bending_level(1.0)) == 0
 
     def test_specimens_of_a_cloth_differ_in_level(self, space):
         """The mean over the cloth of log stiffness, beside what the field itself has of it."""
@@ -110,6 +120,8 @@ class TestSpace:
     def test_the_same_weights_are_the_same_field_on_every_mesh(self, space):
         other = FieldSpace(disc_mesh(400), space.prior)
         tau = torch.from_numpy(np.random.default_rng(1).standard_normal(space.dimension))
+        laying = FIELDS["laying"]
+        tau[space.length("laying")] = math.log(0.04 / laying.length) / laying.length_sd  # longer than edges
         nearest = np.linalg.norm(space.mesh.material[:, None] - other.mesh.material, axis=-1).argmin(0)
         coarse, fine = space.field(tau, "laying")[nearest], other.field(tau, "laying")
         assert np.corrcoef(coarse, fine)[0, 1] > 0.9
@@ -133,6 +145,7 @@ class TestSpace:
         problem = toy_problem(space="field", vertices=80)
         generator = np.random.default_rng(3)
         tau, direction = (generator.standard_normal(problem.dimension) for _ in range(2))
+        tau = 0.5 * tau + problem.space.bending_level(3.0)  # a limp cloth's folds would run away on so coarse a mesh
         _, gradient = problem.evaluate_and_gradient(tau)
         step = 1e-7
         rise = problem.evaluate(tau + step * direction) - problem.evaluate(tau - step * direction)
@@ -141,13 +154,13 @@ class TestSpace:
 
 class TestPopulation:
     def test_fabrics_are_placed_at_the_cloth_they_are_of(self):
-        """Statistics linear in the four numbers, but for noise: the emulator finds them, and the fabric its place."""
+        """Statistics linear in the five numbers, but for noise: the emulator finds them, and the fabric its place."""
         generator = np.random.default_rng(6)
-        slope = generator.standard_normal((4, len(STATISTICS)))
-        cloths = LOW + (HIGH - LOW) * generator.random((200, 4))
+        slope = generator.standard_normal((5, len(STATISTICS)))
+        cloths = LOW + (HIGH - LOW) * generator.random((200, 5))
         emulator = fit_emulator(cloths, cloths @ slope + 0.01 * generator.standard_normal((200, len(STATISTICS))))
         assert np.diag(emulator.scatter) == pytest.approx(1e-4, rel=0.4)
-        true = np.array([-1.0, -0.5, 0.5, 0.2])
+        true = np.array([-1.0, -0.5, 0.5, 0.2, -4.0])
         assert emulator(true)[0] == pytest.approx(true @ slope, abs=0.02)
         samples = true @ slope + 0.01 * generator.standard_normal((12, len(STATISTICS)))
         assert nearest_cloth(emulator, Samples("any", samples)) == pytest.approx(true, abs=0.05)

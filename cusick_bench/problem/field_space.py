@@ -5,8 +5,8 @@ of a millimetre in the shape in which the cloth is laid down, or in its rest sha
 N(0, 1):
 
     the 39 numbers of the homogeneous space,
-    traits in which cloths differ further: the level of stretch stiffness, how bending stiffness rises with curvature,
-    and how stiff the bias is,
+    traits in which cloths differ further: the levels of bending and of stretch stiffness (those numbers, independent of
+    one another, hardly let all rise together), how bending stiffness rises with curvature, and how stiff the bias is,
     logarithms of amplitude and correlation length of every field, around the medians below,
     weights w of every field's modes (see `cusick_bench.sim.matern`).
 
@@ -70,19 +70,20 @@ class Trait:
 
 # What `cusick_bench.problem.population` finds at 700 vertices in fabrics of the release that no table predicts. They
 # are of the mesh as well: a coarse mesh of triangles cannot bend without stretch, which the level of stretch takes on.
-# In stretch, four of the eight fabrics and faces lie at the upper end of its box.
 TRAITS = {
-    "stretch": Trait(0.15, 1.0),  # [log] level of all stretch stiffnesses, beside the prior of the homogeneous space
-    "hardening": Trait(0.45, 0.3),  # [log] rise of bending stiffness from one curvature sample to the next, 10 /m on
-    "bias": Trait(0.45, 0.4),  # [log] bending stiffness at 45 degrees, beside that prior
+    "bending": Trait(0.0, 1.55),  # [log] level of all bending stiffnesses, beside the prior of the homogeneous space
+    "stretch": Trait(0.3, 1.05),  # [log] of all stretch stiffnesses, beside that prior
+    "hardening": Trait(0.5, 0.2),  # [log] rise of bending stiffness from one curvature sample to the next, 10 /m on
+    "bias": Trait(0.6, 0.7),  # [log] bending stiffness at 45 degrees, beside that prior
 }
 
-# Medians are of the size that gives simulated samples of one cloth the variability of real ones: undulations of 1 mm
-# over 3 cm in the laid shape, or half of that in the rest shape; stiffness is uneven by 15 %. Assumed, wide. The level
-# is what `cusick_bench.problem.population` finds that samples differ by beside.
+# From there too: the correlation length of the laid shape, which decides on the number of folds (three of the eight
+# fabrics and faces lie at the lower end of its box, below which all waves that the modes hold are equally strong), and
+# the level of stiffness of a sample. The others are assumed, wide: undulations of 1 mm in the laid shape and of a third
+# of that in the rest shape, stiffness uneven by 15 %, so that simulated samples of one cloth vary as real ones do.
 FIELDS = {
     "stiffness": FieldPrior(0.15, 0.02, level=0.14),  # [log]
-    "laying": FieldPrior(1.0e-3, 0.03),  # [m]
+    "laying": FieldPrior(1.0e-3, 0.014, length_sd=0.65),  # [m]
     "rest": FieldPrior(0.3e-3, 0.03),  # [m]
 }
 CLOTH = HOMOGENEOUS + len(TRAITS) + 2 * len(FIELDS)
@@ -90,7 +91,7 @@ CLOTH = HOMOGENEOUS + len(TRAITS) + 2 * len(FIELDS)
 
 @dataclass(frozen=True)
 class FieldSpace(ParameterSpace):
-    """A homogeneous cloth with traits and random fields: 39 + 3 + 6 + 900 numbers on any mesh."""
+    """A homogeneous cloth with traits and random fields: 39 + 4 + 6 + 900 numbers on any mesh."""
 
     name: ClassVar[str] = "field"
 
@@ -107,11 +108,21 @@ class FieldSpace(ParameterSpace):
         begin = self.specimen_level.start + MODES * list(FIELDS).index(name)
         return slice(begin, begin + MODES)
 
+    @staticmethod
+    def amplitude(name: str) -> int:
+        """Entry of tau that is the logarithm of a field's amplitude."""
+        return HOMOGENEOUS + len(TRAITS) + 2 * list(FIELDS).index(name)
+
+    @staticmethod
+    def length(name: str) -> int:
+        """Entry of tau that is the logarithm of a field's correlation length."""
+        return FieldSpace.amplitude(name) + 1
+
     def root(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " modes"]:
         """Standard deviations of a field's coefficients, in the field's unit times metres."""
-        prior, index = FIELDS[name], HOMOGENEOUS + len(TRAITS) + 2 * list(FIELDS).index(name)
-        amplitude = prior.amplitude * (prior.amplitude_sd * tau[index]).exp()
-        length = prior.length * (prior.length_sd * tau[index + 1]).exp()
+        prior = FIELDS[name]
+        amplitude = prior.amplitude * (prior.amplitude_sd * tau[self.amplitude(name)]).exp()
+        length = prior.length * (prior.length_sd * tau[self.length(name)]).exp()
         modes = disc_modes(MODES)
         uniform = torch.zeros(MODES, dtype=torch.float64)
         uniform[0] = prior.level * modes.radius * math.sqrt(math.pi)  # the first mode is constant, of unit norm
@@ -131,17 +142,21 @@ class FieldSpace(ParameterSpace):
         coefficients = self.root(tau, "stiffness") * tau[self.weights("stiffness")]
         on_hinges, on_faces = (self._basis[name] @ coefficients for name in ("stiffness", "faces"))
         curve = self.trait(tau, "hardening") * _CURVATURES + self.trait(tau, "bias") * _BIAS_ROW
+        level = self.trait(tau, "bending")
         material = Material(
             self.prior.stretch(stretch) * (self.trait(tau, "stretch") + on_faces).exp()[:, None, None],
-            self.prior.bending(bending) * (curve + on_hinges[:, None, None]).exp(),
+            self.prior.bending(bending) * (level + curve + on_hinges[:, None, None]).exp(),
             self.density(),
         )
         laid, rest = (self._raised(self.field(tau, name)) for name in ("laying", "rest"))
         return Specimen(material, initial=laid, rest_angle=dihedral_angles(rest, self.mesh.hinges))
 
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
-        level = np.zeros(self.dimension)
-        level[STRETCH_SIZE:HOMOGENEOUS] = self.prior.bending_level(factor)
+        """The most probable vector of a median cloth whose bending stiffnesses are all `factor` times as large."""
+        level, own, trait = np.zeros(self.dimension), self.prior.bending_level(factor), TRAITS["bending"].sd
+        share = 1 / (1 + trait**2 * float(own @ own) / max(math.log(factor) ** 2, 1e-300))
+        level[STRETCH_SIZE:HOMOGENEOUS] = share * own
+        level[HOMOGENEOUS + list(TRAITS).index("bending")] = (1 - share) * math.log(factor) / trait
         return level
 
     def laid_like(self, height: Float[np.ndarray, " vertices"]) -> Float[np.ndarray, " modes"]:

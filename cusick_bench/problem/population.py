@@ -4,12 +4,13 @@
 
     python -c "from cusick_bench.problem.population import derive_population as d; print(d('FOLDER OF THE RELEASE'))"
 
-1. Cloths with level of bending and traits spread over a box are draped, one specimen each, and the statistics of
-   their silhouettes are regressed on the four numbers (cubic in the level, quadratic else).
-2. Every fabric and face gets the four numbers whose expected statistics are nearest to the mean of its samples, in
-   units of the scatter between specimens. Traits have their mean and standard deviation over fabrics.
-3. Simulated specimens of these cloths, all of one level, differ less in drape coefficient than samples do. The rest
-   is put down to a level of stiffness of each sample: in log stiffness the root of the median, over fabrics and
+1. Cloths with traits and correlation length of the laid shape spread over a box are draped, one specimen each, and the
+   statistics of their silhouettes are regressed on the five numbers (to the fourth degree in the level of bending, the
+   second else).
+2. Every fabric and face gets the five numbers whose expected statistics are nearest to the mean of its samples, in
+   units of the scatter between specimens. Traits and length have their mean and standard deviation over fabrics.
+3. Simulated specimens of these cloths, all of one level, differ less in area than samples do. The rest is
+   put down to a level of stiffness of each sample: in log stiffness the root of the median, over fabrics and
    faces, of (variance of samples - variance of specimens) / slope^2.
 
 The weight of these fabrics is not published. What matters is stiffness over weight, and the level is free, so all are
@@ -19,6 +20,7 @@ References:
     Robbins. An empirical Bayes approach to statistics. Third Berkeley Symposium, 1956.
 """
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -31,8 +33,8 @@ from scipy.optimize import minimize
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.problem.drape_problem import DrapeProblem
-from cusick_bench.problem.field_space import HOMOGENEOUS, TRAITS, FieldSpace
-from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.problem.field_space import FIELDS, HOMOGENEOUS, TRAITS, FieldSpace
+from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.mesh import disc_mesh
@@ -40,7 +42,10 @@ from cusick_bench.sim.settings import DrapeSettings
 
 FABRICS = ("fabric_1", "fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
 AREAL_DENSITY = 0.15  # [kg/m2] assumed
-LOW, HIGH = np.array([-4.0, -2.5, -0.4, -0.5]), np.array([2.5, 1.0, 0.8, 1.5])  # log level, traits in their order
+# traits in their order, log of the laid shape's correlation length [m]
+LOW = np.array([-4.0, -2.5, -0.4, -0.5, math.log(0.008)])
+HIGH = np.array([2.5, 1.0, 0.8, 1.5, math.log(0.045)])
+AREA = STATISTICS.index("area")
 MATCHED = ("area", "depth", "number", "asymmetry", "grain_4_real")  # grain_2 is of the warp against the weft
 SHRINKAGE = 0.3  # weight of a cloth's squared distance from the middle of the box, in half sides
 DISCREPANCY = 0.02  # of the scatter's variance: what the mean over however many samples may still miss
@@ -61,13 +66,13 @@ class Emulator:
     coefficients: Float[ndarray, "features statistics"]
     scatter: Float[ndarray, "statistics statistics"]
 
-    def __call__(self, cloths: Float[ndarray, "*cloths 4"]) -> Float[ndarray, "*cloths statistics"]:
-        """Expected statistics of cloths (log level, traits)."""
+    def __call__(self, cloths: Float[ndarray, "*cloths numbers"]) -> Float[ndarray, "*cloths statistics"]:
+        """Expected statistics of cloths (traits, log length)."""
         return _features(np.atleast_2d(cloths)) @ self.coefficients
 
 
 def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 1300, specimens: int = 16) -> dict:
-    """Derives `TRAITS` and the level of `FIELDS["stiffness"]` anew.
+    """Derives `TRAITS`, the length of `FIELDS["laying"]` and the level of `FIELDS["stiffness"]` anew.
 
     Args:
         folder: Of the public release.
@@ -76,8 +81,9 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
         specimens: Draped of every fabric and face for the spread between specimens.
 
     Returns:
-        `traits`: name -> (mean, sd); `level`: standard deviation of log stiffness between samples; `fabrics`: for
-        each fabric and face its four numbers, and the sd of drape coefficient of samples and of specimens.
+        `traits`: name -> (mean, sd beside that of the tables' prior); `length`: (median [m], sd of its logarithm) of
+        the laid shape; `level`: standard deviation of log stiffness between samples; `fabrics`: for each fabric and
+        face its five numbers, and the sd of the statistic `area` over samples and over specimens.
     """
     problem = _problem(vertices)
     emulator = fit_emulator(*_drape_box(problem, cloths))
@@ -85,7 +91,7 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
     placed = [nearest_cloth(emulator, group) for group in groups]
     spreads = [_spread(problem, cloth, specimens) for cloth in placed]
     excess = [
-        max(group.statistics[:, 0].var(ddof=1) - spread**2, 0) / _slope(emulator, cloth) ** 2
+        max(group.statistics[:, AREA].var(ddof=1) - spread**2, 0) / _slope(emulator, cloth) ** 2
         for group, cloth, spread in zip(groups, placed, spreads, strict=True)
     ]
     names = sorted({group.fabric for group in groups})
@@ -97,22 +103,33 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
     )
     rows = [
         {"fabric": group.fabric, "samples": len(group.statistics), "cloth": cloth.round(2).tolist()}
-        | {"sd_samples": round(float(group.statistics[:, 0].std(ddof=1)), 4), "sd_specimens": round(spread, 4)}
+        | {"sd_samples": round(float(group.statistics[:, AREA].std(ddof=1)), 4), "sd_specimens": round(spread, 4)}
         for group, cloth, spread in zip(groups, placed, spreads, strict=True)
     ]
-    over = {name: (float(means[:, i + 1].mean()), float(means[:, i + 1].std(ddof=1))) for i, name in enumerate(TRAITS)}
-    return {"traits": over, "level": float(np.sqrt(np.median(excess))), "fabrics": rows}
+    middle, spread = means.mean(0), means.std(0, ddof=1)
+    return {
+        "traits": {name: (float(middle[i]), _beside(name, float(spread[i]))) for i, name in enumerate(TRAITS)},
+        "length": (math.exp(middle[-1]), float(spread[-1])),
+        "level": float(np.sqrt(np.median(excess))),
+        "fabrics": rows,
+    }
 
 
-def fit_emulator(cloths: Float[ndarray, "cloths 4"], statistics: Float[ndarray, "cloths statistics"]) -> Emulator:
-    """Regresses statistics of one specimen each on the four numbers of cloths."""
+def _beside(trait: str, spread: float) -> float:
+    """Standard deviation of a trait between cloths, beside what the tables' own prior has of it already."""
+    table = {"bending": 1 / float(np.linalg.norm(_prior().bending_level(math.e))), "stretch": STRETCH_LEVEL_SD}
+    return math.sqrt(max(spread**2 - table.get(trait, 0.0) ** 2, 0.0))
+
+
+def fit_emulator(cloths: Float[ndarray, "cloths numbers"], statistics: Float[ndarray, "cloths statistics"]) -> Emulator:
+    """Regresses statistics of one specimen each on the five numbers of cloths."""
     design = _features(cloths)
     coefficients, *_ = np.linalg.lstsq(design, statistics, rcond=None)
     residual = statistics - design @ coefficients
     return Emulator(coefficients, residual.T @ residual / (len(cloths) - design.shape[1]))
 
 
-def nearest_cloth(emulator: Emulator, samples: Samples) -> Float[ndarray, "4"]:
+def nearest_cloth(emulator: Emulator, samples: Samples) -> Float[ndarray, " numbers"]:
     """The cloth within the box whose expected statistics are nearest to the samples' mean."""
     chosen = [STATISTICS.index(name) for name in MATCHED]
     scatter = emulator.scatter[np.ix_(chosen, chosen)] * (1 / len(samples.statistics) + DISCREPANCY)
@@ -122,38 +139,44 @@ def nearest_cloth(emulator: Emulator, samples: Samples) -> Float[ndarray, "4"]:
         gap = emulator(LOW + (place + 1) / 2 * (HIGH - LOW))[0, chosen] - target
         return float(gap @ np.linalg.solve(scatter, gap) + SHRINKAGE * (place[1:] ** 2).sum())
 
-    starts = [np.array([level, 0, 0, 0]) for level in (-0.8, -0.4, 0.0, 0.4, 0.8)]
-    fits = [minimize(cost, start, method="L-BFGS-B", bounds=[(-1, 1)] * 4) for start in starts]
+    starts = [np.array([level, *np.zeros(len(LOW) - 1)]) for level in (-0.8, -0.4, 0.0, 0.4, 0.8)]
+    fits = [minimize(cost, start, method="L-BFGS-B", bounds=[(-1, 1)] * len(LOW)) for start in starts]
     return LOW + (min(fits, key=lambda fit: fit.fun).x + 1) / 2 * (HIGH - LOW)
 
 
-def _features(cloths: Float[ndarray, "cloths 4"]) -> Float[ndarray, "cloths features"]:
+def _features(cloths: Float[ndarray, "cloths numbers"]) -> Float[ndarray, "cloths features"]:
     """Powers and products: all to the second degree, with the level to the fourth."""
     place = 2 * (cloths - LOW) / (HIGH - LOW) - 1
     level = place[:, :1]
-    products = [place[:, i : i + 1] * place[:, i:] for i in range(4)]
+    products = [place[:, i : i + 1] * place[:, i:] for i in range(len(LOW))]
     return np.hstack([np.ones_like(level), place, *products, level**2 * place, place[:, 1:3] ** 3, level**4])
 
 
-def _slope(emulator: Emulator, cloth: Float[ndarray, "4"], step: float = 0.3) -> float:
-    """Derivative of the drape coefficient by the log level."""
-    along = np.array([step, 0.0, 0.0, 0.0])
-    return float((emulator(cloth + along) - emulator(cloth - along))[0, 0]) / (2 * step)
+def _slope(emulator: Emulator, cloth: Float[ndarray, " numbers"], step: float = 0.3) -> float:
+    """Derivative of the statistic `area` by the log level."""
+    along = np.zeros(len(LOW))
+    along[0] = step
+    return float((emulator(cloth + along) - emulator(cloth - along))[0, AREA]) / (2 * step)
+
+
+def _prior() -> StiffnessPrior:
+    return StiffnessPrior("paper", AREAL_DENSITY)
 
 
 def _problem(vertices: int) -> DrapeProblem:
     simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings())
-    space = FieldSpace(simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY))
+    space = FieldSpace(simulator.mesh, _prior())
     return DrapeProblem(train_image=np.zeros((256, 256)), simulator=simulator, space=space)
 
 
-def _tau(problem: DrapeProblem, cloth: Float[ndarray, "4"], generator: np.random.Generator) -> ndarray:
-    """A specimen of the cloth, its fields with median amplitudes, its level that of the cloth."""
+def _tau(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], generator: np.random.Generator) -> ndarray:
+    """A specimen of the cloth, its fields with median amplitudes, its level of stiffness that of the cloth."""
     tau = generator.standard_normal(problem.dimension)
-    fixed = problem.space.specimen_level.start
-    tau[:fixed] = problem.space.bending_level(float(np.exp(cloth[0])))[:fixed]
+    tau[: problem.space.specimen_level.start] = 0
     for i, trait in enumerate(TRAITS.values()):
-        tau[HOMOGENEOUS + i] = (cloth[1 + i] - trait.mean) / trait.sd
+        tau[HOMOGENEOUS + i] = (cloth[i] - trait.mean) / trait.sd
+    laying = FIELDS["laying"]
+    tau[FieldSpace.length("laying")] = (cloth[-1] - math.log(laying.length)) / laying.length_sd
     tau[problem.space.specimen_level.start] = 0  # the constant mode of stiffness
     return tau
 
@@ -173,10 +196,10 @@ def _drape_box(problem: DrapeProblem, count: int) -> tuple[ndarray, ndarray]:
     return cloths[rest], statistics
 
 
-def _spread(problem: DrapeProblem, cloth: Float[ndarray, "4"], specimens: int) -> float:
-    """Standard deviation of the drape coefficient between specimens of one cloth."""
+def _spread(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], specimens: int) -> float:
+    """Standard deviation of the statistic `area` between specimens of one cloth."""
     draw = partial(_tau, problem, cloth, np.random.default_rng(1))
-    return float(_drape(problem, [draw() for _ in range(specimens)])[1][:, 0].std(ddof=1))
+    return float(_drape(problem, [draw() for _ in range(specimens)])[1][:, AREA].std(ddof=1))
 
 
 def _samples(dataset: DrapeDataset) -> list[Samples]:

@@ -3,7 +3,8 @@
 Where the folds of a drape lie is chance; that the next sample has as much area, as many folds and as deep ones is not.
 With R(theta) = sum_m c_m exp(i m theta) the radius profile and 0.06 m the width of the overhang:
 
-    area        mean of R^2, as drape coefficient
+    area        log odds of the drape coefficient, the mean of R^2 between plate and cloth: stiffness moves them evenly,
+                the coefficient itself less and less at both ends
     depth       log of the root mean square of the folds, m >= 3
     number      expected number of crests of a random profile with the folds' power, sqrt(sum m^4 P / sum m^2 P), by
                 Rice's formula; it follows the number counted where the mean m of the power falls behind
@@ -23,6 +24,7 @@ from cusick_bench.sim.mesh import CLOTH_RADIUS, PLATE_RADIUS
 
 STATISTICS = ("area", "depth", "number", "asymmetry", "grain_2_real", "grain_2_imaginary", "grain_4_real")
 FIRST_FOLD, LAST_FOLD = 3, 16
+_LEAST_ODDS = 0.01  # drape coefficient from which on down (or up to 1) the log odds stand still
 _SHALLOW = 1e-4  # [m] a fold below a tenth of a pixel has no depth that an image could show
 
 
@@ -35,8 +37,9 @@ def drape_statistics(image: Image) -> Float[Tensor, "*batch 7"]:
     low = torch.fft.irfft(_only_low(harmonics), n=radius.shape[-1]) * radius.shape[-1]
     folds = radius - low
     variance = folds.square().mean(-1) + _SHALLOW**2
+    coefficient = (radius.square().mean(-1) - PLATE_RADIUS**2) / (CLOTH_RADIUS**2 - PLATE_RADIUS**2)
     columns = [
-        (radius.square().mean(-1) - PLATE_RADIUS**2) / (CLOTH_RADIUS**2 - PLATE_RADIUS**2),
+        torch.logit(coefficient, eps=_LEAST_ODDS),
         0.5 * torch.log(total / RADIUS_SCALE**2),
         (_moment(power, 4) / _moment(power, 2)).sqrt() / 10,
         folds.pow(3).mean(-1) / variance**1.5,
