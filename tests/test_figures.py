@@ -209,6 +209,14 @@ def test_other_data_than_the_run_are_refused(run, tmp_path):
     assert not (tmp_path / "figure").exists()
 
 
+def test_a_name_without_options_stands_for_all_that_it_has(toy_dataset, tmp_path):
+    for name in ("draws,count=2", "draws,count=3", "drawn"):
+        write_cell(tmp_path, toy_dataset, name, CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0]))
+    cells = load_cells(tmp_path)
+    assert [one.label for one in entrants(cells, ["draws"])] == ["draws,count=2", "draws,count=3"]
+    assert [one.label for one in entrants(cells, ["draws,count=3"])] == ["draws,count=3"]
+
+
 def test_an_unknown_solver_is_named_with_those_there_are(run):
     with pytest.raises(ReportError, match=r"no heter in .*null:disc, right, swapped"):
         entrants(load_cells(run), ["heter"])

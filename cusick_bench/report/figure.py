@@ -52,6 +52,6 @@ def save_figure(
     for profile, colour, name in ((view.target_profile, _REAL, names[0]), (view.fit_profile, _SIMULATED, names[1])):
         axes[4].plot(angle, 1e3 * np.append(profile.radii, profile.radii[0]), color=colour, label=name)
     axes[4].set(xlabel="angle from warp [deg]", ylabel="radius [mm]", xlim=(0, 360), xticks=range(0, 361, 90))
-    axes[4].legend(fontsize=8, frameon=False, loc="upper right")
+    axes[4].legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)

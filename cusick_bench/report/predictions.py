@@ -86,7 +86,8 @@ def entrants(
 
     Args:
         cells: What the run's folder holds.
-        solvers: Names of the solvers to keep, in this order; those of the kinds by default.
+        solvers: Names of the solvers to keep, in this order, a name without options standing for all that it has;
+            those of the kinds by default.
         kinds: Kinds to keep where no solver is named; all where the run has none of them.
 
     Raises:
@@ -100,9 +101,13 @@ def entrants(
         wanted = [entrant for entrant in found if entrant.kind in kinds] or found
         return sorted(wanted, key=lambda entrant: (_KINDS.get(entrant.kind, 3), entrant.label))
     present = sorted(set(cells.table["solver"]))
-    if missing := [solver for solver in solvers if solver not in present]:
+    if missing := [name for name in solvers if not any(_named(solver, name) for solver in present)]:
         raise ReportError(f"no {', '.join(missing)} in {cells.folder}; --solver takes any of: {', '.join(present)}")
-    return [entrant for name in solvers for entrant in found if entrant.cells["solver"].iloc[0] == name]
+    return [entrant for name in solvers for entrant in found if _named(entrant.cells["solver"].iloc[0], name)]
+
+
+def _named(solver: str, name: str) -> bool:
+    return name in (solver, solver.partition(",")[0])
 
 
 def in_blocks(items: Sequence[T], most: int = COLUMNS) -> list[list[T]]:
