@@ -38,7 +38,7 @@ def diagnose_data(
     ] = None,
     samples: Annotated[
         int, typer.Option(min=0, help="Simulated samples of each model; 0 leaves gap and closure out (seconds).")
-    ] = 12,
+    ] = Options.samples,
     without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
     atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
     out: Annotated[Path, typer.Option(help="Folder of diagnosis.json and a page for each fabric.")] = Path(

@@ -21,7 +21,7 @@ def answer(
     out: Annotated[Path, typer.Option(help="File for the answers.")] = Path("answers.json"),
     samples: Annotated[
         int, typer.Option(min=0, help="Simulated samples where a cause is named; 0 leaves gap and closure out.")
-    ] = 12,
+    ] = Options.samples,
     without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
     atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
     seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
@@ -43,7 +43,7 @@ def oracle(
     cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
     labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
     out: Annotated[Path, typer.Option(help="File for the closures.")] = Path("oracle.json"),
-    samples: Annotated[int, typer.Option(min=2, help="Simulated samples.")] = 12,
+    samples: Annotated[int, typer.Option(min=2, help="Simulated samples.")] = Options.samples,
     atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
     seed: Annotated[int, typer.Option(min=0, help="Of simulations.")] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,

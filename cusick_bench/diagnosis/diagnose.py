@@ -44,7 +44,7 @@ class Options:
         seed: Of simulations and tests.
     """
 
-    samples: int = 12
+    samples: int = 24
     always: bool = True
     without: tuple[str, ...] = ()
     seed: int = 0

@@ -6,7 +6,8 @@ two halves of the data. The samples are dealt into two folds: base and cause are
 
     closure = (G_base - G_cause) / (G_base - floor),
 
-with an interval from a bootstrap over the scored samples, the same draws for both models.
+with an interval from a bootstrap over the scored and the simulated samples, the same draws for both models, whose
+samples are made from the same random numbers.
 
 References:
     Szekely, Rizzo. Energy statistics: a class of statistics based on distances. Journal of Statistical Planning and
@@ -169,12 +170,14 @@ def _floor(values: Float[ndarray, "samples numbers"], generator: np.random.Gener
 def _closure(
     plain: Sequence[ClusterDistances], changed: Sequence[ClusterDistances], floor: float, generator: np.random.Generator
 ) -> tuple[float, tuple[float, float]]:
-    """Closure and its interval, over draws of the held-out samples, the same for both models."""
+    """Closure and its interval, over draws of the held-out and the simulated samples, the same for both models."""
     before, after = np.zeros(_DRAWS), np.zeros(_DRAWS)
     for base, effect in zip(plain, changed, strict=True):
-        drawn = bootstrap_weights(int(base.in_first.sum()), generator, _DRAWS)
-        before += _weighted(base, drawn) / len(plain)
-        after += _weighted(effect, drawn) / len(plain)
+        data, simulated = (bootstrap_weights(count, generator, _DRAWS) for count in _counts(base))
+        paired = _counts(effect) == _counts(base)  # else a drape failed
+        others = simulated if paired else bootstrap_weights(_counts(effect)[1], generator, _DRAWS)
+        before += _weighted(base, data, simulated) / len(plain)
+        after += _weighted(effect, data, others) / len(plain)
     total = _observed(plain) - floor
     good = np.isfinite(before) & np.isfinite(after) & (before - floor > 0.1 * max(total, 0))
     if total <= 0 or good.sum() < _DRAWS / 2:
@@ -184,7 +187,15 @@ def _closure(
     return (_observed(plain) - _observed(changed)) / total, (float(low), float(high))
 
 
-def _weighted(distances: ClusterDistances, drawn: Float[ndarray, "draws samples"]) -> Float[ndarray, "draws"]:
-    first = np.zeros((len(drawn), len(distances.in_first)))
-    first[:, distances.in_first] = drawn
-    return distances.distance(first, (~distances.in_first).astype(np.float64))
+def _counts(distances: ClusterDistances) -> tuple[int, int]:
+    """How many samples the data have, and the model."""
+    return int(distances.in_first.sum()), int((~distances.in_first).sum())
+
+
+def _weighted(
+    distances: ClusterDistances, data: Float[ndarray, "draws samples"], simulated: Float[ndarray, "draws simulated"]
+) -> Float[ndarray, "draws"]:
+    weights = np.zeros((2, len(data), len(distances.in_first)))
+    weights[0][:, distances.in_first] = data
+    weights[1][:, ~distances.in_first] = simulated
+    return distances.distance(weights[0], weights[1])
