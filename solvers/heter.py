@@ -13,8 +13,8 @@ place where outlines meet. What the fit answers with is the cloth of the lowest 
 
 A walk of Gauss-Newton steps (`gauss_newton`) goes down. The ground is rough: where a fold slips in or out, within
 1e-4 of a step in a limp cloth, the drape and J leap, and a search that takes only what is lower soon stands before a
-cliff. So every step is taken, up or down, and only the longest allowed one becomes shorter. Every few steps all state
-is saved, and a killed run goes on from there.
+cliff. So every step is taken, up or down, and only the longest allowed one becomes shorter; from a failed drape the
+walk returns to its lowest point. Every few steps all state is saved, and a killed run goes on from there.
 
 References:
     Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024 (the row HETER of Table 1).
@@ -41,7 +41,10 @@ from cusick_bench.solvers.smooth_field import StiffnessField
 FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px
 MODES = 20.0  # independent numbers in a silhouette, halved: harmonics 1 to 20, cosine and sine
 LAST = 0.1  # of the first radius, at the end of the walk
+RECOVERY = 1.25  # of a caution after a step that did not fail
 SAVED = 8  # steps between two savings
+
+PARTS = ("z", "residual", "product")  # of a point, in a saved state
 
 White = Float[np.ndarray, " white"]
 Residual = Float[np.ndarray, " kept"]
@@ -62,6 +65,15 @@ class BlurredIncumbent(Incumbent):
 
 
 @dataclass(frozen=True)
+class Point:
+    """A cloth that was draped: its `residual` r, and the `product` (dr/dz)^T r."""
+
+    z: White
+    residual: Residual
+    product: White
+
+
+@dataclass(frozen=True)
 class RegularisedFit:
     """J around a homogeneous cloth.
 
@@ -77,14 +89,18 @@ class RegularisedFit:
     mean: Float[np.ndarray, " parameters"]
     weight: float = MODES / FLOOR
 
-    def look(self, z: White) -> tuple[Residual, White] | None:
-        """Residual r, and (dr/dz)^T r; None where the drape fails."""
+    def look(self, z: White) -> Point | None:
+        """The cloth at z, None where its drape fails."""
         seen = self.incumbent.residual_and_product(self.mean + self.field.deviation(z))
-        return None if seen is None else (seen[0], self.field.pulled_back(seen[1]))
+        return None if seen is None else Point(z, seen[0], self.field.pulled_back(seen[1]))
 
-    def gradient(self, z: White, product: White) -> White:
-        """Gradient of J, from the product at z."""
-        return 2 * self.weight * product + z
+    def value(self, point: Point) -> float:
+        """J."""
+        return self.weight * float(point.residual @ point.residual) + 0.5 * float(point.z @ point.z)
+
+    def gradient(self, point: Point) -> White:
+        """Gradient of J."""
+        return 2 * self.weight * point.product + point.z
 
 
 @dataclass(frozen=True)
@@ -92,25 +108,33 @@ class Walk:
     """Where the walk stands.
 
     Attributes:
-        z: Where it is.
-        adjoints: What it has seen, the last pair at z.
+        here: Where it is.
+        lowest: Where J was lowest.
+        adjoints: What the last points told of the Jacobian.
         step: Number of the next step.
-        caution: Share of the radius that is used, halved after a failed drape.
+        caution: Share of the radius that is used: less after failed drapes.
     """
 
-    z: White
+    here: Point
+    lowest: Point
     adjoints: Adjoints
     step: int = 0
     caution: float = 1.0
 
+    @classmethod
+    def at(cls, point: Point) -> "Walk":
+        """A walk that begins."""
+        return cls(point, point, Adjoints.of(point.residual, point.product))
+
     def on(self, fit: RegularisedFit, radius: float) -> "Walk":
-        """The next step, wherever it leads; where the drape fails, back again and shorter."""
-        gradient = fit.gradient(self.z, self.adjoints.products[-1])
-        z = self.z + damped_step(gradient, self.adjoints, weight=fit.weight, radius=self.caution * radius)
-        seen = fit.look(z)
-        if seen is None:
-            return replace(self, step=self.step + 1, caution=self.caution / 2)
-        return Walk(z, self.adjoints.and_of(*seen), self.step + 1, min(1.0, 2 * self.caution))
+        """The next step, wherever it leads; where the drape fails, back to the lowest point and shorter from there."""
+        gradient, length = fit.gradient(self.here), self.caution * radius
+        there = fit.look(self.here.z + damped_step(gradient, self.adjoints, weight=fit.weight, radius=length))
+        if there is None:  # the last point may stand on the brink: not on from there
+            return replace(self, here=self.lowest, step=self.step + 1, caution=self.caution / 2)
+        lowest = there if fit.value(there) < fit.value(self.lowest) else self.lowest
+        adjoints, caution = self.adjoints.and_of(there.residual, there.product), min(1.0, RECOVERY * self.caution)
+        return Walk(there, lowest, adjoints, self.step + 1, caution)
 
 
 @dataclass(frozen=True)
@@ -168,7 +192,7 @@ class Heter(Solver):
         match_bending_level(incumbent, self.search)
         fit, z = RegularisedFit(incumbent, field, incumbent.tau), np.zeros(field.dimension)
         seen = fit.look(z)
-        return None if seen is None else (fit, Walk(z, Adjoints.of(*seen)))
+        return None if seen is None else (fit, Walk.at(seen))
 
     def _restored(
         self, problem: DrapeProblem, incumbent: BlurredIncumbent, field: StiffnessField
@@ -178,18 +202,20 @@ class Heter(Solver):
         if state is None:
             return None
         incumbent.tau, incumbent.loss = state["tau"], float(state["loss"])
+        here, lowest = (Point(*(state[f"{name}_{part}"] for part in PARTS)) for name in ("here", "lowest"))
         adjoints = Adjoints(state["residuals"], state["products"])
-        walk = Walk(state["z"], adjoints, int(state["step"]), float(state["caution"]))
+        walk = Walk(here, lowest, adjoints, int(state["step"]), float(state["caution"]))
         return RegularisedFit(incumbent, field, state["mean"]), walk
 
     @staticmethod
     def _keep(problem: DrapeProblem, fit: RegularisedFit, walk: Walk) -> None:
         """Saves what the next step begins with."""
+        points = {"here": walk.here, "lowest": walk.lowest}
         problem.save(
+            **{f"{name}_{part}": getattr(point, part) for name, point in points.items() for part in PARTS},
             tau=fit.incumbent.tau,
             loss=np.array(fit.incumbent.loss),
             mean=fit.mean,
-            z=walk.z,
             residuals=walk.adjoints.residuals,
             products=walk.adjoints.products,
             step=np.array(walk.step),

@@ -1,5 +1,7 @@
 """The heterogeneous fit: its smooth prior, its optimiser, and runs that are killed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -169,8 +171,7 @@ class TestFit:
         def look(z):
             seen = fit.look(z)
             assert seen is not None
-            residual, product = seen
-            return fit.weight * residual @ residual + 0.5 * z @ z, fit.gradient(z, product)
+            return fit.value(seen), fit.gradient(seen)
 
         _, gradient = look(point)
         ahead, behind = (look(point + step * way)[0] for step in (1e-5, -1e-5))
@@ -239,23 +240,24 @@ class TestFit:
         assert short.meter.forward_equivalents <= 12
         assert np.mean((answer.train_image - short.train_image) ** 2) == pytest.approx(short.meter.best_loss)
 
-    def test_steps_that_fail_are_taken_back_and_become_shorter(self, monkeypatch):
+    def test_from_a_drape_that_fails_it_returns_to_the_lowest_point_and_goes_in_shorter_steps(self, monkeypatch):
         problem = toy_problem(space="heter", budget=Budget())
         field = StiffnessField(problem.simulator.mesh, 0.5, 0.05)
         fit = RegularisedFit(BlurredIncumbent(problem, 2.0), field, problem.space.bending_level(2.0))
-        z = np.zeros(field.dimension)
-        seen = fit.look(z)
-        assert seen is not None
-        walk, looks = Walk(z, Adjoints.of(*seen)), []
-
-        def fail(self, point):
-            looks.append(np.linalg.norm(point))
-
-        monkeypatch.setattr(RegularisedFit, "look", fail)
+        begin, high = fit.look(np.zeros(field.dimension)), fit.look(np.full(field.dimension, 0.3))
+        assert begin is not None
+        assert high is not None
+        assert fit.value(high) > fit.value(begin)
+        walk, looks = replace(Walk.at(begin), here=high), []
+        monkeypatch.setattr(RegularisedFit, "look", lambda self, z: looks.append(z))
         for _ in range(3):
             walk = walk.on(fit, 0.1)
-            assert (walk.z == z).all()
-        assert looks == pytest.approx([0.1, 0.05, 0.025], rel=1e-6)
+        origins = (high.z, begin.z, begin.z)
+        lengths = [np.linalg.norm(z - origin) for z, origin in zip(looks, origins, strict=True)]
+        assert lengths == pytest.approx([0.1, 0.05, 0.025], rel=1e-6)
+        assert walk.here is begin
+        monkeypatch.setattr(RegularisedFit, "look", lambda self, z: replace(begin, z=z))
+        assert walk.on(fit, 0.1).caution > walk.caution
 
     @pytest.mark.parametrize("options", [{"radius": 0.0}, {"blur": float("nan")}])
     def test_options_without_meaning_are_refused(self, options):
