@@ -11,7 +11,10 @@ simulated pairs (theta, s), those near the observation counting most; drawing fu
 right where it matters. V holds all that a cloth does not decide: chance, and what is left of nonlinearity.
 
 The slopes of one statistic have a common normal prior, whose width maximises the evidence: most of a cloth's numbers
-move no statistic, and their slopes are shrunk to nothing.
+move no statistic, and their slopes are shrunk to nothing. They are found in passes, each over what the last has left:
+over all pairs along an axis that is known to matter, without shrinking; over all pairs; over those near the
+observation. Near pairs alone, drawn from a narrow q, show no slope along what is known already: q would forget it, and
+the next round draw from the prior again.
 
 References:
     Garcia-Fernandez, Svensson, Morelande, Sarkka. Posterior linearization filter: principles and implementation using
@@ -80,6 +83,7 @@ def linearise(
     cloths: Float[ndarray, "pairs cloth"],
     statistics: Float[ndarray, "pairs statistics"],
     weights: Float[ndarray, " pairs"],
+    axis: Float[ndarray, " cloth"] | None = None,
 ) -> LinearModel:
     """Regresses statistics on cloths: on all pairs alike, and what that leaves on the pairs as they are weighted.
 
@@ -87,10 +91,16 @@ def linearise(
         cloths: theta of every pair.
         statistics: s of every pair; `PAIRS` for every number of the cloth, or more.
         weights: How much a pair counts, > 0.
+        axis: Unit vector along which slopes are not shrunk.
     """
-    broad = _regressed(cloths, statistics, np.ones(len(cloths)))
-    near = _regressed(cloths, statistics - broad(cloths), weights)
-    return LinearModel(broad.slope + near.slope, broad.intercept + near.intercept, near.scatter)
+    slope = np.zeros((statistics.shape[1], cloths.shape[1]))
+    if axis is not None:
+        along = cloths @ axis - (cloths @ axis).mean()
+        slope = np.outer(along @ statistics / (along @ along), axis)
+    broad = _regressed(cloths, statistics - cloths @ slope.T, np.ones(len(cloths)))
+    slope = slope + broad.slope
+    near = _regressed(cloths, statistics - cloths @ slope.T, weights)
+    return LinearModel(slope + near.slope, near.intercept, near.scatter)
 
 
 def _regressed(

@@ -8,10 +8,12 @@ import torch
 
 from cusick_bench.datasets.profile import drape_coefficient
 from cusick_bench.problem import Budget, DrapeProblem, Observation
+from cusick_bench.problem.field_space import DISCREPANCY
 from cusick_bench.problem.losses import radius_profile
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.problem.toy import toy_problem
 from cusick_bench.solvers.base import SolverError, silent
+from cusick_bench.solvers.bdp_field import _Inference
 from cusick_bench.solvers.linearisation import LinearModel, Normal, linearise
 from cusick_bench.solvers.predictive import predictive_draws
 from cusick_bench.solvers.registry import make_solver
@@ -141,6 +143,16 @@ class TestLinearisation:
         found = linearise(cloths, statistics, np.repeat([1e-3, 1.0], 80))
         assert found.slope[0, 0] == pytest.approx(1.0, abs=0.15)
         assert np.abs(found.slope[0, 1:]).max() < 0.15
+
+    def test_an_axis_that_is_known_to_matter_is_not_shrunk(self):
+        """One slope of ten that noise hides from the evidence: least squares along its axis, nothing along the rest."""
+        generator = np.random.default_rng(8)
+        cloths, axis = generator.standard_normal((60, 10)), np.eye(10)[3]
+        statistics = 0.3 * cloths[:, 3:4] + generator.standard_normal((60, 1))
+        along = cloths[:, 3] - cloths[:, 3].mean()
+        with_axis, without = (linearise(cloths, statistics, np.ones(60), one).slope[0, 3] for one in (axis, None))
+        assert with_axis == pytest.approx(float(along @ statistics[:, 0] / (along @ along)), abs=0.02)
+        assert abs(without) < 0.6 * abs(with_axis)
 
     def test_posterior_is_that_of_a_gaussian(self):
         *_, model = self._pairs(3)
@@ -275,6 +287,23 @@ class TestLearning:
         drawn = np.array([drape_coefficient(image) for image in answer.draws])
         assert drawn.mean() == pytest.approx(drape_coefficient(problem.train_image), abs=0.05)
         assert drawn.std() > 0.01
+
+    def test_bdp_field_takes_off_what_the_simulator_misses(self):
+        """Cloths whose asymmetry is their first number beside the photograph's: as far below as fabrics lie above."""
+        problem = toy_problem(space="field")
+        inference, generator = _Inference(problem, seed=0), np.random.default_rng(4)
+        observed = drape_statistics(torch.as_tensor(problem.train_image)).numpy()
+        for _ in range(200):
+            cloth = generator.standard_normal(len(inference.q.mean))
+            noise = 0.02 * generator.standard_normal(len(observed))
+            inference.cloths.append(cloth)
+            inference.statistics.append(
+                observed + noise + cloth[0] * np.eye(len(observed))[STATISTICS.index("asymmetry")]
+            )
+        inference.drape(0)
+        assert inference.q.mean[0] == pytest.approx(-DISCREPANCY["asymmetry"].mean, abs=0.02)
+        spread = math.sqrt(float((inference.q.root @ inference.q.root.T)[0, 0]))
+        assert spread == pytest.approx(DISCREPANCY["asymmetry"].sd, rel=0.25)
 
     def test_bdp_field_learns_from_what_the_budget_allows(self):
         """From too few drapes it learns nothing but the level: a regression on them would leave no scatter."""

@@ -8,7 +8,8 @@
    statistics of their silhouettes are regressed on the five numbers (to the fourth degree in the level of bending, the
    second else).
 2. Every fabric and face gets the five numbers whose expected statistics are nearest to the mean of its samples, in
-   units of the scatter between specimens. Traits and length have their mean and standard deviation over fabrics.
+   units of the scatter between specimens. Traits and length have their mean and standard deviation over fabrics; so
+   has what even the nearest cloth misses.
 3. Simulated specimens of these cloths, all of one level, differ less in area than samples do. The rest is
    put down to a level of stiffness of each sample: in log stiffness the root of the median, over fabrics and
    faces, of (variance of samples - variance of specimens) / slope^2.
@@ -72,7 +73,7 @@ class Emulator:
 
 
 def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 1300, specimens: int = 16) -> dict:
-    """Derives `TRAITS`, the length of `FIELDS["laying"]` and the level of `FIELDS["stiffness"]` anew.
+    """Derives `TRAITS`, the length of `FIELDS["laying"]`, the level of `FIELDS["stiffness"]`, and `DISCREPANCY` anew.
 
     Args:
         folder: Of the public release.
@@ -82,8 +83,9 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
 
     Returns:
         `traits`: name -> (mean, sd beside that of the tables' prior); `length`: (median [m], sd of its logarithm) of
-        the laid shape; `level`: standard deviation of log stiffness between samples; `fabrics`: for each fabric and
-        face its five numbers, and the sd of the statistic `area` over samples and over specimens.
+        the laid shape; `level`: standard deviation of log stiffness between samples; `discrepancy`: name of a statistic
+        -> (mean, sd) of fabrics less nearest cloths; `fabrics`: for each fabric and face its five numbers, and the sd
+        of the statistic `area` over samples and over specimens.
     """
     problem = _problem(vertices)
     emulator = fit_emulator(*_drape_box(problem, cloths))
@@ -94,13 +96,8 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
         max(group.statistics[:, AREA].var(ddof=1) - spread**2, 0) / _slope(emulator, cloth) ** 2
         for group, cloth, spread in zip(groups, placed, spreads, strict=True)
     ]
-    names = sorted({group.fabric for group in groups})
-    means = np.stack(
-        [
-            np.mean([cloth for group, cloth in zip(groups, placed, strict=True) if group.fabric == name], axis=0)
-            for name in names
-        ]
-    )
+    missed = [group.statistics.mean(0) - emulator(cloth)[0] for group, cloth in zip(groups, placed, strict=True)]
+    means, apart = _by_fabric(groups, placed), _by_fabric(groups, missed)
     rows = [
         {"fabric": group.fabric, "samples": len(group.statistics), "cloth": cloth.round(2).tolist()}
         | {"sd_samples": round(float(group.statistics[:, AREA].std(ddof=1)), 4), "sd_specimens": round(spread, 4)}
@@ -110,9 +107,19 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
     return {
         "traits": {name: (float(middle[i]), _beside(name, float(spread[i]))) for i, name in enumerate(TRAITS)},
         "length": (math.exp(middle[-1]), float(spread[-1])),
+        "discrepancy": {
+            name: (float(apart[:, i].mean()), float(apart[:, i].std(ddof=1))) for i, name in enumerate(STATISTICS)
+        },
         "level": float(np.sqrt(np.median(excess))),
         "fabrics": rows,
     }
+
+
+def _by_fabric(groups: list[Samples], values: list[ndarray]) -> Float[ndarray, "fabrics numbers"]:
+    """Means over the faces of each fabric."""
+    names = sorted({group.fabric for group in groups})
+    pairs = list(zip(groups, values, strict=True))
+    return np.stack([np.mean([value for group, value in pairs if group.fabric == name], axis=0) for name in names])
 
 
 def _beside(trait: str, spread: float) -> float:
