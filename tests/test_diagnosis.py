@@ -304,6 +304,9 @@ def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: No
         "samples": 8, "captures": 32, "up": 16, "down": 16, "later": 16, "areal_density_kg_m2": None,
     }  # fmt: skip
     assert abs(sum(cause["probability"] for cause in answer(found)["causes"]) - 1) < 0.05
+    profiles = [profile["radii_m"] for profile in one["profiles"]["base"]]
+    table = {row["name"]: row["base"] for row in one["statistics"]}
+    assert table["mean_radius"] == pytest.approx(np.mean(profiles), abs=1e-4)  # of the drapes that the page shows
     again = diagnose(captures, emulator, options=Options(samples=0, without=("creep",)))
     assert again.cause == () or again.cause[0].hypothesis.name != "creep"
     assert "creep" not in again.probability

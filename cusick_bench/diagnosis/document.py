@@ -5,6 +5,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from cusick_bench.diagnosis.base_model import NAMES as PARAMETERS
 from cusick_bench.diagnosis.captures import Captures
@@ -232,18 +233,12 @@ def _counts(captures: Captures) -> dict[str, Any]:
 
 def _statistics(diagnosis: Diagnosis, emulator: Emulator) -> list[dict[str, Any]]:
     """Each statistic: data by face, base model, base with the cause, and by how many standard errors they differ."""
-    residual, found = diagnosis.residual, diagnosis.features
-    base, sd = emulator.mean(residual.theta), residual.sd
-    moved = np.full((2, len(STATISTICS)), np.nan)
-    if len(diagnosis.cause) == 1:
-        one = diagnosis.cause[0]
-        point = {name: np.array([value]) for name, value in one.value.items()}
-        row = shifts(emulator, one.hypothesis, residual.theta, sd, residual.drift, point).rows[0]
-        moved = row[: 2 * len(STATISTICS)].reshape(2, -1) * sd
+    sd, found = diagnosis.residual.sd, diagnosis.features
+    base, effect, simulated = _means(diagnosis, emulator)
+    error = sd * np.sqrt(1 / max(int(found.samples.sum()), 1) + (1 / simulated if simulated else 0))
     group_of = {column: name for name, columns in GROUPS.items() for column in columns}
     rows = []
     for k, name in enumerate(STATISTICS):
-        error = sd[k] / np.sqrt(max(int(found.samples.sum()), 1))
         known = (found.mean[:, k] - base[k])[np.isfinite(found.mean[:, k])]
         difference = known[np.argmax(np.abs(known))] if len(known) else np.nan
         rows.append(
@@ -254,11 +249,28 @@ def _statistics(diagnosis: Diagnosis, emulator: Emulator) -> list[dict[str, Any]
                 "up": _number(found.mean[0, k]),
                 "down": _number(found.mean[1, k]),
                 "base": float(base[k]),
-                "effect": _number(float(base[k] + np.mean(moved[:, k]))),
-                "z": _number(float(difference / error)),
+                "effect": _number(effect[k]),
+                "z": _number(float(difference / error[k])),
             }
         )
     return rows
+
+
+def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, int]:
+    """Mean statistics of base model and base with the cause, and of how many drapes; 0 where the atlas tells them."""
+    drapes = diagnosis.simulated
+    if drapes is not None and np.isfinite(drapes.base.specimens).any((0, 1)).all():
+        base = np.nanmean(drapes.base.specimens, (0, 1))
+        changed = np.nan * base if drapes.effect is None else np.nanmean(drapes.effect.specimens, (0, 1))
+        return base, changed, int(np.isfinite(drapes.base.specimens[..., 0]).sum())
+    residual = diagnosis.residual
+    base, moved = emulator.mean(residual.theta), np.full(len(STATISTICS), np.nan)
+    if len(diagnosis.cause) == 1:
+        one = diagnosis.cause[0]
+        point = {name: np.array([value]) for name, value in one.value.items()}
+        row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).rows[0]
+        moved = row[: 2 * len(STATISTICS)].reshape(2, -1).mean(0) * residual.sd
+    return base, base + moved, 0
 
 
 def _unit(name: str) -> str:
