@@ -118,6 +118,11 @@ class FieldSpace(ParameterSpace):
         return slice(begin, begin + MODES)
 
     @staticmethod
+    def trait_entry(name: str) -> int:
+        """Entry of tau that is a trait's deviation from its mean, in its standard deviations."""
+        return HOMOGENEOUS + list(TRAITS).index(name)
+
+    @staticmethod
     def amplitude(name: str) -> int:
         """Entry of tau that is the logarithm of a field's amplitude."""
         return HOMOGENEOUS + len(TRAITS) + 2 * list(FIELDS).index(name)
@@ -140,7 +145,7 @@ class FieldSpace(ParameterSpace):
     def trait(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, ""]:
         """Value of a trait of the cloth."""
         prior = TRAITS[name]
-        return prior.mean + prior.sd * tau[HOMOGENEOUS + list(TRAITS).index(name)]
+        return prior.mean + prior.sd * tau[self.trait_entry(name)]
 
     def field(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " points"]:
         """Values of a field: of stiffness on the hinges, of the others on the vertices."""
@@ -162,10 +167,11 @@ class FieldSpace(ParameterSpace):
 
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
         """The most probable vector of a median cloth whose bending stiffnesses are all `factor` times as large."""
-        level, own, trait = np.zeros(self.dimension), self.prior.bending_level(factor), TRAITS["bending"].sd
-        share = 1 / (1 + trait**2 * float(own @ own) / max(math.log(factor) ** 2, 1e-300))
-        level[STRETCH_SIZE:HOMOGENEOUS] = share * own
-        level[HOMOGENEOUS + list(TRAITS).index("bending")] = (1 - share) * math.log(factor) / trait
+        table, trait = self.prior.bending_level_sd, TRAITS["bending"].sd
+        share = table**2 / (table**2 + trait**2)
+        level = np.zeros(self.dimension)
+        level[STRETCH_SIZE:HOMOGENEOUS] = share * self.prior.bending_level(factor)
+        level[self.trait_entry("bending")] = (1 - share) * math.log(factor) / trait
         return level
 
     def laid_like(self, height: Float[np.ndarray, " vertices"]) -> Float[np.ndarray, " modes"]:

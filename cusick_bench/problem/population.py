@@ -34,7 +34,7 @@ from scipy.optimize import minimize
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.problem.drape_problem import DrapeProblem
-from cusick_bench.problem.field_space import FIELDS, HOMOGENEOUS, TRAITS, FieldSpace
+from cusick_bench.problem.field_space import FIELDS, TRAITS, FieldSpace
 from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.drape import DrapeSimulator
@@ -124,7 +124,7 @@ def _by_fabric(groups: list[Samples], values: list[ndarray]) -> Float[ndarray, "
 
 def _beside(trait: str, spread: float) -> float:
     """Standard deviation of a trait between cloths, beside what the tables' own prior has of it already."""
-    table = {"bending": 1 / float(np.linalg.norm(_prior().bending_level(math.e))), "stretch": STRETCH_LEVEL_SD}
+    table = {"bending": _prior().bending_level_sd, "stretch": STRETCH_LEVEL_SD}
     return math.sqrt(max(spread**2 - table.get(trait, 0.0) ** 2, 0.0))
 
 
@@ -180,8 +180,8 @@ def _tau(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], generator: np
     """A specimen of the cloth, its fields with median amplitudes, its level of stiffness that of the cloth."""
     tau = generator.standard_normal(problem.dimension)
     tau[: problem.space.specimen_level.start] = 0
-    for i, trait in enumerate(TRAITS.values()):
-        tau[HOMOGENEOUS + i] = (cloth[i] - trait.mean) / trait.sd
+    for number, (name, trait) in zip(cloth, TRAITS.items(), strict=False):  # the last number is the length
+        tau[FieldSpace.trait_entry(name)] = (number - trait.mean) / trait.sd
     laying = FIELDS["laying"]
     tau[FieldSpace.length("laying")] = (cloth[-1] - math.log(laying.length)) / laying.length_sd
     tau[problem.space.specimen_level.start] = 0  # the constant mode of stiffness

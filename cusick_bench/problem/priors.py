@@ -153,6 +153,11 @@ class StiffnessPrior:
         """The whitened vector of the median bending table times `factor`."""
         return np.linalg.solve(self.bending_root, np.full(BENDING_SIZE, np.log(factor)))
 
+    @property
+    def bending_level_sd(self) -> float:
+        """Standard deviation of log stiffness that all bending stiffnesses have in common."""
+        return 1 / float(np.linalg.norm(self.bending_level(np.e)))
+
 
 def _reference_coupling() -> np.ndarray:
     c11, c12, c22, _ = STRETCH_REFERENCE.T
