@@ -94,7 +94,9 @@ def test_just_the_own_effect_of_a_case_is_off_its_list(cases: Path, tmp_path: Pa
     assert sorted(found["answers"]) == sorted(known)
     for case, answer in found["answers"].items():
         assert answer["without"] == [own[case]]
-        assert {cause["effect"] for cause in answer["causes"]} == {*listed[case]} - {own[case]}
+        left = {cause["effect"] for cause in answer["causes"]}
+        assert own[case] not in left
+        assert left >= {*listed[case]} - {own[case]}  # and some that were too unlikely to be listed beside it
 
 
 def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Path, tmp_path: Path, one_thread) -> None:

@@ -22,8 +22,9 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
+from cusick_bench.diagnosis.acting import acts_later
 from cusick_bench.diagnosis.captures import Captures
-from cusick_bench.diagnosis.emulator import Emulator, acts_later
+from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.evidence import Candidate, candidates, grid_at
 from cusick_bench.diagnosis.examine import Data, data_of, to_atlas
 from cusick_bench.diagnosis.features import features

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cusick_bench.diagnosis.acting import acts_later
 from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures
 from cusick_bench.diagnosis.closure import Closure, Draping, closures
-from cusick_bench.diagnosis.emulator import Emulator, acts_later
+from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid
 from cusick_bench.diagnosis.examine import ALPHA, Data, examine
 from cusick_bench.diagnosis.features import Features

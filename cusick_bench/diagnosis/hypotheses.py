@@ -15,8 +15,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.emulator import Emulator, effect_terms, in_lab, scaled_place, spread_terms
+from cusick_bench.diagnosis.acting import in_lab
+from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.features import ORDERS, SPREADS
+from cusick_bench.diagnosis.response import scaled_place
 from cusick_bench.diagnosis.statistics import NAMES, rotated
 from cusick_bench.sim.effects import Effect, registered
 
@@ -148,12 +150,12 @@ def shifts(
     faces, variance = [], np.zeros(len(severity))
     for face in (0, 1):
         signed = -severity if face and effect.face_odd else severity
-        terms = effect_terms(at, signed, place)
-        moved = response.mean(terms) * own
-        variance += response.mean.variance(terms).mean(1) / 2
+        moved, doubt = response.shift(at, signed, place)
+        moved = moved * own
+        variance += doubt.mean(1) / 2
         angle = _angle(hypothesis, given, face)
         faces.append((moved if angle is None else rotated(moved, angle)) / sd)
-    spreads = response.spread(np.abs(severity)[:, None] * spread_terms(at))
+    spreads = response.spreads(at, severity)
     orders = np.zeros((len(severity), len(ORDERS)))
     if response.later:
         orders = (faces[0] + faces[1])[:, list(ORDERS)] / 2 if drift > 0 else orders

@@ -1,11 +1,13 @@
 """The detectable shift: how strong an effect must be to be found in a fabric, from the atlas alone.
 
-At base parameters theta with n samples, an effect of severity s moves the whitened residual by d(s). The detection test
-looks for the best of all causes; its level holds over all of them together, so |d| must be larger than for one cause
-alone. `needed` measures by how much.
+At base parameters theta with n samples, an effect of severity s moves the whitened residual by d(s), once the base
+parameters have been fitted again with the effect there: friction that a stiffer cloth would explain as well is not seen
+however strong it is. The detection test looks for the best of all causes; its level holds over all of them together,
+so |d| must be larger than for one cause alone. `needed` measures by how much.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +18,7 @@ from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.evidence import detection_statistic, grids
 from cusick_bench.diagnosis.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.residual import against_base
+from cusick_bench.diagnosis.residual import Residual, against_base
 from cusick_bench.diagnosis.statistics import RESOLUTION
 
 NEEDED = 4.0
@@ -24,6 +26,7 @@ NEEDED = 4.0
 STIFFNESS = (-9.0, -8.25, -7.5, -6.75, -6.0, -5.25, -4.5)
 """Levels of theta's bending, ln B / (rho g R^3), from limp to stiff."""
 _FABRICS = 12
+_REFITTED = 0.7  # a shift from this share of what is needed on is tried with the base parameters fitted to it
 _SEED = 5
 
 
@@ -39,24 +42,35 @@ def detectable(emulator: Emulator, *, samples: int = 12) -> Mapping[str, tuple[f
     """
     found: dict[str, list[float | None]] = {}
     for level in STIFFNESS:
-        for name, severity in _at_level(emulator, level, samples).items():
+        for name, severity in detectable_at(emulator, level, samples=samples).items():
             found.setdefault(name, []).append(float(f"{severity:.3g}") if np.isfinite(severity) else None)
     return {name: tuple(values) for name, values in found.items() if any(value is not None for value in values)}
 
 
-def _at_level(emulator: Emulator, level: float, samples: int) -> dict[str, float]:
-    """Medians over fabrics that are like in bending and else as the prior has them; infinite where not found."""
+def detectable_at(emulator: Emulator, level: float, *, samples: int = 12) -> dict[str, float]:
+    """Detectable severities at one level of bending, medians over fabrics that else are as the prior has them.
+
+    Args:
+        emulator: The atlas.
+        level: ln B / (rho g R^3).
+        samples: Samples of a fabric.
+
+    Returns:
+        By effect, in its own unit; infinite where it is not found.
+    """
     generator = np.random.default_rng(_SEED)
     found: dict[str, list[float]] = {}
     for _ in range(_FABRICS):
         theta = PRIOR_MEAN + 0.7 * PRIOR_SD * generator.standard_normal(len(PRIOR_SD))
         theta[0] = level
-        residual = against_base(emulator, _expected(emulator, theta, samples), start=theta, fixed=True)
+        expected = _expected(emulator, theta, samples)
+        residual = against_base(emulator, expected, start=theta, fixed=True)
+        left = _Left(emulator, expected, residual, against_base(emulator, expected, start=theta).white)
         own: dict[str, float] = {}
         for hypothesis in hypotheses(emulator):
-            moved = shifts(emulator, hypothesis, theta, residual.sd, residual.drift)
-            size = np.linalg.norm(residual.whiten(moved.rows), axis=1)
-            own.setdefault(hypothesis.name, _first(hypothesis, size))
+            if hypothesis.name not in own:
+                moved = shifts(emulator, hypothesis, theta, residual.sd, residual.drift).rows
+                own[hypothesis.name] = _first(hypothesis, moved, left)
         for name, severity in own.items():
             found.setdefault(name, []).append(severity)
     return {name: float(np.median(values)) for name, values in found.items()}
@@ -103,18 +117,44 @@ def _expected(emulator: Emulator, theta: ndarray, samples: int) -> Features:
     )  # fmt: skip
 
 
-def _first(hypothesis: Hypothesis, size: Float[ndarray, "values"]) -> float:
-    """Severity at which the mean shift over directions and places reaches what is needed, by interpolation."""
-    severity = np.abs(hypothesis.severity())
-    levels = np.unique(severity)
-    reached = np.array([np.median(size[severity == level]) for level in levels])
-    above = np.flatnonzero(reached >= NEEDED)
-    if not len(above):
-        return float("inf")
-    k = int(above[0])
-    if k == 0:
-        level = levels[0] * NEEDED / max(reached[0], 1e-9)
-    else:
-        share = (NEEDED - reached[k - 1]) / (reached[k] - reached[k - 1])
-        level = levels[k - 1] + share * (levels[k] - levels[k - 1])
-    return float(level * hypothesis.effect.severity.typical)
+@dataclass(frozen=True)
+class _Left:
+    """What the base model leaves of a shift.
+
+    Attributes:
+        emulator: The atlas.
+        expected: Features of the fabric without it.
+        residual: Of these, at the fabric's own parameters.
+        without: w at the parameters that fit these best.
+    """
+
+    emulator: Emulator
+    expected: Features
+    residual: Residual
+    without: Float[ndarray, "kept"]
+
+    def linear(self, moved: Float[ndarray, "values rows"]) -> Float[ndarray, "values"]:
+        """|d| of shifts so small that the fabric's own Jacobian holds."""
+        return np.linalg.norm(self.residual.whiten(moved), axis=1)
+
+    def refitted(self, moved: Float[ndarray, "rows"]) -> float:
+        """|d| of one shift at the base parameters that fit it best."""
+        there = against_base(self.emulator, self.expected, start=self.residual.theta, shift=-moved)
+        return float(np.linalg.norm(there.white - self.without))
+
+
+def _first(hypothesis: Hypothesis, moved: Float[ndarray, "values rows"], left: _Left) -> float:
+    """Severity at which the median shift over directions and places reaches what is needed, by interpolation."""
+    severity, linear = np.abs(hypothesis.severity()), left.linear(moved)
+    before = (0.0, 0.0)
+    for level in np.unique(severity):
+        own = np.flatnonzero(severity == level)
+        middle = own[np.argsort(linear[own])[len(own) // 2]]
+        size = float(linear[middle])
+        if size >= _REFITTED * NEEDED:
+            size = min(size, left.refitted(moved[middle]))
+        if size >= NEEDED:
+            share = (NEEDED - before[1]) / (size - before[1])
+            return float((before[0] + share * (level - before[0])) * hypothesis.effect.severity.typical)
+        before = max(before, (float(level), size), key=lambda one: one[1])
+    return float("inf")

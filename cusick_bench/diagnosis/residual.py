@@ -22,10 +22,11 @@ from numpy import ndarray
 from scipy.linalg import cholesky, solve_triangular
 
 from cusick_bench.diagnosis.base_model import HIGH, LOW, PRIOR_MEAN, PRIOR_SD
-from cusick_bench.diagnosis.emulator import Emulator, base_terms, spread_terms
+from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.statistics import NAMES, RESOLUTION
+from cusick_bench.diagnosis.terms import base_terms, spread_terms
 
 _COUNT = len(NAMES)
 _MEANS = slice(0, 2 * _COUNT)

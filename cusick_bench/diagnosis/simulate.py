@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.diagnosis.acting import acts_later, in_lab
 from cusick_bench.diagnosis.atlas import ANGLES, observe, silhouette
 from cusick_bench.diagnosis.base_model import BaseModel
-from cusick_bench.diagnosis.emulator import acts_later, in_lab
 from cusick_bench.diagnosis.evidence import Candidate
 from cusick_bench.diagnosis.hypotheses import Frame
 from cusick_bench.sim.effects import Effect

@@ -61,6 +61,11 @@ LOCKED_PAIRS = tuple((len(PHASE_FREE) + 2 * i, len(PHASE_FREE) + 2 * i + 1) for 
 LOCKED_ORDERS = tuple(mode for _, mode in _LOCKED)
 """Order m of each of `LOCKED_PAIRS`."""
 
+FREE = tuple(range(len(PHASE_FREE)))
+REAL = tuple(real for real, _ in LOCKED_PAIRS)
+EVEN = tuple(real for real, order in zip(REAL, LOCKED_ORDERS, strict=True) if order % 2 == 0)
+"""Columns: phase-free; real parts, which are symmetric about +x; those of them that are so about both axes."""
+
 
 def columns(*names: str) -> tuple[int, ...]:
     """Columns of the statistics with these names."""

@@ -15,13 +15,16 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from cusick_bench.diagnosis.emulator import Emulator, Fit, Response
+from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.features import SPREADS
+from cusick_bench.diagnosis.response import Response
+from cusick_bench.diagnosis.ridge import Fit
 from cusick_bench.diagnosis.statistics import NAMES
 
 SHIPPED = Path(__file__).with_name("atlas.npz")
 _LARGEST = 1 << 26  # [bytes]
+_PARTS = ("gain", "mean", "spread")
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
     arrays: dict[str, ndarray] = {"correlation": emulator.correlation, "discrepancy": emulator.discrepancy}
     fits = {"base": emulator.base, "base_spread": emulator.base_spread, "log_sd": emulator.log_sd}
     for name, response in emulator.responses.items():
-        fits |= {f"{name}/mean": response.mean, f"{name}/spread": response.spread}
+        fits |= {f"{name}/{part}": getattr(response, part) for part in _PARTS}
     for name, fit in fits.items():
         arrays |= {f"{name}/{part}": value for part, value in vars(fit).items()}
     about = {
@@ -83,7 +86,7 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
             return Fit(*(arrays[f"{name}/{part}"] for part in ("weights", "covariance", "residual")))
 
         responses = {
-            name: Response(name, fit(f"{name}/mean"), fit(f"{name}/spread"), later)
+            name: Response(name, fit(f"{name}/gain"), fit(f"{name}/mean"), fit(f"{name}/spread"), later)
             for name, later in about["responses"].items()
         }
         emulator = Emulator(

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from math import exp, log2
 
+from cusick_bench.diagnosis.acting import acts_later, in_lab
 from cusick_bench.diagnosis.base_model import LAYING_HEIGHT, REST_HEIGHT
-from cusick_bench.diagnosis.emulator import acts_later, in_lab
 from cusick_bench.report.diagnosis_values import measure, percent, plain
 from cusick_bench.sim.effects import Effect, registered
 from cusick_bench.sim.mesh import CLOTH_RADIUS
