@@ -6,7 +6,9 @@ next one are new, and those of the training specimen, whose fold phases say noth
 What is left to learn from is what samples of one cloth have in common, the statistics s of
 `cusick_bench.problem.statistics`, which scatter over specimens about m(theta) = E_w s(theta, w). The negative ELBO
 KL(q || prior) - E_q log N(s_observed; m(theta), V) has its minimum in closed form once m is linear; rounds of drapes of
-cloths drawn from q, each of a specimen of its own, regress m and V where q lies (`solvers/linearisation.py`).
+cloths drawn from q, each of a specimen of its own, regress m and V where q lies (`solvers/linearisation.py`). Slopes of
+the drape coefficient, on which most hangs, are the median of its adjoints: the mean would be that of the few drapes on
+the brink of another fold, whose adjoints explode.
 
 No noise of measurement is added to V: fields and level have been given the spread that photographs of samples have. But
 what the simulator misses in the mean of fabrics is taken off s_observed, and its spread over fabrics added to V.
@@ -43,6 +45,7 @@ from cusick_bench.solvers.predictive import predictive_draws, with_draws
 from cusick_bench.solvers.variational import INFERENCE, PREDICTION, standard_normal
 
 LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
+AREA = STATISTICS.index("area")
 _DISCREPANCY = [DISCREPANCY.get(name, Trait(0.0, 0.0)) for name in STATISTICS]
 DISCREPANT_BY = np.array([one.mean for one in _DISCREPANCY])
 DISCREPANT_SD = np.array([one.sd for one in _DISCREPANCY])
@@ -56,7 +59,7 @@ class BdpField(Solver):
         draws: Posterior-predictive drapes, outside the budget.
         first: Cloths drawn from the prior and draped, once the level of bending has been found.
         rounds: Rounds of the inference after these.
-        cloths: Cloths drawn from q and draped in each.
+        cloths: Cloths drawn from q and draped in each, with an adjoint.
         search: Most drapes for the bending level.
         refinement: Gradients for Adam in a round of the fit of the training specimen, 0 for no fit.
         rate: Its first step length [prior standard deviations].
@@ -65,7 +68,7 @@ class BdpField(Solver):
     draws: int = 200
     first: int = 112
     rounds: int = 4
-    cloths: int = 32
+    cloths: int = 24
     search: int = 8
     refinement: int = 10
     rate: float = 0.2
@@ -90,7 +93,7 @@ class BdpField(Solver):
                 inference.begin(match_bending_level(incumbent, self.search))
                 for number, cloths in enumerate([self.first, *[self.cloths] * self.rounds]):
                     progress(f"inference, round {number} of {self.rounds}", problem.meter.share)
-                    inference.drape(cloths)
+                    inference.drape(cloths, adjoints=number > 0)
                 self._fit_specimen(incumbent, inference.q.mean)
                 finished = True
             except BudgetExceeded:
@@ -129,6 +132,7 @@ class _Inference:
         q: What is known of the cloth.
         seen: The drape that happened to be nearest to the training image.
         cloths, statistics: The drapes so far.
+        slopes: Of the area, at those of them that have adjoints.
     """
 
     problem: DrapeProblem
@@ -137,6 +141,7 @@ class _Inference:
     seen: Incumbent = field(init=False)
     cloths: list[np.ndarray] = field(default_factory=list)
     statistics: list[np.ndarray] = field(default_factory=list)
+    slopes: list[np.ndarray] = field(default_factory=list)
     _axis: np.ndarray | None = None
     _tried: int = 0
     _model: LinearModel | None = None
@@ -157,20 +162,29 @@ class _Inference:
         narrowed = np.eye(len(direction)) - (1 - LEVEL_SD) * np.outer(self._axis, self._axis)
         self.q = Normal(level * direction, narrowed)
 
-    def drape(self, count: int) -> None:
+    def drape(self, count: int, *, adjoints: bool) -> None:
         """Drapes specimens of cloths from q, learns from all so far; from some of them where the budget ends."""
         try:
             for _ in range(count):
                 tau = _specimen(self.q, standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension))
                 self._tried += 1
                 try:
-                    image = self.seen.observe(tau).image
+                    self._keep(tau, adjoints)
                 except DrapeDiverged:
                     continue
-                self.cloths.append(tau[: len(self.q.mean)])
-                self.statistics.append(drape_statistics(torch.as_tensor(image)).numpy())
         finally:
             self._learn()
+
+    def _keep(self, tau: Float[np.ndarray, " dimension"], adjoint: bool) -> None:
+        """Drapes one specimen."""
+        cloth = len(self.q.mean)
+        if adjoint:
+            seen, slope = self.seen.observe_slope(tau, lambda image: drape_statistics(image)[AREA])
+            self.slopes.append(slope[:cloth])
+        else:
+            seen = self.seen.observe(tau)
+        self.cloths.append(tau[:cloth])
+        self.statistics.append(drape_statistics(torch.as_tensor(seen.image)).numpy())
 
     def _learn(self) -> None:
         if len(self.cloths) < PAIRS * len(self.q.mean):
@@ -178,7 +192,8 @@ class _Inference:
         observed = drape_statistics(torch.as_tensor(self.problem.train_image)).numpy() - DISCREPANT_BY
         cloths, statistics = np.stack(self.cloths), np.stack(self.statistics)
         weights = np.ones(len(cloths)) if self._model is None else self._model.nearness(cloths, observed)
-        self._model = linearise(cloths, statistics, weights, self._axis)
+        known = {AREA: np.median(self.slopes, axis=0)} if self.slopes else {}
+        self._model = linearise(cloths, statistics, weights, self._axis, known)
         self.q = replace(self._model, scatter=self._model.scatter + np.diag(DISCREPANT_SD**2)).posterior(observed)
 
 

@@ -1,9 +1,11 @@
 """The best point of a search, and losses that optimisers can digest."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
+from torch import Tensor
 
 from cusick_bench.datasets.profile import drape_coefficient
 from cusick_bench.problem import DrapeProblem, Observation
@@ -53,6 +55,16 @@ class Incumbent:
         seen = self.problem.observe(tau)
         self._keep(tau, seen.loss)
         return seen
+
+    def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
+        """The drape at tau, how it is seen, and the gradient of a measure of that.
+
+        Raises:
+            DrapeDiverged: The drape fails.
+        """
+        seen, slope = self.problem.observe_slope(tau, measure)
+        self._keep(tau, seen.loss)
+        return seen, slope
 
     def drape_coefficient(self, tau: Vector) -> float:
         """Drape coefficient at tau.

@@ -14,7 +14,8 @@ The slopes of one statistic have a common normal prior, whose width maximises th
 move no statistic, and their slopes are shrunk to nothing. They are found in passes, each over what the last has left:
 over all pairs along an axis that is known to matter, without shrinking; over all pairs; over those near the
 observation. Near pairs alone, drawn from a narrow q, show no slope along what is known already: q would forget it, and
-the next round draw from the prior again.
+the next round draw from the prior again. Where adjoints give the slopes of a statistic, these stand in for the first
+two passes: over all pairs, from limp cloth to stiff, a saturating statistic looks half as steep as it is.
 
 References:
     Garcia-Fernandez, Svensson, Morelande, Sarkka. Posterior linearization filter: principles and implementation using
@@ -22,6 +23,7 @@ References:
     1992. Wood. Statistical inference for noisy nonlinear ecological dynamic systems. Nature 466, 2010.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,6 +86,7 @@ def linearise(
     statistics: Float[ndarray, "pairs statistics"],
     weights: Float[ndarray, " pairs"],
     axis: Float[ndarray, " cloth"] | None = None,
+    known: Mapping[int, Float[ndarray, " cloth"]] | None = None,
 ) -> LinearModel:
     """Regresses statistics on cloths: on all pairs alike, and what that leaves on the pairs as they are weighted.
 
@@ -92,13 +95,15 @@ def linearise(
         statistics: s of every pair; `PAIRS` for every number of the cloth, or more.
         weights: How much a pair counts, > 0.
         axis: Unit vector along which slopes are not shrunk.
+        known: Slopes near the observation that are known otherwise, by statistic: only what they leave is regressed.
     """
     slope = np.zeros((statistics.shape[1], cloths.shape[1]))
     if axis is not None:
         along = cloths @ axis - (cloths @ axis).mean()
         slope = np.outer(along @ statistics / (along @ along), axis)
-    broad = _regressed(cloths, statistics - cloths @ slope.T, np.ones(len(cloths)))
-    slope = slope + broad.slope
+    slope = slope + _regressed(cloths, statistics - cloths @ slope.T, np.ones(len(cloths))).slope
+    for statistic, own in (known or {}).items():
+        slope[statistic] = own
     near = _regressed(cloths, statistics - cloths @ slope.T, weights)
     return LinearModel(slope + near.slope, near.intercept, near.scatter)
 

@@ -19,7 +19,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.problem.budget import COST, Evaluation, Meter
+from cusick_bench.problem.budget import COST, GRADIENTS, Evaluation, Meter
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.losses import LOSSES
@@ -36,6 +36,7 @@ Vector = Float[np.ndarray, " dimension"]
 Vectors = Float[np.ndarray, "members dimension"]
 Measure = Callable[[dict[int, Tensor]], Tensor]
 """From the silhouettes of a batch, by member and without those whose drape failed, to a number."""
+_KEPT = ("drape", "draw", "slope")  # kinds whose vertices are asked for
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,24 @@ class DrapeProblem:
             raise DrapeDiverged(entry.evaluation.failure)
         return self._seen(entry)
 
+    def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
+        """The drape at tau, how it is seen, and the gradient of a measure of that; raises as `observe`.
+
+        Costs two forward-equivalents.
+
+        Args:
+            tau: Parameter vector.
+            measure: From a silhouette to a number.
+
+        Raises:
+            ProblemError: The space has no gradients either.
+        """
+        self._check_differentiable()
+        (entry,) = self._metered("slope", np.asarray(tau)[None], lambda images: measure(images[0]))
+        if entry.evaluation.failure:
+            raise DrapeDiverged(entry.evaluation.failure)
+        return self._seen(entry), entry.arrays["gradient"]
+
     def evaluate_batch(self, taus: Vectors) -> Float[np.ndarray, " members"]:
         """Losses of several vectors, draped together, which is faster than one by one; raises as `evaluate`."""
         return np.array([entry.evaluation.loss for entry in self._metered("loss", taus)])
@@ -173,13 +192,7 @@ class DrapeProblem:
             taus: Parameter vectors.
             measure: What to take the gradients of, instead of the sum of the losses.
         """
-        if not self.space.differentiable:
-            raise ProblemError(f"the space {self.space.name!r} has no gradients; use a gradient-free solver")
-        if self.scene is not None and self.scene.stateful:
-            raise ProblemError(
-                f"effect {self.scene.stateful} has internal variables, so drapes have no gradients; "
-                "use a gradient-free solver, such as cmaes or nlopt:LN_BOBYQA"
-            )
+        self._check_differentiable()
         entries = self._metered("gradient", taus, measure)
         losses = np.array([entry.evaluation.loss for entry in entries])
         nothing = np.zeros(self.dimension)
@@ -250,6 +263,15 @@ class DrapeProblem:
             self._branch.vertices = None if vertices is None else torch.as_tensor(vertices)
         return state
 
+    def _check_differentiable(self) -> None:
+        if not self.space.differentiable:
+            raise ProblemError(f"the space {self.space.name!r} has no gradients; use a gradient-free solver")
+        if self.scene is not None and self.scene.stateful:
+            raise ProblemError(
+                f"effect {self.scene.stateful} has internal variables, so drapes have no gradients; "
+                "use a gradient-free solver, such as cmaes or nlopt:LN_BOBYQA"
+            )
+
     def _seen(self, entry: Entry) -> Observation:
         vertices = entry.arrays["vertices"]
         with torch.no_grad():
@@ -303,12 +325,12 @@ class DrapeProblem:
     def _computed(self, kind: str, digests: list[str], taus: Vectors, measure: Measure | None) -> list[Entry]:
         """Evaluates vectors together; keeps the last ones, which have digests, and runs the totals on over them."""
         start, before = time.perf_counter(), self.meter.wall_seconds
-        results = self._simulate(taus, kind == "gradient", measure)[-len(digests) :]
+        results = self._simulate(taus, kind in GRADIENTS, measure)[-len(digests) :]
         seconds = (time.perf_counter() - start) / len(taus)
         best, spent, entries = self.meter.best_loss, self.meter.forward_equivalents, []
         for digest, result in zip(digests, results, strict=True):
             best, spent = best if kind == "draw" else min(best, result.loss), spent + COST[kind]
-            if kind not in ("drape", "draw") and not (self._follows and result.loss < self._branch.loss):
+            if kind not in _KEPT and not (self._follows and result.loss < self._branch.loss):
                 result.arrays.pop("vertices", None)
             evaluation = Evaluation(
                 kind=kind,

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 
-from cusick_bench.problem.budget import Evaluation
+from cusick_bench.problem.budget import GRADIENTS, Evaluation
 from cusick_bench.problem.errors import ProblemError
 
 TRACE, ARRAYS, STATE = "trace.jsonl", "state.bin", "state.npz"
@@ -135,7 +135,7 @@ class Journal:
                 f"evaluation {self._position} in {self.folder} is a {past.kind} at other parameters than the "
                 f"{kind} asked for now: the solver or the machine changed; delete that folder to start afresh"
             )
-        if kind == "gradient" and not past.failure and "gradient" not in entry.arrays:
+        if kind in GRADIENTS and not past.failure and "gradient" not in entry.arrays:
             raise ProblemError(
                 f"the gradients of {self.folder} were too long to be kept, and its solver saved no state "
                 "of its own; delete that folder to start afresh"
