@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseMod
 from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures, captures_from_profiles
 from cusick_bench.diagnosis.diagnose import Options, _named, _verdict, diagnose, set90, single_causes
-from cusick_bench.diagnosis.document import answer, document
+from cusick_bench.diagnosis.document import answer, document, headline
 from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.evidence import (
@@ -510,6 +510,17 @@ def test_a_named_pair_holds_the_likeliest_cause_and_leads_with_it() -> None:
     halves = tuple(Candidate(by_name[name], {}, 0.0, 0.0, 0.0) for name in ("threshold", "creep"))
     named = _named(name, [], {name: halves}, single_causes(probability))
     assert [one.hypothesis.name for one in named] == ["creep", "threshold"]
+
+
+def test_an_ambiguous_headline_says_what_else_it_may_be(emulator: Emulator) -> None:
+    captures = simulated_captures("camera-offset", 4e-3, samples=4)
+    found = diagnose(captures, emulator, options=Options(samples=0))
+    doubtful = {UNKNOWN: 0.55, "camera-offset": 0.3, "plate-tilt": 0.1, NONE: 0.05}
+    for kept in ((UNKNOWN, "camera-offset", "plate-tilt"), ("camera-offset", "plate-tilt")):
+        said = headline(replace(found, verdict="ambiguous", probability=doubtful, set90=kept))
+        assert "one of camera-offset, plate-tilt" in said
+        assert ("something that is not on the list (55%)" in said) == (UNKNOWN in kept)
+        assert "chance" not in said
 
 
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:

@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.captures import Captures, read_captures
 from cusick_bench.diagnosis.emulator import fit
 from cusick_bench.diagnosis.power import STIFFNESS, detectable, needed
 from cusick_bench.diagnosis.store import SHIPPED, Calibration, load, save
+from cusick_bench.diagnosis.unexplained import THIRDS, unexplained
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 from cusick_bench.withheld.answering import case_folders
@@ -67,15 +68,23 @@ def build_atlas(
 def fit_atlas(
     folder: Annotated[Path, typer.Argument(help="Folder that `build` filled, also in part.", metavar="FOLDER")],
     out: Annotated[Path, typer.Option(help="File; by default the one that diagnoses use.")] = SHIPPED,
+    check: Annotated[bool, typer.Option(help="Also measure what fits leave unexplained of other fabrics.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
     design, points = read(folder)
-    save(out, fit(design, points), Calibration())
+    emulator = fit(design, points)
+    save(out, emulator, Calibration())
     counts = {name: len(found) for name, found in points.items()}
+    shares = {name: one.tolist() for name, one in unexplained(design, points, emulator).items()} if check else {}
     if as_json:
-        print_json({"path": out, "points": counts})
+        print_json({"path": out, "points": counts, "unexplained": shares})
     else:
+        if check:
+            table = Table("effect", *THIRDS, title="share of the shifts not explained, by thirds of stiffness")
+            for name, row in shares.items():
+                table.add_row(name, *(f"{share:.2f}" for share in row))
+            output.print(table)
         output.print(
             f"{out}: {counts.get('base', 0)} fabrics; next: cusick-bench atlas calibrate CASES LABELS --atlas {out}"
         )

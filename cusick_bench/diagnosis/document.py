@@ -26,6 +26,8 @@ _ALIKE = (
     (("creep", "bending-friction"), "each changes how far folds have sunk when the picture is taken"),
 )
 _LEAST = 0.005  # probability of a cause that is worth a line
+_BESIDE = {UNKNOWN: "something that is not on the list", NONE: "chance alone"}
+"""What an ambiguous set may hold beside effects."""
 
 
 def document(
@@ -155,8 +157,9 @@ def headline(diagnosis: Diagnosis) -> str:
     summary = "; and ".join(registered()[name].summary for name in names)
     if diagnosis.verdict == "effect":
         return f"{' + '.join(names)}, with probability {p[names[0]]:.0%}: {summary}."
-    several = ", ".join(name for name in diagnosis.set90 if name not in (NONE, UNKNOWN))
-    return f"Something shows that these drapes alone cannot tell apart: one of {several}."
+    several = ", ".join(name for name in diagnosis.set90 if name not in _BESIDE)
+    beside = "".join(f", or {what} ({p[name]:.0%})" for name, what in _BESIDE.items() if name in diagnosis.set90)
+    return f"Something shows that these drapes alone cannot tell apart: one of {several}{beside}."
 
 
 def table(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:

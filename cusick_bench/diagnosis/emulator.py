@@ -27,7 +27,7 @@ from cusick_bench.diagnosis.atlas import BASE, FINE, FINE_VERTICES, LAWS, ONE_ME
 from cusick_bench.diagnosis.base_model import HIGH, LOW, BaseModel
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.features import features
-from cusick_bench.diagnosis.response import Response, response
+from cusick_bench.diagnosis.response import Response, changes, response
 from cusick_bench.diagnosis.ridge import Fit, ridge
 from cusick_bench.diagnosis.statistics import EVEN, FREE, LOCKED_ORDERS, LOCKED_PAIRS, NAMES, RESOLUTION, rotated
 from cusick_bench.diagnosis.terms import base_terms, spread_terms
@@ -198,7 +198,7 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
     sd = np.maximum(np.exp(log_sd(spread_terms(theta))), RESOLUTION)
     correlation = _correlation(base, {n: sd[n] for n in numbers})
     responses = {
-        name: response(effect, theta, base, points[name], sd)
+        name: response(effect, changes(effect, theta, base, points[name], sd))
         for name, effect in registered().items()
         if len(points.get(name, {})) >= _LEAST_POINTS
     }

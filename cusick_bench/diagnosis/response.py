@@ -85,14 +85,39 @@ def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray,
     return np.stack(columns, axis=1) if columns else np.zeros((rows, 0))
 
 
-def response(
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What one effect does to the atlas' fabrics, in the frame of its direction.
+
+    Attributes:
+        theta: Base parameters.
+        severity: By face (up, down), in typical ones.
+        place: From `scaled_place`.
+        shift: Of every statistic by face [sd]; 0 where symmetry forbids one.
+        noise: Variance of these from the fabric's few samples, likewise.
+        spread: Shift of `Features.spread`.
+    """
+
+    theta: Float[ndarray, "rows parameters"]
+    severity: Float[ndarray, "rows 2"]
+    place: Float[ndarray, "rows place"]
+    shift: Float[ndarray, "rows 2 statistics"]
+    noise: Float[ndarray, "rows 2 statistics"]
+    spread: Float[ndarray, "rows spreads"]
+
+    def of(self, rows: ndarray) -> "Changes":
+        """Some of the fabrics."""
+        return Changes(*(column[rows] for column in vars(self).values()))
+
+
+def changes(
     effect: Effect,
     theta: Float[ndarray, "points parameters"],
     base: Mapping[int, Point],
     own: Mapping[int, Point],
     sd: Float[ndarray, "points statistics"],
-) -> Response:
-    """Fits one effect.
+) -> Changes:
+    """Differences under common random numbers.
 
     Args:
         effect: Which.
@@ -106,24 +131,32 @@ def response(
     numbers = list(found)
     value = np.stack([own[n].value for n in numbers])
     severity = value[:, names.index(effect.severity.name)] / effect.severity.typical
-    place = scaled_place(effect, dict(zip(names, value.T, strict=True)))
-    at, unit, allowed = theta[numbers], sd[numbers][:, None], _allowed(effect)
-    shift = np.stack([found[n][0] for n in numbers]) / unit  # (rows, faces, statistics)
-    noise = (np.stack([found[n][1] for n in numbers]) / unit**2)[:, :, allowed].sum((1, 2))
-    forbidden = np.setdiff1d(np.arange(len(NAMES)), allowed)
-    shift[:, :, forbidden] = 0
-    gain = _fitted_gain(at, severity, place, (shift**2).sum((1, 2)), noise)
+    allowed = np.isin(np.arange(len(NAMES)), _allowed(effect))
+    shift, noise, spread = (np.stack([found[n][k] for n in numbers]) for k in range(3))
+    unit = sd[numbers][:, None]
+    return Changes(
+        theta[numbers],
+        np.column_stack([severity, -severity if effect.face_odd else severity]),
+        scaled_place(effect, dict(zip(names, value.T, strict=True))),
+        np.where(allowed, shift / unit, 0.0),
+        np.where(allowed, noise / unit**2, 0.0),
+        spread,
+    )
+
+
+def response(effect: Effect, found: Changes) -> Response:
+    """Fits one effect to what it does to the atlas' fabrics."""
+    at, severity, place = found.theta, found.severity[:, 0], found.place
+    noise = found.noise.sum((1, 2))
+    gain = _fitted_gain(at, severity, place, (found.shift**2).sum((1, 2)), noise)
     size = _gain(gain, at, severity, place)
     amount = np.maximum(np.abs(severity), LEAST)
     precision = 1 / (amount**2 * _OWN_ERROR + noise / size[:, 0] ** 2)
-    turned = -severity if effect.face_odd else severity
-    terms = np.concatenate([effect_terms(at, severity, place), effect_terms(at, turned, place)])
-    values = np.concatenate([shift[:, 0] / size, shift[:, 1] / size])
+    terms = np.concatenate([effect_terms(at, own, place) for own in found.severity.T])
+    values = np.concatenate([found.shift[:, 0] / size, found.shift[:, 1] / size])
     mean = ridge(terms, values, 1, np.tile(precision, 2))
-    spreads = np.stack([found[n][2] for n in numbers])
-    return Response(
-        effect.name, gain, mean, ridge(np.abs(severity)[:, None] * spread_terms(at), spreads, 1), acts_later(effect)
-    )
+    spread = ridge(np.abs(severity)[:, None] * spread_terms(at), found.spread, 1)
+    return Response(effect.name, gain, mean, spread, acts_later(effect))
 
 
 def _gain(
