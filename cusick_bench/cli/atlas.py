@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.atlas import Design, build, read
 from cusick_bench.diagnosis.calibrate import calibrate
 from cusick_bench.diagnosis.captures import Captures, read_captures
 from cusick_bench.diagnosis.emulator import fit
-from cusick_bench.diagnosis.power import STIFFNESS, detectable, needed
+from cusick_bench.diagnosis.power import FABRICS, STIFFNESS, detectable, needed
 from cusick_bench.diagnosis.store import SHIPPED, Calibration, load, save
 from cusick_bench.diagnosis.unexplained import THIRDS, unexplained
 from cusick_bench.runner.store import write_atomically
@@ -129,7 +129,9 @@ def power(
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
     emulator, _ = load(atlas)
-    found = {"stiffness": STIFFNESS, "severity": dict(detectable(emulator, samples=samples))}
+    with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
+        severity = detectable(emulator, samples=samples, step=bar.advance)
+    found = {"stiffness": STIFFNESS, "severity": dict(severity)}
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(out, (json.dumps(found, indent=1) + "\n").encode())
