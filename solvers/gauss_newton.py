@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 MEMORY = 20  # pairs
 NOISE = 0.05  # squared relative error of the products, since the Jacobian is another one at every point
+_SLACK = 1e-6  # of a step's length, for rounding
 BISECTIONS = 40  # of the damping: to 1e-12 of its range
 
 Vector = Float[np.ndarray, " unknowns"]
@@ -62,10 +63,13 @@ def damped_step(gradient: Vector, adjoints: Adjoints, *, weight: float, radius: 
         radius: Of the ball.
     """
     # ((1 + damping) I + 2 weight H K^-1 H^T) step = -gradient, by the Woodbury identity in as many unknowns as pairs.
-    products, square = adjoints.products, float(gradient @ gradient)
+    products = adjoints.products
     gram = adjoints.residuals @ adjoints.residuals.T
     noisy = gram + np.diag(NOISE * np.diag(gram) + np.finfo(float).tiny)
-    inner, along = products @ products.T, products @ gradient
+    with np.errstate(over="ignore"):
+        square, inner, along = float(gradient @ gradient), products @ products.T, products @ gradient
+    if not (np.isfinite(square) and np.isfinite(inner).all() and np.isfinite(along).all()):
+        return _steepest(gradient, radius)
 
     def shares(damping: float) -> tuple[np.ndarray, float]:
         """Weights of the pairs in the step, and how long it is."""
@@ -80,4 +84,12 @@ def damped_step(gradient: Vector, adjoints: Adjoints, *, weight: float, radius: 
             damping = (low + high) / 2
             low, high = (damping, high) if shares(damping)[1] > radius else (low, damping)
         damping, share = high, shares(high)[0]
-    return (share @ products - gradient) / (1 + damping)
+    step = (share @ products - gradient) / (1 + damping)
+    sound = np.linalg.norm(step) <= (1 + _SLACK) * radius and step @ gradient < 0
+    return step if sound else _steepest(gradient, radius)  # an adjoint of 1e17 has left no digits of the rest
+
+
+def _steepest(gradient: Vector, radius: float) -> Vector:
+    """The longest step down the gradient, however large that is."""
+    direction = gradient / max(float(np.abs(gradient).max()), np.finfo(float).tiny)
+    return -radius * direction / max(float(np.linalg.norm(direction)), 1.0)

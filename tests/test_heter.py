@@ -155,6 +155,17 @@ class TestGaussNewton:
         assert adjoints.residuals.shape == (MEMORY, 12)
         assert np.isfinite(damped_step(matrix.T @ target, adjoints, weight=50.0, radius=1.0)).all()  # all pairs alike
 
+    @pytest.mark.parametrize("size", [1e12, 1e17, 1e200])
+    def test_an_adjoint_that_explodes_makes_no_step_longer_than_the_radius(self, system, size):
+        """On the brink of another fold they grow without bound; a step of their size would make stiffness infinite."""
+        matrix, target = system
+        direction = np.random.default_rng(6).standard_normal(60)
+        adjoints = Adjoints.of(-target, -matrix.T @ target).and_of(target, size * direction)
+        for pair in ((-target, -matrix.T @ target), (target, size * direction)):
+            step = damped_step(100 * pair[1], adjoints.and_of(*pair), weight=50.0, radius=0.5)
+            assert np.linalg.norm(step) <= 0.5 * (1 + 1e-5)
+            assert step @ pair[1] < 0
+
 
 def _solve(problem, **options):
     return Heter(**options).solve(problem, np.random.default_rng(0))
