@@ -18,26 +18,34 @@ from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.evidence import detection_statistic, grids
 from cusick_bench.diagnosis.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.residual import Residual, against_base
+from cusick_bench.diagnosis.residual import Residual, against_base, inflated
 from cusick_bench.diagnosis.statistics import RESOLUTION
 
 NEEDED = 4.0
-"""|d| that is found in 80 % of fabrics at the level of 5 %, median over effects: see `needed`."""
+"""|d| that is found in 80 % of fabrics at the level of 5 %: the median over effects of what `needed` measures."""
 STIFFNESS = (-9.0, -8.25, -7.5, -6.75, -6.0, -5.25, -4.5)
 """Levels of theta's bending, ln B / (rho g R^3), from limp to stiff."""
 FABRICS = 12
 """At each level."""
 _REFITTED = 0.7  # a shift from this share of what is needed on is tried with the base parameters fitted to it
 _SEED = 5
+_NOT_MEASURED: Mapping[str, float] = {}
 
 
 def detectable(
-    emulator: Emulator, *, samples: int = 12, step: Callable[[], None] = lambda: None
+    emulator: Emulator,
+    need: Mapping[str, float] = _NOT_MEASURED,
+    *,
+    inflation: float = 1.0,
+    samples: int = 12,
+    step: Callable[[], None] = lambda: None,
 ) -> Mapping[str, tuple[float | None, ...]]:
     """Detectable severity of every effect, in its own unit, at each of `STIFFNESS`: the median over fabrics.
 
     Args:
         emulator: The atlas.
+        need: |d| that each effect needs to be found, from `needed`.
+        inflation: Of the noise, from calibration.
         samples: Samples of a fabric, draped on both sides, each captured twice.
         step: Called for each of `FABRICS` fabrics at each level.
 
@@ -46,19 +54,28 @@ def detectable(
     """
     found: dict[str, list[float | None]] = {}
     for level in STIFFNESS:
-        for name, severity in detectable_at(emulator, level, samples=samples, step=step).items():
+        at_level = detectable_at(emulator, level, need, inflation=inflation, samples=samples, step=step)
+        for name, severity in at_level.items():
             found.setdefault(name, []).append(float(f"{severity:.3g}") if np.isfinite(severity) else None)
     return {name: tuple(values) for name, values in found.items() if any(value is not None for value in values)}
 
 
 def detectable_at(
-    emulator: Emulator, level: float, *, samples: int = 12, step: Callable[[], None] = lambda: None
+    emulator: Emulator,
+    level: float,
+    need: Mapping[str, float] = _NOT_MEASURED,
+    *,
+    inflation: float = 1.0,
+    samples: int = 12,
+    step: Callable[[], None] = lambda: None,
 ) -> dict[str, float]:
     """Detectable severities at one level of bending, medians over fabrics that else are as the prior has them.
 
     Args:
         emulator: The atlas.
         level: ln B / (rho g R^3).
+        need: |d| that each effect needs to be found, from `needed`.
+        inflation: Of the noise, from calibration.
         samples: Samples of a fabric.
         step: Called for each of `FABRICS` fabrics.
 
@@ -71,13 +88,13 @@ def detectable_at(
         theta = PRIOR_MEAN + 0.7 * PRIOR_SD * generator.standard_normal(len(PRIOR_SD))
         theta[0] = level
         expected = _expected(emulator, theta, samples)
-        residual = against_base(emulator, expected, start=theta, fixed=True)
-        left = _Left(emulator, expected, residual, against_base(emulator, expected, start=theta).white)
+        residual = inflated(against_base(emulator, expected, start=theta, fixed=True), inflation)
+        left = _Left(emulator, expected, residual, against_base(emulator, expected, start=theta).white, inflation)
         own: dict[str, float] = {}
         for hypothesis in hypotheses(emulator):
             if hypothesis.name not in own:
                 moved = shifts(emulator, hypothesis, theta, residual.sd, residual.drift).rows
-                own[hypothesis.name] = _first(hypothesis, moved, left)
+                own[hypothesis.name] = _first(hypothesis, moved, left, need.get(hypothesis.name, NEEDED))
         for name, severity in own.items():
             found.setdefault(name, []).append(severity)
         step()
@@ -133,13 +150,15 @@ class _Left:
         emulator: The atlas.
         expected: Features of the fabric without it.
         residual: Of these, at the fabric's own parameters.
-        without: w at the parameters that fit these best.
+        without: w at the parameters that fit these best, before inflation.
+        inflation: Of the noise.
     """
 
     emulator: Emulator
     expected: Features
     residual: Residual
     without: Float[ndarray, "kept"]
+    inflation: float
 
     def linear(self, moved: Float[ndarray, "values rows"]) -> Float[ndarray, "values"]:
         """|d| of shifts so small that the fabric's own Jacobian holds."""
@@ -148,10 +167,10 @@ class _Left:
     def refitted(self, moved: Float[ndarray, "rows"]) -> float:
         """|d| of one shift at the base parameters that fit it best."""
         there = against_base(self.emulator, self.expected, start=self.residual.theta, shift=-moved)
-        return float(np.linalg.norm(there.white - self.without))
+        return float(np.linalg.norm(there.white - self.without)) / self.inflation
 
 
-def _first(hypothesis: Hypothesis, moved: Float[ndarray, "values rows"], left: _Left) -> float:
+def _first(hypothesis: Hypothesis, moved: Float[ndarray, "values rows"], left: _Left, need: float) -> float:
     """Severity at which the median shift over directions and places reaches what is needed, by interpolation."""
     severity, linear = np.abs(hypothesis.severity()), left.linear(moved)
     before = (0.0, 0.0)
@@ -159,10 +178,10 @@ def _first(hypothesis: Hypothesis, moved: Float[ndarray, "values rows"], left: _
         own = np.flatnonzero(severity == level)
         middle = own[np.argsort(linear[own])[len(own) // 2]]
         size = float(linear[middle])
-        if size >= _REFITTED * NEEDED:
+        if size >= _REFITTED * need:
             size = min(size, left.refitted(moved[middle]))
-        if size >= NEEDED:
-            share = (NEEDED - before[1]) / (size - before[1])
+        if size >= need:
+            share = (need - before[1]) / (size - before[1])
             return float((before[0] + share * (level - before[0])) * hypothesis.effect.severity.typical)
         before = max(before, (float(level), size), key=lambda one: one[1])
     return float("inf")
