@@ -14,6 +14,7 @@ from cusick_bench.diagnosis.atlas import Design, build, random_value, read, silh
 from cusick_bench.diagnosis.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.captures import Captures, captures_from_profiles
+from cusick_bench.diagnosis.closure import Closure
 from cusick_bench.diagnosis.diagnose import Options, _named, _verdict, diagnose, set90, single_causes
 from cusick_bench.diagnosis.document import answer, document, headline
 from cusick_bench.diagnosis.emulator import Emulator
@@ -39,7 +40,7 @@ from cusick_bench.diagnosis.pairs import pairs
 from cusick_bench.diagnosis.power import _expected, detectable_at
 from cusick_bench.diagnosis.residual import Residual, against_base
 from cusick_bench.diagnosis.ridge import ridge
-from cusick_bench.diagnosis.simulate import simulate
+from cusick_bench.diagnosis.simulate import Simulated, simulate
 from cusick_bench.diagnosis.statistics import GROUPS, NAMES, rotated
 from cusick_bench.diagnosis.steps import steps
 from cusick_bench.diagnosis.store import Calibration, load, save
@@ -521,6 +522,18 @@ def test_an_ambiguous_headline_says_what_else_it_may_be(emulator: Emulator) -> N
         assert "one of camera-offset, plate-tilt" in said
         assert ("something that is not on the list (55%)" in said) == (UNKNOWN in kept)
         assert "chance" not in said
+
+
+def test_an_unknown_headline_says_what_its_parts_close(emulator: Emulator) -> None:
+    """As far as it is surely more than nothing."""
+    captures = simulated_captures("camera-offset", 8e-3, samples=4)
+    found = diagnose(captures, emulator, options=Options(samples=0))
+    assert found.steps
+    nothing = Simulated(np.zeros((1, 2, len(NAMES))), np.zeros((1, 2, 360)))
+    for low, said in ((0.73, "; together they close 84% of the gap [73%, 94%]."), (-0.1, ".")):
+        parts = Closure(Gap(0.6, 0.0, {}, {}, 0.84, (low, 0.94)), nothing, None)
+        text = headline(replace(found, verdict="unknown", together=parts))
+        assert text.endswith(", ".join(step.candidate.hypothesis.name for step in found.steps) + said)
 
 
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:

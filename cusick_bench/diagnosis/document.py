@@ -151,7 +151,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return "No unmodelled effect shows: the drapes differ from the base model no more than chance allows."
     if diagnosis.verdict == UNKNOWN:
         parts = [step.candidate.hypothesis.name for step in diagnosis.steps]
-        share = f" Parts of it, one after the other: {', '.join(parts)}." if parts else ""
+        share = f" Parts of it, one after the other: {', '.join(parts)}{_closed(diagnosis)}." if parts else ""
         return f"The drapes differ from the base model, and no known effect, nor two of them, explains how.{share}"
     names = [one.hypothesis.name for one in diagnosis.cause]
     summary = "; and ".join(registered()[name].summary for name in names)
@@ -160,6 +160,15 @@ def headline(diagnosis: Diagnosis) -> str:
     several = ", ".join(name for name in diagnosis.set90 if name not in _BESIDE)
     beside = "".join(f", or {what} ({p[name]:.0%})" for name, what in _BESIDE.items() if name in diagnosis.set90)
     return f"Something shows that these drapes alone cannot tell apart: one of {several}{beside}."
+
+
+def _closed(diagnosis: Diagnosis) -> str:
+    """How far all steps together close the gap, where that was simulated and is surely something."""
+    found = diagnosis.together and diagnosis.together.gap
+    if found is None or not found.closure_interval[0] > 0:
+        return ""
+    low, high = found.closure_interval
+    return f"; together they close {found.closure:.0%} of the gap [{low:.0%}, {high:.0%}]"
 
 
 def table(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
