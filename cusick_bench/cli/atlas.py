@@ -140,9 +140,10 @@ def power(
         print_json({**found, "needed": shift, "samples": samples})
         return
     levels = [f"{level:g}" for level in STIFFNESS]
-    table = Table("effect", "unit", *levels, "needs |d|", title="by ln B / (rho g R^3)")
+    table = Table("effect", "unit", *levels, "|d|", title="by ln B / (rho g R^3); |d| it takes", padding=(0, 0))
     for name, one in registered().items():
         row = found["severity"].get(name, (None,) * len(levels))
-        cells = ["" if value is None else f"{value:.3g}" for value in row]
-        table.add_row(name, one.severity.unit, *cells, f"{shift[name]:.1f}" if name in shift else "")
+        unit, factor = ("mm", 1e3) if one.severity.unit == "m" else (one.severity.unit, 1.0)
+        cells = ["" if value is None else f"{factor * value:.2g}" for value in row]
+        table.add_row(name, unit, *cells, f"{shift[name]:.1f}" if name in shift else "")
     output.print(table)
