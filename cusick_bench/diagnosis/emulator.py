@@ -27,7 +27,7 @@ from cusick_bench.diagnosis.atlas import BASE, FINE, FINE_VERTICES, LAWS, ONE_ME
 from cusick_bench.diagnosis.base_model import HIGH, LOW, BaseModel
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.features import features
-from cusick_bench.diagnosis.response import Response, changes, response
+from cusick_bench.diagnosis.response import LEAST_SAMPLES, Response, changes, response
 from cusick_bench.diagnosis.ridge import Fit, ridge
 from cusick_bench.diagnosis.statistics import EVEN, FREE, LOCKED_ORDERS, LOCKED_PAIRS, NAMES, RESOLUTION, rotated
 from cusick_bench.diagnosis.terms import base_terms, spread_terms
@@ -35,7 +35,6 @@ from cusick_bench.sim.effects import registered
 
 _COUNT = len(NAMES)
 _LEAST_POINTS = 60
-_LEAST_SAMPLES = 2
 _BEYOND_FINE = 1 / (1 - BaseModel().vertices / FINE_VERTICES)
 """Error of the atlas' mesh over its difference to the fine one; errors go with the square of an edge's length."""
 _EXCHANGED = np.array([1, -1, 1, 1, 1, 1, 1])
@@ -131,7 +130,7 @@ def _changed(base: Mapping[int, Point], other: Mapping[int, Point], weight: ndar
     for number in sorted(other.keys() & base.keys()):
         change = other[number].statistics - base[number].statistics
         good = np.isfinite(change).all((1, 2))
-        if good.sum() < _LEAST_SAMPLES:
+        if good.sum() < LEAST_SAMPLES:
             continue
         own = (change[good] / sd[number]).reshape(-1, _COUNT)
         total += weight[number] * (np.outer(own.mean(0), own.mean(0)) - np.cov(own.T) / len(own))
@@ -152,7 +151,7 @@ def _shared_asymmetry(points: Mapping[int, Point], sd: ndarray) -> Float[ndarray
     excess = []
     for number, point in points.items():
         good = np.isfinite(point.statistics).all((1, 2))
-        if good.sum() < 2:
+        if good.sum() < LEAST_SAMPLES:
             continue
         values = (point.statistics[good] / sd[number]).mean(1)
         excess.append(values.mean(0) ** 2 - values.var(0, ddof=1) / len(values))
@@ -183,7 +182,7 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
         DiagnosisError: Too few points.
     """
     theta, base = design.theta(), points.get(BASE, {})
-    numbers = [n for n, p in base.items() if np.isfinite(p.statistics).all((1, 2)).sum() >= 2]
+    numbers = [n for n, p in base.items() if np.isfinite(p.statistics).all((1, 2)).sum() >= LEAST_SAMPLES]
     if len(numbers) < _LEAST_POINTS:
         raise DiagnosisError(f"an atlas needs at least {_LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
     at, found = theta[numbers], [features(base[n].statistics) for n in numbers]

@@ -18,7 +18,7 @@ from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.evidence import detection_statistic, grids
 from cusick_bench.diagnosis.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.residual import Residual, against_base, inflated
+from cusick_bench.diagnosis.residual import Residual, against_base
 from cusick_bench.diagnosis.statistics import RESOLUTION
 
 NEEDED = 4.0
@@ -29,12 +29,11 @@ FABRICS = 12
 """At each level."""
 _REFITTED = 0.7  # a shift from this share of what is needed on is tried with the base parameters fitted to it
 _SEED = 5
-_NOT_MEASURED: Mapping[str, float] = {}
 
 
 def detectable(
     emulator: Emulator,
-    need: Mapping[str, float] = _NOT_MEASURED,
+    need: Mapping[str, float],
     *,
     inflation: float = 1.0,
     samples: int = 12,
@@ -44,7 +43,7 @@ def detectable(
 
     Args:
         emulator: The atlas.
-        need: |d| that each effect needs to be found, from `needed`.
+        need: |d| that each effect needs to be found, from `needed`; `NEEDED` for those it lacks.
         inflation: Of the noise, from calibration.
         samples: Samples of a fabric, draped on both sides, each captured twice.
         step: Called for each of `FABRICS` fabrics at each level.
@@ -63,7 +62,7 @@ def detectable(
 def detectable_at(
     emulator: Emulator,
     level: float,
-    need: Mapping[str, float] = _NOT_MEASURED,
+    need: Mapping[str, float],
     *,
     inflation: float = 1.0,
     samples: int = 12,
@@ -74,7 +73,7 @@ def detectable_at(
     Args:
         emulator: The atlas.
         level: ln B / (rho g R^3).
-        need: |d| that each effect needs to be found, from `needed`.
+        need: |d| that each effect needs to be found, from `needed`; `NEEDED` for those it lacks.
         inflation: Of the noise, from calibration.
         samples: Samples of a fabric.
         step: Called for each of `FABRICS` fabrics.
@@ -88,13 +87,14 @@ def detectable_at(
         theta = PRIOR_MEAN + 0.7 * PRIOR_SD * generator.standard_normal(len(PRIOR_SD))
         theta[0] = level
         expected = _expected(emulator, theta, samples)
-        residual = inflated(against_base(emulator, expected, start=theta, fixed=True), inflation)
-        left = _Left(emulator, expected, residual, against_base(emulator, expected, start=theta).white, inflation)
+        residual = against_base(emulator, expected, start=theta, fixed=True)
+        left = _Left(emulator, expected, residual, against_base(emulator, expected, start=theta).white)
         own: dict[str, float] = {}
         for hypothesis in hypotheses(emulator):
             if hypothesis.name not in own:
                 moved = shifts(emulator, hypothesis, theta, residual.sd, residual.drift).rows
-                own[hypothesis.name] = _first(hypothesis, moved, left, need.get(hypothesis.name, NEEDED))
+                least = inflation * need.get(hypothesis.name, NEEDED)
+                own[hypothesis.name] = _first(hypothesis, moved, left, least)
         for name, severity in own.items():
             found.setdefault(name, []).append(severity)
         step()
@@ -150,15 +150,13 @@ class _Left:
         emulator: The atlas.
         expected: Features of the fabric without it.
         residual: Of these, at the fabric's own parameters.
-        without: w at the parameters that fit these best, before inflation.
-        inflation: Of the noise.
+        without: w at the parameters that fit these best.
     """
 
     emulator: Emulator
     expected: Features
     residual: Residual
     without: Float[ndarray, "kept"]
-    inflation: float
 
     def linear(self, moved: Float[ndarray, "values rows"]) -> Float[ndarray, "values"]:
         """|d| of shifts so small that the fabric's own Jacobian holds."""
@@ -167,7 +165,7 @@ class _Left:
     def refitted(self, moved: Float[ndarray, "rows"]) -> float:
         """|d| of one shift at the base parameters that fit it best."""
         there = against_base(self.emulator, self.expected, start=self.residual.theta, shift=-moved)
-        return float(np.linalg.norm(there.white - self.without)) / self.inflation
+        return float(np.linalg.norm(there.white - self.without))
 
 
 def _first(hypothesis: Hypothesis, moved: Float[ndarray, "values rows"], left: _Left, need: float) -> float:

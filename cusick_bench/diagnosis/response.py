@@ -28,7 +28,8 @@ from cusick_bench.diagnosis.statistics import EVEN, FREE, NAMES, REAL, rotated
 from cusick_bench.diagnosis.terms import effect_terms, gain_terms, spread_terms
 from cusick_bench.sim.effects import Effect
 
-_LEAST_SAMPLES = 2
+LEAST_SAMPLES = 2
+"""Of a fabric, for it to count."""
 _OWN_ERROR = 1 / 3
 """Square of the polynomials' own error over a shift's size: what weighs a point beside its samples' scatter."""
 _VISIBLE = 0.3  # a shift's square is taken for at least so much of its noise's, in the logarithm of the gain
@@ -69,7 +70,7 @@ class Response:
         self, theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"]
     ) -> Float[ndarray, "rows spreads"]:
         """Shift of `Features.spread`."""
-        return self.spread(np.abs(severity)[:, None] * spread_terms(theta))
+        return self.spread(_scatter_terms(theta, severity))
 
 
 def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray, "rows place"]:
@@ -155,8 +156,13 @@ def response(effect: Effect, found: Changes) -> Response:
     terms = np.concatenate([effect_terms(at, own, place) for own in found.severity.T])
     values = np.concatenate([found.shift[:, 0] / size, found.shift[:, 1] / size])
     mean = ridge(terms, values, 1, np.tile(precision, 2))
-    spread = ridge(np.abs(severity)[:, None] * spread_terms(at), found.spread, 1)
+    spread = ridge(_scatter_terms(at, severity), found.spread, 1)
     return Response(effect.name, gain, mean, spread, acts_later(effect))
+
+
+def _scatter_terms(theta: Float[ndarray, "rows parameters"], severity: ndarray) -> Float[ndarray, "rows terms"]:
+    """What moves the spreads: it vanishes with the severity, and its sign does not matter."""
+    return np.abs(severity)[:, None] * spread_terms(theta)
 
 
 def _gain(
@@ -175,7 +181,7 @@ def _difference(effect: Effect, base: Point, changed: Point) -> tuple[ndarray, n
     """By face: mean difference under common random numbers and its variance; and that of the spreads."""
     own, plain = _in_own_frame(effect, changed), _in_own_frame(effect, Point(changed.value, base.statistics))
     good = np.isfinite(own).all((1, 2)) & np.isfinite(plain).all((1, 2))
-    if good.sum() < _LEAST_SAMPLES:
+    if good.sum() < LEAST_SAMPLES:
         return None
     change = (own - plain)[good]
     with_effect, without = features(own[good]), features(plain[good])

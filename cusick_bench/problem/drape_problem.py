@@ -156,10 +156,7 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        (entry,) = self._metered("drape", np.asarray(tau)[None])
-        if entry.evaluation.failure:
-            raise DrapeDiverged(entry.evaluation.failure)
-        return self._seen(entry)
+        return self._seen(self._draped("drape", tau))
 
     def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
         """The drape at tau, how it is seen, and the gradient of a measure of that; raises as `observe`.
@@ -174,9 +171,7 @@ class DrapeProblem:
             ProblemError: The space has no gradients either.
         """
         self._check_differentiable()
-        (entry,) = self._metered("slope", np.asarray(tau)[None], lambda images: measure(images[0]))
-        if entry.evaluation.failure:
-            raise DrapeDiverged(entry.evaluation.failure)
+        entry = self._draped("slope", tau, lambda images: measure(images[0]))
         return self._seen(entry), entry.arrays["gradient"]
 
     def evaluate_batch(self, taus: Vectors) -> Float[np.ndarray, " members"]:
@@ -271,6 +266,13 @@ class DrapeProblem:
                 f"effect {self.scene.stateful} has internal variables, so drapes have no gradients; "
                 "use a gradient-free solver, such as cmaes or nlopt:LN_BOBYQA"
             )
+
+    def _draped(self, kind: str, tau: Vector, measure: Measure | None = None) -> Entry:
+        """One evaluation; raises DrapeDiverged where it fails."""
+        (entry,) = self._metered(kind, np.asarray(tau)[None], measure)
+        if entry.evaluation.failure:
+            raise DrapeDiverged(entry.evaluation.failure)
+        return entry
 
     def _seen(self, entry: Entry) -> Observation:
         vertices = entry.arrays["vertices"]
