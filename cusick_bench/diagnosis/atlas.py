@@ -11,11 +11,9 @@ import json
 import os
 import zlib
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import groupby
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +27,7 @@ from cusick_bench.diagnosis.base_model import HIGH, LOW, NAMES, BaseModel
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.statistics import NAMES as STATISTICS
 from cusick_bench.diagnosis.statistics import capture_statistics, mirrored
+from cusick_bench.runner.processes import one_thread_each
 from cusick_bench.sim.effects import Effect, registered
 from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
@@ -244,9 +243,7 @@ def _each(folder: Path, design: Design, chunks: list[list[tuple[int, str]]], wor
         for chunk in chunks:
             yield make(folder, design, chunk)
         return
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # the processes share the cores
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with one_thread_each(workers) as pool:
         for future in [pool.submit(make, folder, design, chunk) for chunk in chunks]:
             yield future.result()
 

@@ -5,22 +5,20 @@ is judged against this one. It needs the labels, so it is made after the answers
 """
 
 import json
-import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from math import isfinite
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from cusick_bench.datasets import load
-from cusick_bench.diagnosis.captures import read_captures
 from cusick_bench.diagnosis.closure import Draping, closure_by
 from cusick_bench.diagnosis.evidence import Candidate
 from cusick_bench.diagnosis.hypotheses import hypotheses
 from cusick_bench.diagnosis.store import load as load_atlas
+from cusick_bench.runner.processes import one_thread_each
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
+from cusick_bench.withheld.answering import case_captures
 from cusick_bench.withheld.case_label import DETECTABLE, PAIR, SINGLE, read_labels
 from cusick_bench.withheld.document import listed, mapping
 
@@ -54,9 +52,7 @@ def oracle_closures(
         if name not in found and label.kind in (SINGLE, PAIR) and (cases / name).is_dir()
     ]
     todo.sort(key=lambda name: (known[name].unit != DETECTABLE, -known[name].multiple))  # the strongest count most
-    for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # the processes share the cores
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with one_thread_each(workers) as pool:
         futures = {pool.submit(oracle_closure, cases / name, labels[name], atlas, draping): name for name in todo}
         for future in as_completed(futures):
             found[futures[future]] = future.result()
@@ -80,8 +76,7 @@ def oracle_closure(folder: Path, label: Mapping[str, Any], atlas: Path, draping:
         full = {key: float(number) for key, number in hypothesis.effect.complete(given).items()}
         causes.append(Candidate(hypothesis, full, 0.0, 0.0, 0.0))
     try:
-        dataset = load(str(folder))
-        found = closure_by(read_captures(dataset, dataset.cloths[0]), emulator, tuple(causes), draping)
+        found = closure_by(case_captures(folder), emulator, tuple(causes), draping)
     except CusickError:
         return None
     return found.closure if found is not None and isfinite(found.closure) else None

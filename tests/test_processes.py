@@ -1,0 +1,31 @@
+"""A pool's processes are on one thread each; the process that asks for them keeps its own."""
+
+import os
+
+import pytest
+
+from cusick_bench.runner.processes import one_thread_each
+
+THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+@pytest.fixture
+def unset(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in THREADS:
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("unset")
+def test_workers_are_on_one_thread_and_this_environment_stays_as_it_was() -> None:
+    with one_thread_each(1) as pool:
+        given = list(pool.map(os.getenv, THREADS))
+    assert given == ["1", "1", "1"]
+    assert not [name for name in THREADS if name in os.environ]
+
+
+@pytest.mark.usefixtures("unset")
+def test_the_environment_has_the_last_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    with one_thread_each(1) as pool:
+        assert pool.submit(os.getenv, "OMP_NUM_THREADS").result() == "2"
+    assert os.environ["OMP_NUM_THREADS"] == "2"
