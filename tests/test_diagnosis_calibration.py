@@ -1,8 +1,12 @@
 """What keeps a diagnosis honest: noise and trust learned from known cases, what cannot be seen, what is in no list."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
 from cusick_bench.diagnosis import calibrate as module
 from cusick_bench.diagnosis.base_model import LOW, PRIOR_MEAN, BaseModel
 from cusick_bench.diagnosis.calibrate import calibrate, log_score
@@ -57,6 +61,30 @@ def test_calibration_finds_the_noise_and_the_power_that_made_the_cases(monkeypat
     assert found.tempering == pytest.approx(0.5, abs=0.11)
     assert found.cases == 600
     assert log_score(cases, found.tempering) <= log_score(cases, 1.0)
+
+
+@pytest.mark.parametrize(("detected", "place"), [(0, 0), (6, 0), (7, 1), (10, 1)])
+def test_the_level_holds_with_confidence(detected: int, place: int) -> None:
+    """Of 240 nulls 12 are the level; 6 are the most of which the upper bound of 95 % lies below it."""
+    needed = [1] * detected + [0] * (240 - detected)
+    assert module._at_level(needed) == module.INFLATIONS[place]
+
+
+def test_nulls_that_no_noise_explains_are_refused() -> None:
+    with pytest.raises(DiagnosisError, match="60 of 240 cases without effect"):
+        module._at_level([len(module.INFLATIONS)] * 60 + [0] * 180)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_processes_give_the_same_in_the_same_order(workers: int) -> None:
+    with module._mapping(workers) as over:
+        assert list(over(abs, range(-9, 9))) == [abs(number) for number in range(-9, 9)]
+
+
+def test_cases_without_their_labels_are_refused(tmp_path: Path) -> None:
+    found = CliRunner().invoke(app, ["atlas", "calibrate", str(tmp_path), "labels.json", str(tmp_path)])
+    assert found.exit_code == 2
+    assert "got 3 paths" in found.output
 
 
 def test_calibration_without_nulls_is_refused() -> None:

@@ -10,17 +10,18 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
-from cusick_bench.datasets import load as dataset_at
 from cusick_bench.diagnosis.atlas import Design, build, read
 from cusick_bench.diagnosis.calibrate import calibrate
-from cusick_bench.diagnosis.captures import Captures, read_captures
+from cusick_bench.diagnosis.captures import Captures
 from cusick_bench.diagnosis.emulator import fit
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.evidence import NONE
 from cusick_bench.diagnosis.power import FABRICS, STIFFNESS, detectable, needed
 from cusick_bench.diagnosis.store import SHIPPED, Calibration, load, save
 from cusick_bench.diagnosis.unexplained import THIRDS, unexplained
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
-from cusick_bench.withheld.answering import case_folders
+from cusick_bench.withheld.answering import case_captures, case_folders
 from cusick_bench.withheld.document import mapping, read_object
 
 app = typer.Typer(help="Drapes over the base model's parameters, from which diagnoses are made.")
@@ -93,22 +94,19 @@ def fit_atlas(
 @app.command("calibrate")
 @user_errors
 def calibrate_atlas(
-    cases: Annotated[Path, typer.Argument(help="Folder of simulated cases.", metavar="CASES")],
-    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
+    suites: Annotated[
+        list[Path],
+        typer.Argument(help="Folder of a suite's cases and its labels.json, in turn.", metavar="CASES LABELS"),
+    ],
     atlas: Annotated[Path, typer.Option(help="Fitted atlas; rewritten with its calibration.")] = SHIPPED,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
-    """Learns noise and trust in evidence from cases whose labels are open, and which are never scored again."""
+    """Learns noise and trust in evidence from suites whose labels are open, and which are never scored again."""
     emulator, before = load(atlas)
-    known = read_object(labels)
-    found: list[tuple[Captures, str]] = []
-    for folder in case_folders(cases):
-        truth = mapping(known.get(folder.name), f"{labels}: {folder.name}").get("effect")
-        if isinstance(truth, str):  # pairs have a list
-            dataset = dataset_at(str(folder))
-            found.append((read_captures(dataset, dataset.cloths[0]), truth))
-    with progress_bar("cases") as bar:
-        after = calibrate(found, emulator, step=bar.advance)
+    found = [case for cases, labels in _pairs(suites) for case in _open_cases(cases, labels)]
+    with progress_bar("cases", len(found) + sum(truth == NONE for _, truth in found)) as bar:
+        after = calibrate(found, emulator, workers=workers, step=bar.advance)
     save(atlas, emulator, after)
     if as_json:
         print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
@@ -116,6 +114,27 @@ def calibrate_atlas(
         output.print(
             f"{atlas}: noise x {after.inflation:g}, evidence to the power {after.tempering:g} ({len(found)} cases)"
         )
+
+
+def _pairs(suites: list[Path]) -> list[tuple[Path, Path]]:
+    """Cases and labels of every suite."""
+    if len(suites) % 2:
+        raise DiagnosisError(
+            f"every suite needs its folder of cases and its labels.json, got {len(suites)} paths; give CASES LABELS "
+            "of one suite after the other"
+        )
+    return list(zip(suites[::2], suites[1::2], strict=True))
+
+
+def _open_cases(cases: Path, labels: Path) -> list[tuple[Captures, str]]:
+    """Silhouettes of a suite's cases with what acts there; pairs are left out, they are no one outcome."""
+    known = read_object(labels)
+    found: list[tuple[Captures, str]] = []
+    for folder in case_folders(cases):
+        truth = mapping(known.get(folder.name), f"{labels}: {folder.name}").get("effect")
+        if isinstance(truth, str):  # pairs have a list
+            found.append((case_captures(folder), truth))
+    return found
 
 
 @app.command("power")

@@ -2,9 +2,10 @@
 
 The atlas is not the world. On cases of another world the whitened residual is wider than white where no effect acts,
 and evidences are stronger than deserved, as the model's errors are no more independent than effects' are alike. Two
-numbers mend that: a factor on the noise, set by the level of the detection test on cases without effect, and a power of
-the evidences, set by the mean log score of the probabilities over all cases. None of the cases may be one that a
-diagnosis is scored on.
+numbers mend that: a factor on the noise, such that the detection test holds its level on cases without effect, and a
+power of the evidences, set by the mean log score of the probabilities over all cases. The level is held by the upper
+bound of the share detected: the share itself is exceeded as often as not by that of other cases. None of the cases may
+be one that a diagnosis is scored on.
 
 References:
     Gneiting, Raftery. Strictly proper scoring rules, prediction, and estimation. JASA 102(477), 2007. Gruenwald, van
@@ -12,9 +13,13 @@ References:
     Analysis 12(4), 2017 (powers of the likelihood).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from cusick_bench.diagnosis.captures import Captures
 from cusick_bench.diagnosis.diagnose import single_causes
@@ -23,10 +28,12 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.evidence import NONE
 from cusick_bench.diagnosis.examine import ALPHA, Weighed, examine
 from cusick_bench.diagnosis.store import Calibration
+from cusick_bench.runner.processes import one_thread_each
 
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)
 TEMPERINGS = np.round(np.arange(0.1, 1.55, 0.05), 2)
-_LEAST_NULLS = 20
+_CONFIDENCE = 0.95  # that the level holds: what is detected in just its share of some nulls is in more of others
+_LEAST_NULLS = 60  # with fewer not even nothing detected shows that it holds
 _LEAST_PROBABILITY = 1e-3  # a cause that was left out as undetectable surprises by no more than that
 _SEED = 29
 
@@ -35,6 +42,7 @@ def calibrate(
     cases: Sequence[tuple[Captures, str]],
     emulator: Emulator,
     *,
+    workers: int = 1,
     step: Callable[[], None] = lambda: None,
 ) -> Calibration:
     """Calibrates the probabilities of an atlas.
@@ -42,19 +50,26 @@ def calibrate(
     Args:
         cases: Silhouettes, and what acts there: `none`, an effect or `unknown`.
         emulator: The atlas.
+        workers: Processes.
         step: Called for every case that was looked at, in both passes.
 
     Raises:
-        DiagnosisError: Too few cases without effect.
+        DiagnosisError: Too few cases without effect, or too many of them that no noise explains.
     """
     nulls = [captures for captures, truth in cases if truth == NONE]
     if len(nulls) < _LEAST_NULLS:
         raise DiagnosisError(f"calibration needs at least {_LEAST_NULLS} cases without effect, got {len(nulls)}")
-    inflation = _inflation(nulls, emulator, step)
-    weighed: list[tuple[Weighed, str]] = []
-    for captures, truth in cases:
-        weighed.append((_examined(captures, emulator, inflation), truth))
-        step()
+    with _mapping(workers) as over:
+        needed = []
+        for rank in over(partial(_needed, emulator=emulator), nulls):
+            needed.append(rank)
+            step()
+        inflation = _at_level(needed)
+        weighed: list[tuple[Weighed, str]] = []
+        evidence = over(partial(_examined, emulator=emulator, inflation=inflation), [captures for captures, _ in cases])
+        for one, (_, truth) in zip(evidence, cases, strict=True):
+            weighed.append((one, truth))
+            step()
     scores = [log_score(weighed, tempering) for tempering in TEMPERINGS]
     return Calibration(inflation, float(TEMPERINGS[int(np.argmin(scores))]), len(cases))
 
@@ -70,21 +85,40 @@ def log_score(weighed: Sequence[tuple[Weighed, str]], tempering: float) -> float
     return float(np.mean([-np.log(max(value, _LEAST_PROBABILITY)) for value in found]))
 
 
-def _inflation(nulls: Sequence[Captures], emulator: Emulator, step: Callable[[], None]) -> float:
-    """The least factor at which no more nulls are detected than the test's level allows, case by case by bisection."""
-    needed = []
-    for captures in nulls:
-        low, high = 0, len(INFLATIONS)
-        while low < high:
-            middle = (low + high) // 2 if low else 0  # most are quiet at the least
-            if _examined(captures, emulator, float(INFLATIONS[middle])).p > ALPHA:
-                high = middle
-            else:
-                low = middle + 1
-        needed.append(low)
-        step()
-    rank = int(np.ceil((1 - ALPHA) * len(needed))) - 1
-    return float(INFLATIONS[min(sorted(needed)[rank], len(INFLATIONS) - 1)])
+@contextmanager
+def _mapping(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """`map`, in this process or over several."""
+    if workers <= 1:
+        yield map
+        return
+    with one_thread_each(workers) as pool:
+        yield pool.map
+
+
+def _needed(captures: Captures, emulator: Emulator) -> int:
+    """Place in `INFLATIONS` of the least factor at which a null is not detected, by bisection; their number if none."""
+    low, high = 0, len(INFLATIONS)
+    while low < high:
+        middle = (low + high) // 2 if low else 0  # most are quiet at the least
+        if _examined(captures, emulator, float(INFLATIONS[middle])).p > ALPHA:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def _at_level(needed: Sequence[int]) -> float:
+    """The least factor at which, with confidence, no larger share of nulls is detected than the test's level allows."""
+    for place, factor in enumerate(INFLATIONS):
+        detected = sum(own > place for own in needed)
+        test = binomtest(detected, len(needed), alternative="less")
+        if test.proportion_ci(_CONFIDENCE, "exact").high <= ALPHA:
+            return float(factor)
+    left = sum(own == len(INFLATIONS) for own in needed)
+    raise DiagnosisError(
+        f"noise x {INFLATIONS[-1]:g} still leaves {left} of {len(needed)} cases without effect detected, more than "
+        f"the level of {ALPHA:g} allows; give cases without effect, or another atlas"
+    )
 
 
 def _examined(captures: Captures, emulator: Emulator, inflation: float) -> Weighed:
