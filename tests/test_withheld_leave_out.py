@@ -108,7 +108,7 @@ def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Pat
     part.write_text(json.dumps(changed))  # an answer that is there is not made again
     assert ask("leave-out", *arguments)["verdicts"] == {"unknown": 1}
     scores = ask("score", out, labels)
-    own = {figure["name"]: figure for figure in scores["figures"] if figure["method"] == ANSWERS}
+    own = {f["name"]: f for f in scores["figures"] if (f["method"], f["subset"]) == (ANSWERS, "all")}
     assert (own["unknown recalled"]["value"], own["unknown recalled"]["cases"]) == (1, 1)
     assert any(note.startswith("Leave-one-effect-out: 1 cases") for note in scores["notes"])
     assert ask("leave-out", *arguments, "--least", 1)["cases"] == 2

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
-from cusick_bench.cli.withheld_answer import answer, oracle
+from cusick_bench.cli.withheld_answer import answer, oracle, twins
 from cusick_bench.cli.withheld_leave_out import leave_out
 from cusick_bench.cli.withheld_score import score
 from cusick_bench.withheld.design import DRAWN, MULTIPLES
@@ -26,6 +26,7 @@ def _root() -> None:
 
 app.command("answer")(answer)
 app.command("oracle")(oracle)
+app.command("twins")(twins)
 app.command("leave-out")(leave_out)
 app.command("score")(score)
 

@@ -1,5 +1,9 @@
-"""`cusick-bench withheld answer`: diagnoses withheld cases blind and freezes the answers."""
+"""`cusick-bench withheld answer`: diagnoses withheld cases blind and freezes the answers.
 
+With `oracle` and `twins`, which say afterwards what the best answers could be.
+"""
+
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +16,9 @@ from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.sim.effects import effect
 from cusick_bench.withheld.answering import answer_suite, case_folders
 from cusick_bench.withheld.document import read_object
+from cusick_bench.withheld.generate import SUITE, read_suite
 from cusick_bench.withheld.oracle import oracle_closures
+from cusick_bench.withheld.twins import twins as make_twins
 
 
 @user_errors
@@ -59,3 +65,30 @@ def oracle(
         print_json({"path": out, "closures": found})
     else:
         output.print(f"{out}: {sum(value is not None for value in found.values())} of {len(found)} cases have a gap")
+
+
+@user_errors
+def twins(
+    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
+    labels: Annotated[
+        Path, typer.Argument(help="labels.json of the same cases, with suite.json beside it.", metavar="LABELS")
+    ],
+    out: Annotated[Path, typer.Option(help="File for what the cases show.")] = Path("twins.json"),
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Drapes every case again without its effect, to tell how much of it the silhouettes show, for `score`.
+
+    Run it after `answer`, as it opens the labels. Only for suites of `withheld generate`.
+    """
+    suite = read_suite(labels.with_name(SUITE))
+    with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar:
+        found = make_twins(
+            suite, cases, read_object(labels), out, atlas, workers=workers, step=lambda case: bar.advance()
+        )
+    if as_json:
+        print_json({"path": out, "cases": {case: asdict(shown) for case, shown in found.items()}})
+    else:
+        seen = sum(shown.multiple >= 1 for shown in found.values())
+        output.print(f"{out}: {seen} of {len(found)} cases show as much as is detectable")

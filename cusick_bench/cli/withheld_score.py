@@ -17,10 +17,11 @@ from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld.document import number, read_object
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.failures import Failure, failures
-from cusick_bench.withheld.reveal import Revealed, reveal
+from cusick_bench.withheld.reveal import Revealed, by_shown, reveal
 from cusick_bench.withheld.score import Scores
 from cusick_bench.withheld.score import score as score_answers
 from cusick_bench.withheld.table import by_severity, document, headline, markdown, rows
+from cusick_bench.withheld.twins import read_twins
 
 _PIPED_WIDTH = 150
 _SHOWN = 20  # failures on the terminal; files have them all
@@ -35,20 +36,27 @@ def score(
         Path | None, typer.Option(help="commitment.json with the published seals; each label must fit its own.")
     ] = None,
     oracle: Annotated[Path | None, typer.Option(help="Closures by the true causes, from `withheld oracle`.")] = None,
+    twins: Annotated[
+        Path | None, typer.Option(help="What the cases show, from `withheld twins`: severities are then taken from it.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for all rows; a page of Markdown goes beside it.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of bootstrap and chance.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Scores answers to withheld cases against their labels, beside chance and the baselines that the answers carry.
 
-    Severities are multiples of the detectable shift where the labels have them, else of the typical severity.
+    Severities are multiples of the detectable shift where the labels have them, else of the typical severity. With
+    --twins they are multiples of the shift that the silhouettes do show, also for effects outside the list, and cases
+    that no other effect could make are counted apart.
     """
     if out is not None and out.suffix != ".csv":
         raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance withheld.csv")
     revealed = _with_oracle(reveal(answers, labels, commitment), oracle)
+    if twins is not None:
+        revealed = by_shown(revealed, read_twins(twins), str(twins))
     scores = score_answers(revealed, seed)
     failed = failures(revealed, scores.cases)
-    facts = _facts(answers, labels, seed)
+    facts = _facts(answers, labels, seed, commitment=commitment, oracle=oracle, twins=twins)
     if out is not None:
         _write(out, scores, failed, facts)
     if as_json:
@@ -70,11 +78,12 @@ def _with_oracle(revealed: Revealed, path: Path | None) -> Revealed:
     return replace(revealed, labels=labels)
 
 
-def _facts(answers: Path, labels: Path, seed: int) -> dict[str, Any]:
+def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict[str, Any]:
     """Where the numbers come from."""
     digests = (hashlib.sha256(path.read_bytes()).hexdigest() for path in (answers, labels))
+    more = "".join(f" --{name} {path.name}" for name, path in given.items() if path is not None)
     return {
-        "command": f"cusick-bench withheld score {answers.name} {labels.name} --seed {seed}",
+        "command": f"cusick-bench withheld score {answers.name} {labels.name} --seed {seed}{more}",
         **dict(zip(("answers_sha256", "labels_sha256"), digests, strict=True)),
         "code_version": code_version("withheld"),
     }

@@ -7,11 +7,9 @@ other case. Answers are kept one file a case, so that a crash loses one; a case 
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -19,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from cusick_bench.datasets import load
-from cusick_bench.diagnosis.captures import read_captures
+from cusick_bench.diagnosis.captures import Captures, read_captures
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document import answer
 from cusick_bench.diagnosis.evidence import UNKNOWN
 from cusick_bench.diagnosis.store import load as load_atlas
 from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.processes import one_thread_each
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
@@ -43,6 +42,12 @@ def case_folders(cases: Path) -> list[Path]:
     if not found:
         raise WithheldError(f"no case folders in {cases}; give the folder that holds the cases' folders")
     return found
+
+
+def case_captures(folder: Path) -> Captures:
+    """Silhouettes of a case's fabric."""
+    dataset = load(str(folder))
+    return read_captures(dataset, dataset.cloths[0])
 
 
 def answer_suite(
@@ -126,9 +131,7 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
     """
     try:
         emulator, calibration = load_atlas(atlas)
-        dataset = load(str(folder))
-        captures = read_captures(dataset, dataset.cloths[0])
-        found = answer(diagnose(captures, emulator, calibration, options, simulators=simulators))
+        found = answer(diagnose(case_captures(folder), emulator, calibration, options, simulators=simulators))
     except CusickError as error:
         found = _refused(str(error))
     if options.without:
@@ -160,9 +163,7 @@ def _each(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str]
             _answer_and_write(task, atlas, simulators)
             step(task.folder.name)
         return
-    for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # the processes share the cores
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with one_thread_each(workers) as pool:
         futures = {pool.submit(_answer_and_write, task, atlas): task for task in todo}
         for future in as_completed(futures):
             future.result()

@@ -25,11 +25,14 @@ class Label:
         effects: What acts; none for a null and for an effect outside the list.
         kind: `null`, `single`, `pair` or `unknown` (an effect outside the list).
         class_name: Class of the effect; of a pair, that of the first.
-        multiple: Severity of the weakest effect in multiples of `unit`; NaN where there is none.
+        multiple: Severity of the weakest effect in multiples of `unit`; NaN where there is none. Where shifts were
+            measured (`withheld twins`), theirs.
         unit: `DETECTABLE`, `TYPICAL`, or "" if not known.
         location: Where the effect acts; None if nowhere in particular, and for pairs.
         location_kind: `sector`, `ring`, `patch` or "".
         oracle_closure: Share of the gap that the true effect closes; NaN if not known.
+        unlike: What is left of its shift when the other listed effect that is most like it is taken off, in multiples
+            of the detectable one; NaN where that was not measured.
         hidden: Name of an effect outside the list, if the label has it.
     """
 
@@ -41,6 +44,7 @@ class Label:
     location: Region | None = None
     location_kind: str = ""
     oracle_closure: float = nan
+    unlike: float = nan
     hidden: str = ""
 
     @property

@@ -26,6 +26,7 @@ from cusick_bench.sim.mesh import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.settings import GRAVITY
 from cusick_bench.withheld.design import Kind, Plan, plan_suite
 from cusick_bench.withheld.detectable import Detectable
+from cusick_bench.withheld.document import read_object
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.labels import label_of
 from cusick_bench.withheld.picture import jpeg
@@ -57,6 +58,23 @@ class Suite:
     def plans(self) -> list[Plan]:
         """Its cases."""
         return plan_suite(self.seed, self.counts, self.detectable)
+
+
+def read_suite(path: Path) -> Suite:
+    """Reads the suite.json that `generate` left with the labels.
+
+    Raises:
+        WithheldError: There is none, as with cases that somebody else made, or it is not one.
+    """
+    found = read_object(path)
+    table = found.get("detectable")
+    try:
+        known = None if table is None else Detectable(
+            tuple(table["stiffness"]), {name: tuple(row) for name, row in table["severity"].items()}
+        )  # fmt: skip
+        return Suite(int(found["seed"]), dict(found["counts"]), int(found["vertices"]), int(found["samples"]), known)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise WithheldError(f"{path} must be what `withheld generate` wrote, got no description of a suite") from error
 
 
 def generate(

@@ -21,6 +21,7 @@ class Judgement:
         kind: Of the label: `null`, `single`, `pair`, `unknown`.
         truth, truth_class: The label's effect and class.
         multiple, level, unit: Severity, the nearest power of two to it, and what it is a multiple of.
+        unlike: What no other effect makes of its shift, in detectable ones.
         said, said_class: What the verdict amounts to, and its class; an ambiguous set that is all that can be told
             has the class of the truth.
         verdict: The answer's.
@@ -48,6 +49,7 @@ class Judgement:
     multiple: float
     level: str
     unit: str
+    unlike: float
     said: str
     said_class: str
     verdict: str
@@ -87,6 +89,7 @@ def judge(case: str, answer: Answer, label: Label) -> Judgement:
         multiple=label.multiple,
         level=label.level,
         unit=label.unit,
+        unlike=label.unlike,
         said=answer.leading,
         said_class=said_class,
         verdict=answer.verdict,

@@ -10,6 +10,8 @@ CLEAR = ">= 2x"  # singles of at least twice the detectable shift: what the goal
 
 HIDDEN = "typical"  # singles whose severity is given in typical ones beside others in detectable shifts
 CLEAR_FROM = 2 - 1e-6
+DISTINCT = ">= 2x, unlike others"  # those of which no other effect makes all that shows
+DISTINCT_FROM = 1.0  # detectable shifts
 LEVELS = ("1x", "2x")  # those that a goal is about
 
 
@@ -129,7 +131,6 @@ MEASURES = (
         (OUTSIDE,),
         "effects outside the list with the verdict unknown",
         {ALL: Goal(low=0.75)},
-        by_severity=False,
     ),
     Measure(
         "false abstention",

@@ -1,16 +1,18 @@
 """Opens the labels beside the answers: every case in both, every label as it was sealed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cusick_bench.withheld.answer import Answer, read_answer
-from cusick_bench.withheld.case_label import LABELS, Label, read_labels
+from cusick_bench.withheld.case_label import DETECTABLE, LABELS, NULL, Label, read_labels
 from cusick_bench.withheld.document import entries, read_object
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.leave_out import LEAVE_OUT, asked_of, least_of
+from cusick_bench.withheld.measures import DISTINCT
 from cusick_bench.withheld.seal import holds
+from cusick_bench.withheld.twins import Shown
 
 _SHOWN = 3  # names in a message
 
@@ -56,6 +58,31 @@ def reveal(answers: Path, labels: Path, commitment: Path | None = None) -> Revea
     return Revealed(answered, labelled, tuple(notes))
 
 
+def by_shown(revealed: Revealed, shown: Mapping[str, Shown], where: str) -> Revealed:
+    """The labels with the severities that the silhouettes do show.
+
+    Args:
+        revealed: Answers and labels.
+        shown: From `read_twins`.
+        where: Its path, for messages.
+
+    Raises:
+        WithheldError: A case with an effect that it lacks.
+    """
+    labels = dict(revealed.labels)
+    for case, label in labels.items():
+        if label.kind == NULL:
+            continue
+        if case not in shown:
+            raise WithheldError(f"{where} lacks {case}; run `withheld twins` again, it goes on")
+        labels[case] = replace(label, multiple=shown[case].multiple, unit=DETECTABLE, unlike=shown[case].unlike)
+    return replace(revealed, labels=labels, notes=(*revealed.notes, _BY_SHOWN))
+
+
+_BY_SHOWN = (
+    "Severities are measured: the shift of the case against its twin without the effect, in detectable shifts. "
+    f"`{DISTINCT}`: at least one of these is left when the other effect that is most like it is taken off."
+)
 _ANSWERS = ("answers", "cases")
 _FACTS = ("code_version", "time", "frozen")
 

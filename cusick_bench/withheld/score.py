@@ -21,7 +21,7 @@ from cusick_bench.withheld.calibration import (
     separation,
     wilson,
 )
-from cusick_bench.withheld.case_label import DETECTABLE, NULL, SINGLE, TYPICAL, Label
+from cusick_bench.withheld.case_label import DETECTABLE, NULL, OUTSIDE, SINGLE, TYPICAL, Label
 from cusick_bench.withheld.judge import judge
 from cusick_bench.withheld.measures import (
     ALL,
@@ -32,6 +32,8 @@ from cusick_bench.withheld.measures import (
     CALIBRATION_GOAL,
     CLEAR,
     CLEAR_FROM,
+    DISTINCT,
+    DISTINCT_FROM,
     HIDDEN,
     LEVELS,
     MEASURES,
@@ -53,7 +55,8 @@ class Figure:
     Attributes:
         method: `answers`, `chance`, or a baseline's name.
         name: What is measured.
-        subset: Which cases: `all`, a level of severity as `2x`, or `>= 2x`.
+        subset: Which cases: `all`, a level of severity as `2x`, `>= 2x`, or those of the latter that no other effect
+            makes.
         value: The figure; NaN without cases.
         low, high: Its 95 % interval.
         cases: How many cases it is taken over.
@@ -166,14 +169,18 @@ def _figures(method: str, cases: pd.DataFrame, generator: np.random.Generator | 
 def _subsets(cases: pd.DataFrame) -> dict[str, Bool[ndarray, " cases"]]:
     """Which cases are in a subset: all, clear ones, each level of severity that there is or that has a goal.
 
+    Where shifts were measured, clear ones that no other effect makes are a subset too.
+
     Single effects whose severity is in another unit than the levels' form a subset of their own.
     """
     level, single = levels(cases), cases["kind"].to_numpy(str) == SINGLE
-    known = {*filter(None, level[single]), *LEVELS}
+    known = {*filter(None, level[np.isin(cases["kind"].to_numpy(str), (SINGLE, OUTSIDE))]), *LEVELS}
+    distinct = clear(cases) & (cases["unlike"].to_numpy(float) >= DISTINCT_FROM)
     others = single & (level == "") & (cases["level"].to_numpy(str) != "")
     return {
         ALL: np.ones(len(cases), bool),
         CLEAR: clear(cases),
+        **({DISTINCT: distinct} if distinct.any() else {}),
         **{name: level == name for name in sorted(known, key=lambda name: float(name.rstrip("x")))},
         **({HIDDEN: others} if others.any() else {}),
     }

@@ -15,6 +15,7 @@ from cusick_bench.withheld.measures import (
     CALIBRATION,
     CALIBRATION_BY_CHANCE,
     CLEAR,
+    DISTINCT,
     HIDDEN,
     MEASURES,
 )
@@ -68,7 +69,7 @@ def headline(scores: Scores) -> list[list[str]]:
 def _is_headline(figure: Figure, scores: Scores) -> bool:
     """Figures with a goal, and the others of clear effects, or of all cases where severity does not matter."""
     subsets = {other.subset for other in scores.figures if other.name == figure.name}
-    return figure.goal is not None or figure.subset == (CLEAR if CLEAR in subsets else ALL)
+    return figure.goal is not None or figure.subset in ((CLEAR, DISTINCT) if CLEAR in subsets else (ALL,))
 
 
 def _not_judged(scores: Scores) -> list[str]:
@@ -84,7 +85,7 @@ def by_severity(scores: Scores) -> list[list[str]]:
     Returns:
         Heading and lines; nothing where no case has a severity.
     """
-    own = [figure for figure in _of(scores, ANSWERS) if figure.cases and figure.subset not in (ALL, CLEAR)]
+    own = [figure for figure in _of(scores, ANSWERS) if figure.cases and figure.subset not in (ALL, CLEAR, DISTINCT)]
     if not own:
         return []
     levels = sorted({figure.subset for figure in own}, key=_order)
@@ -94,7 +95,8 @@ def by_severity(scores: Scores) -> list[list[str]]:
     for name in names:
         entries = [values.get((name, level)) for level in levels]
         lines.append([name, *("" if entry is None else with_interval(entry) for entry in entries)])
-    counts = [values.get(("power", level)) for level in levels]
+    counted = next((name for name in ("power", "unknown recalled") if name in names), "")
+    counts = [values.get((counted, level)) for level in levels]
     return [*lines, ["cases", *("" if entry is None else str(entry.cases) for entry in counts)]]
 
 
