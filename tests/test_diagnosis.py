@@ -513,6 +513,22 @@ def test_a_named_pair_holds_the_likeliest_cause_and_leads_with_it() -> None:
     assert [one.hypothesis.name for one in named] == ["creep", "threshold"]
 
 
+@pytest.mark.parametrize(
+    ("other", "share", "verdict"),
+    [
+        ("threshold", 0.25, "ambiguous"),  # each makes the outline larger or smaller
+        ("threshold", 0.02, "effect"),  # not in the 90 % set
+        ("camera-tilt", 0.25, "effect"),
+    ],
+)
+def test_a_cause_is_not_named_beside_one_that_silhouettes_do_not_tell_from_it(
+    other: str, share: float, verdict: str
+) -> None:
+    probability = {NONE: 0.0, UNKNOWN: 0.04, "cut-size": 0.96 - share, other: share}
+    assert _verdict(0.01, probability) == (verdict, "cut-size")
+    assert _verdict(0.5, probability) == (NONE, "")
+
+
 def test_an_ambiguous_headline_says_what_else_it_may_be(emulator: Emulator) -> None:
     captures = simulated_captures("camera-offset", 4e-3, samples=4)
     found = diagnose(captures, emulator, options=Options(samples=0))

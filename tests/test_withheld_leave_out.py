@@ -10,10 +10,11 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.diagnosis.equivalents import ABSORBED
 from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.withheld.answering import answer_suite
 from cusick_bench.withheld.case_label import read_label
-from cusick_bench.withheld.causes import ABSORBED, EFFECTS
+from cusick_bench.withheld.causes import EFFECTS
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import Suite, generate
 from cusick_bench.withheld.leave_out import answer_left_out, left_out
@@ -21,7 +22,7 @@ from cusick_bench.withheld.reveal import Revealed, reveal
 from cusick_bench.withheld.score import ANSWERS, score
 
 QUICK = Options(samples=0)
-SEEN = {*EFFECTS} - ABSORBED
+SEEN = {*EFFECTS} - ABSORBED.effects
 
 
 @pytest.fixture(scope="module")

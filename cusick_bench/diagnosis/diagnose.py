@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_witho
 from cusick_bench.diagnosis.captures import Captures
 from cusick_bench.diagnosis.closure import Closure, Draping, closures
 from cusick_bench.diagnosis.emulator import Emulator
+from cusick_bench.diagnosis.equivalents import partners
 from cusick_bench.diagnosis.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid
 from cusick_bench.diagnosis.examine import ALPHA, Data, examine
 from cusick_bench.diagnosis.features import Features
@@ -175,7 +176,10 @@ def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _verdict(p: float, probability: Mapping[str, float]) -> tuple[str, str]:
-    """Verdict and the name of the cause or pair, if one is named."""
+    """Verdict and the name of the cause or pair, if one is named.
+
+    None is named while the 90 % set also holds one that no silhouette tells from it.
+    """
     if p > ALPHA:
         return NONE, ""
     acting = {name: value for name, value in probability.items() if name not in (NONE, DENSITY_BIAS)}
@@ -184,7 +188,7 @@ def _verdict(p: float, probability: Mapping[str, float]) -> tuple[str, str]:
     if acting[UNKNOWN] >= 0.5 * total or len(acting) == 1:
         return UNKNOWN, ""
     top = max((name for name in single if name != UNKNOWN), key=lambda name: single[name])
-    if single[top] < NAMED * total:
+    if single[top] < NAMED * total or partners(top, set90(single_causes(probability))):
         return "ambiguous", top
     with_top = [top, *(name for name in acting if top in name.split(" + ") and name != top)]
     return "effect", max(with_top, key=lambda name: acting[name])

@@ -11,6 +11,7 @@ from cusick_bench.diagnosis.base_model import NAMES as PARAMETERS
 from cusick_bench.diagnosis.captures import Captures
 from cusick_bench.diagnosis.diagnose import Diagnosis, single_causes
 from cusick_bench.diagnosis.emulator import Emulator
+from cusick_bench.diagnosis.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.diagnosis.evidence import NONE, UNKNOWN, Candidate
 from cusick_bench.diagnosis.hypotheses import shifts
 from cusick_bench.diagnosis.simulate import Simulated
@@ -20,11 +21,6 @@ from cusick_bench.sim.effects import registered
 from cusick_bench.sim.mesh import CLOTH_RADIUS
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
-_ALIKE = (
-    (("plate-radius", "cut-size", "camera-scale", "threshold"), "each makes the whole outline larger or smaller"),
-    (("density-bias",), "a drape depends on stiffness over weight alone: a wrong weight only rescales the stiffness"),
-    (("creep", "bending-friction"), "each changes how far folds have sunk when the picture is taken"),
-)
 _LEAST = 0.005  # probability of a cause that is worth a line
 _BESIDE = {UNKNOWN: "something that is not on the list", NONE: "chance alone"}
 """What an ambiguous set may hold beside effects."""
@@ -73,7 +69,9 @@ def document(
             "effect": _profiles(diagnosis.simulated and diagnosis.simulated.effect),
         },
         "indistinguishable": [
-            {"effects": list(names), "why": why} for names, why in _ALIKE if set(names) & set(diagnosis.set90)
+            {"effects": sorted(alike.effects), "why": alike.why}
+            for alike in (*EQUIVALENTS, ABSORBED)
+            if alike.effects.intersection(diagnosis.set90)
         ],
         "notes": list(diagnosis.notes),
         "without": list(diagnosis.without),

@@ -1,13 +1,13 @@
-"""What can be the cause of a gap: names, classes, and which causes no silhouette tells apart.
+"""What can be the cause of a gap: names, classes, and what silhouettes can tell of it.
 
 Names and classes are written out, because answers and labels that were frozen years ago must mean the same today; a
 package's further effects are known by their registration.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from functools import lru_cache
 
+from cusick_bench.diagnosis.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.sim.effects import registered
 
 NONE, UNKNOWN = "none", "unknown"
@@ -35,30 +35,6 @@ EFFECTS: dict[str, str] = {
 }
 """Class of each effect."""
 
-
-@dataclass(frozen=True)
-class Equivalents:
-    """Causes that change silhouettes alike.
-
-    Attributes:
-        effects: Their names.
-        why: What they share.
-    """
-
-    effects: frozenset[str]
-    why: str
-
-
-EQUIVALENTS = (
-    Equivalents(
-        frozenset({"plate-radius", "cut-size", "camera-scale", "threshold"}),
-        "each makes the whole outline larger or smaller",
-    ),
-    Equivalents(frozenset({"creep", "bending-friction"}), "each relaxes folds between captures"),
-)
-
-ABSORBED = frozenset({"density-bias"})
-"""Causes that the base model's own parameters take up: a drape depends on stiffness over weight alone."""
 
 LARGEST_SET = max(len(group.effects) for group in EQUIVALENTS)  # a set of more names than any group says nothing
 
@@ -88,7 +64,7 @@ def all_that_can_be_told(effect: str, named: Collection[str]) -> bool:
     members = frozenset(named)
     if not members or len(members) > LARGEST_SET:
         return False
-    if effect in ABSORBED:
+    if effect in ABSORBED.effects:
         return effect in members
     return any(effect in group.effects and members <= group.effects for group in EQUIVALENTS)
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.diagnosis.equivalents import ABSORBED
 from cusick_bench.withheld.answer import Answer
 from cusick_bench.withheld.answering import answer_each
 from cusick_bench.withheld.case_label import DETECTABLE, SINGLE, TYPICAL, Label
-from cusick_bench.withheld.causes import ABSORBED
 from cusick_bench.withheld.document import mapping, number
 from cusick_bench.withheld.errors import WithheldError
 
@@ -40,7 +40,9 @@ def left_out(labels: Mapping[str, Label], least: float) -> dict[str, str]:
     if not isfinite(least) or least < 0:
         raise WithheldError(f"the least severity must be a number >= 0, got {least:g}; 2 is twice the detectable shift")
     singles = {
-        case: label for case, label in labels.items() if label.kind == SINGLE and label.effects[0] not in ABSORBED
+        case: label
+        for case, label in labels.items()
+        if label.kind == SINGLE and label.effects[0] not in ABSORBED.effects
     }
     unit = DETECTABLE if any(label.unit == DETECTABLE for label in singles.values()) else TYPICAL
     strong = {

@@ -1,0 +1,43 @@
+"""Causes that no silhouette tells apart.
+
+They are written out, as frozen answers must mean the same years later.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Equivalents:
+    """Causes that change silhouettes alike.
+
+    Attributes:
+        effects: Their names.
+        why: What they share.
+    """
+
+    effects: frozenset[str]
+    why: str
+
+
+EQUIVALENTS = (
+    Equivalents(
+        frozenset({"plate-radius", "cut-size", "camera-scale", "threshold"}),
+        "each makes the whole outline larger or smaller",
+    ),
+    Equivalents(
+        frozenset({"creep", "bending-friction"}), "each changes how far folds have sunk when the picture is taken"
+    ),
+)
+
+ABSORBED = Equivalents(
+    frozenset({"density-bias"}),
+    "a drape depends on stiffness over weight alone: a wrong weight only rescales the stiffness",
+)
+"""Causes that the base model's own parameters take up."""
+
+
+def partners(effect: str, named: Collection[str]) -> frozenset[str]:
+    """Those of some causes that silhouettes do not tell from an effect, without itself."""
+    alike = frozenset[str]().union(*(group.effects for group in EQUIVALENTS if effect in group.effects))
+    return (alike - {effect}) & frozenset(named)
