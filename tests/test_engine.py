@@ -187,11 +187,11 @@ class TestRobustness:
         assert found["fraction"] >= 0.995, found["failures"]
 
     def test_cloth_that_flies_apart_is_told_from_one_at_rest(self):
-        wild = specimen(16)  # extremely limp: the long steps of a drop blow it up
+        wild = specimen(16)  # extremely limp: the long steps of a drop blow it up, at twice the usual length for sure
         mesh = disc_mesh(297)
         laid = torch.from_numpy(DrapeSimulator(mesh).laid_down(16))
         with pytest.raises(DrapeDiverged, match="flies apart"):
-            DrapeSimulator(mesh).drape(wild.material, initial=laid)
+            DrapeSimulator(mesh, DrapeSettings(step_seconds=0.1)).drape(wild.material, initial=laid)
         rest = DrapeSimulator(mesh, DrapeSettings(mode="equilibrium")).drape(wild.material, initial=laid)
         assert rest.converged
 
