@@ -222,6 +222,14 @@ class TestJudgement:
         found = self.judged(answer("none", ("threshold", 0.9)), label("threshold"))
         assert (found.exact, found.class_right, found.detected) == (0, 0, 0)
 
+    def test_what_is_named_has_the_probability_that_the_answer_gives_it(self):
+        causes = (("threshold", 0.5), ("camera-tilt", 0.2), ("cut-size", 0.2), ("none", 0.1))
+        found = self.judged(answer("effect", *causes), label("creep"))
+        assert (found.exact_stated, found.class_stated) == pytest.approx((0.5, 0.7)), "two of three are imaging"
+        for verdict in ("none", "unknown"):
+            found = self.judged(answer(verdict, *causes), label("threshold"))
+            assert (found.exact_stated, found.class_stated) == (0, 0), "no effect is named"
+
     def test_what_the_causes_leave_goes_to_none_first(self):
         said = read_answer(answer("effect", ("creep", 0.7)), "a")
         assert said.probabilities()["none"] == pytest.approx(0.3)

@@ -29,6 +29,7 @@ class Judgement:
         detected: Whether anything is said to be there.
         exact: Whether the first place is the true effect.
         class_right: Whether the class is, or the set is all that can be told.
+        exact_stated, class_stated: Probabilities that the answer gives to the effect and the class in that place.
         equivalent: Whether the set is that.
         covered, set_size: Whether the 90 % set holds the truth, and its size.
         abstained: Whether the answer to an effect of the list is `unknown`.
@@ -57,7 +58,9 @@ class Judgement:
     none: float
     detected: float
     exact: float = nan
+    exact_stated: float = nan
     class_right: float = nan
+    class_stated: float = nan
     equivalent: float = nan
     covered: float = nan
     set_size: float = nan
@@ -115,10 +118,15 @@ def answers_with_equivalents(answer: Answer, effect: str) -> bool:
 
 
 def _of_single(answer: Answer, label: Label, equivalent: bool) -> dict[str, float]:
-    by_class = causes.class_of(answer.leading) == label.class_name
+    leading = answer.leading
+    kind = causes.class_of(leading)
+    of_class = {name: p for name, p in answer.probabilities().items() if causes.class_of(name) == kind}
+    named = leading in causes.effect_classes()
     return {
-        "exact": float(answer.leading == label.effects[0]),
-        "class_right": float(by_class or equivalent),
+        "exact": float(leading == label.effects[0]),
+        "exact_stated": of_class[leading] if named else 0.0,
+        "class_right": float(kind == label.class_name or equivalent),
+        "class_stated": sum(of_class.values()) if named else 0.0,
         "equivalent": float(equivalent),
     }
 

@@ -95,11 +95,27 @@ MEASURES = (
         {CLEAR: Goal(low=0.75)},
     ),
     Measure(
+        "exact effect (stated)",
+        "exact_stated",
+        (SINGLE,),
+        "probability that the answers themselves give to what they name",
+        {},
+        is_share=False,
+    ),
+    Measure(
         "class",
         "class_right",
         (SINGLE,),
         "the first place is of the true class, or the ambiguous set is all that silhouettes can tell",
         {CLEAR: Goal(low=0.85)},
+    ),
+    Measure(
+        "class (stated)",
+        "class_stated",
+        (SINGLE,),
+        "probability that the answers give to the class that they name",
+        {},
+        is_share=False,
     ),
     Measure(
         "told as far as possible",
