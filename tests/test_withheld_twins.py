@@ -9,8 +9,6 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
-from cusick_bench.datasets import load
-from cusick_bench.diagnosis.captures import read_captures
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.examine import Data, data_of
 from cusick_bench.diagnosis.hypotheses import hypotheses, shifts
@@ -20,7 +18,7 @@ from cusick_bench.diagnosis.statistics import NAMES
 from cusick_bench.diagnosis.store import SHIPPED
 from cusick_bench.diagnosis.store import load as load_atlas
 from cusick_bench.withheld.answer import read_answer
-from cusick_bench.withheld.answering import answer_suite
+from cusick_bench.withheld.answering import answer_suite, case_captures
 from cusick_bench.withheld.case_label import SINGLE, Label
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.generate import SUITE, Suite, generate, read_suite
@@ -45,8 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def plain(folder: Path) -> Data:
     labels = json.loads((folder / "labels" / "labels.json").read_text())
     name = next(case for case, label in labels.items() if label["kind"] == "null")
-    dataset = load(str(folder / "cases" / name))
-    return data_of(read_captures(dataset, dataset.cloths[0]))
+    return data_of(case_captures(folder / "cases" / name))
 
 
 @pytest.fixture(scope="module")
