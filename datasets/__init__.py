@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cusick_bench.datasets.dataset import DrapeDataset, DrapeSample
     from cusick_bench.datasets.errors import DataError
+    from cusick_bench.datasets.loading import load
     from cusick_bench.datasets.profile import Profile
-    from cusick_bench.datasets.registry import REGISTRY, load
+    from cusick_bench.datasets.registry import REGISTRY
     from cusick_bench.datasets.splits import Split
 
 _MODULES = {
@@ -20,7 +21,7 @@ _MODULES = {
     "DrapeSample": "dataset",
     "Profile": "profile",
     "Split": "splits",
-    "load": "registry",
+    "load": "loading",
 }
 
 __all__ = ["REGISTRY", "DataError", "DrapeDataset", "DrapeSample", "Profile", "Split", "load"]

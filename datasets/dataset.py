@@ -17,19 +17,19 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.image import read_silhouette
-from cusick_bench.datasets.layout import inside_root
-from cusick_bench.datasets.measure import content_hash, profile_of
-from cusick_bench.datasets.mesh_file import read_mesh
+from cusick_bench.datasets.files.image import read_silhouette
+from cusick_bench.datasets.files.layout import inside_root
+from cusick_bench.datasets.files.measure import content_hash, profile_of
+from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile
-from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.datasets.splits import Split, split_rows
 
 if TYPE_CHECKING:
     import trimesh
 
-    from cusick_bench.datasets.audit import Audit
+    from cusick_bench.datasets.audit.audit import Audit
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +244,7 @@ class DrapeDataset(Dataset[dict[str, Any]]):
 
     def audit(self) -> "Audit":
         """Every irregularity of the files in `root`."""
-        from cusick_bench.datasets.audit import audit
+        from cusick_bench.datasets.audit.audit import audit
 
         return audit(self.root)
 

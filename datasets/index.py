@@ -9,11 +9,11 @@ import pandas as pd
 
 from cusick_bench.datasets import named, pairing
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.fabrics import Fabric
-from cusick_bench.datasets.layout import Entry, Layout
-from cusick_bench.datasets.measure import ImageMeasure, MeshMeasure, content_hash, measure_image, measure_mesh
+from cusick_bench.datasets.files.fabrics import Fabric
+from cusick_bench.datasets.files.layout import Entry, Layout
+from cusick_bench.datasets.files.measure import ImageMeasure, MeshMeasure, content_hash, measure_image, measure_mesh
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile
-from cusick_bench.datasets.protocol import Protocol
 from cusick_bench.datasets.published import CITATION, CLOTHS, FINGERPRINTS
 
 COLUMNS = (

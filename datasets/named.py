@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cusick_bench.datasets.layout import Entry
+from cusick_bench.datasets.files.layout import Entry
 from cusick_bench.datasets.pairing import FIT_LIMIT, Assignment, best_turn
 from cusick_bench.datasets.profile import Profile
 from cusick_bench.datasets.published import CLOTHS

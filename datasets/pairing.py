@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.datasets.layout import Entry
+from cusick_bench.datasets.files.layout import Entry
 from cusick_bench.datasets.profile import Profile
 
 FIT_LIMIT = 0.0042  # [m], 3 px: right pairs differ by 0.3 to 2.6 px, wrong ones by 3.5 px and more

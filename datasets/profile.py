@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.sim.folds import ring_folds
+from cusick_bench.sim.cloth.folds import ring_folds
 
 PROFILE_ANGLES = 720
 PIXELS_PER_METRE = 723.0  # best fit of the release's images on its meshes in parallel projection

@@ -17,8 +17,8 @@ from numpy import ndarray
 
 from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import BadImage
-from cusick_bench.datasets.image import fit_plate
-from cusick_bench.datasets.measure import profile_of
+from cusick_bench.datasets.files.image import fit_plate
+from cusick_bench.datasets.files.measure import profile_of
 from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
 from cusick_bench.datasets.published import CLOTHS
 

@@ -20,18 +20,18 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from cusick_bench.sim.branch import Branch, follow
-from cusick_bench.sim.drop import FACTOR_MEMORY
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
+from cusick_bench.sim.engine.branch import Branch, follow
+from cusick_bench.sim.engine.drop import FACTOR_MEMORY
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
-from cusick_bench.sim.material import Material
-from cusick_bench.sim.mesh import Mesh
 from cusick_bench.sim.outcome import Outcome
-from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.shape import dihedral_angles, laid_down, smooth_field
-from cusick_bench.sim.system import DrapeSystem, Parameters
-from cusick_bench.sim.torch_drop import CPU_MEMORY
-from cusick_bench.sim.torch_engine import COMPILED, TorchEngine, torch_device
-from cusick_bench.sim.torch_forces import BatchParameters
+from cusick_bench.sim.torch_engine.drop import CPU_MEMORY
+from cusick_bench.sim.torch_engine.engine import COMPILED, TorchEngine, torch_device
+from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 PLATE_SPRING = 1e3  # [N/m], the published program's
 _EDGE = 1e-9  # [m] vertices on the plate's edge count as held

@@ -16,12 +16,12 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
+from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.drop import Stepper, too_far
+from cusick_bench.sim.engine.drop import Stepper, too_far
+from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
-from cusick_bench.sim.material import Material
 from cusick_bench.sim.outcome import flown_apart
-from cusick_bench.sim.system import DrapeSystem, Parameters
 
 
 class Rank(IntEnum):

@@ -10,14 +10,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.sim.contact import SelfContact
-from cusick_bench.sim.contact_drop import contact_drop
-from cusick_bench.sim.contact_equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
-from cusick_bench.sim.drop import Rollout, drop, drop_adjoint
-from cusick_bench.sim.equilibrium import FALLING, Equilibrium, equilibrium, equilibrium_adjoint
+from cusick_bench.sim.contact.barrier import SelfContact
+from cusick_bench.sim.contact.drop import contact_drop
+from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
+from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint
+from cusick_bench.sim.engine.equilibrium import FALLING, Equilibrium, equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
-from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.system import DrapeSystem, ParameterGradient, Parameters
 
 DROP_AT_REST = 0.05
 """Net force below which a dropped cloth counts as at rest, as a fraction of its weight."""

@@ -20,14 +20,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.shape import dihedral_angles, fade_in
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
-from cusick_bench.sim.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.history import StateLaw, drop_with_history
-from cusick_bench.sim.material import Material
-from cusick_bench.sim.mesh import Mesh
-from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.shape import dihedral_angles, fade_in
 
 Field = Callable[[Tensor], Tensor]
 """From material points (n, 2) [m] to values (n,)."""

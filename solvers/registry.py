@@ -12,21 +12,21 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from cusick_bench.solvers.base import Solver, SolverError
-from cusick_bench.solvers.baxus import Baxus
-from cusick_bench.solvers.bdp import Bdp
-from cusick_bench.solvers.bdp_field import BdpField
-from cusick_bench.solvers.cmaes import CmaEs
-from cusick_bench.solvers.equilibrium_gap import EquilibriumGap
-from cusick_bench.solvers.hesbo import Hesbo
-from cusick_bench.solvers.heter import Heter
-from cusick_bench.solvers.homo import Homo
-from cusick_bench.solvers.nlopt_family import BENCHMARKED, nlopt_solver
-from cusick_bench.solvers.null import NullCopy, NullDisc, NullRandomPhase, NullRotation
-from cusick_bench.solvers.oracle import OracleBestOther, OracleMean, OracleRepeat
-from cusick_bench.solvers.rembo import Rembo
-from cusick_bench.solvers.sobol import Sobol
-from cusick_bench.solvers.turbo import Turbo
-from cusick_bench.solvers.vanilla_bo import VanillaBo
+from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
+from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
+from cusick_bench.solvers.bayesian_optimisation.rembo import Rembo
+from cusick_bench.solvers.bayesian_optimisation.turbo import Turbo
+from cusick_bench.solvers.bayesian_optimisation.vanilla_bo import VanillaBo
+from cusick_bench.solvers.black_box.cmaes import CmaEs
+from cusick_bench.solvers.black_box.nlopt_family import BENCHMARKED, nlopt_solver
+from cusick_bench.solvers.black_box.sobol import Sobol
+from cusick_bench.solvers.convex.equilibrium_gap import EquilibriumGap
+from cusick_bench.solvers.gradient.heter import Heter
+from cusick_bench.solvers.gradient.homo import Homo
+from cusick_bench.solvers.reference.null import NullCopy, NullDisc, NullRandomPhase, NullRotation
+from cusick_bench.solvers.reference.oracle import OracleBestOther, OracleMean, OracleRepeat
+from cusick_bench.solvers.variational.bdp import Bdp
+from cusick_bench.solvers.variational.bdp_field import BdpField
 
 ENTRY_POINTS = "cusick_bench.solvers"
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from toy_cloths import write_toy
+from toy_problem import toy_image
 
 from cusick_bench.datasets import DrapeDataset, load
-from cusick_bench.datasets.toy import write_toy
-from cusick_bench.problem.toy import toy_image
 from cusick_bench.sim.drape import DrapeSimulator
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -15,14 +15,14 @@ from torch import Tensor
 
 from cusick_bench.benchmark.timing import Timing
 from cusick_bench.benchmark.workload import STEPS, cloth
-from cusick_bench.sim.camera import ParallelCamera
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.material import Material
-from cusick_bench.sim.mesh import Mesh, disc_mesh
-from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.silhouette import Method, render
-from cusick_bench.sim.torch_engine import torch_device
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import Method, render
+from cusick_bench.sim.torch_engine.engine import torch_device
 
 _MOST_BATCHED = 1_250_000  # vertices of a batch; larger ones are left out
 _COMPARED = 2  # cloths on which the engines are compared

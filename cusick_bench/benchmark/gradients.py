@@ -13,11 +13,11 @@ import torch
 from torch import Tensor
 
 from cusick_bench.benchmark.workload import cloth
-from cusick_bench.sim.branch import rim_folds
-from cusick_bench.sim.camera import ParallelCamera
+from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.drape import Drape, DrapeSimulator
-from cusick_bench.sim.material import Material
-from cusick_bench.sim.silhouette import render
+from cusick_bench.sim.engine.branch import rim_folds
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import render
 
 _LADDER = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)  # of log parameters
 NAMES = ("stretch", "bending", "density")

@@ -22,14 +22,14 @@ import numpy as np
 
 from cusick_bench.benchmark.functions import FUNCTIONS, AnalyticFunction, BenchmarkError, Point, hide
 from cusick_bench.runner.environment import code_version
-from cusick_bench.solvers.baxus import Baxus
-from cusick_bench.solvers.black_box import BoxSolver, run_search
-from cusick_bench.solvers.cmaes import CmaEs
-from cusick_bench.solvers.hesbo import Hesbo
-from cusick_bench.solvers.rembo import Rembo
-from cusick_bench.solvers.sobol import Sobol
-from cusick_bench.solvers.turbo import Turbo
-from cusick_bench.solvers.vanilla_bo import VanillaBo
+from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
+from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
+from cusick_bench.solvers.bayesian_optimisation.rembo import Rembo
+from cusick_bench.solvers.bayesian_optimisation.turbo import Turbo
+from cusick_bench.solvers.bayesian_optimisation.vanilla_bo import VanillaBo
+from cusick_bench.solvers.black_box.box import BoxSolver, run_search
+from cusick_bench.solvers.black_box.cmaes import CmaEs
+from cusick_bench.solvers.black_box.sobol import Sobol
 
 METHODS: dict[str, Callable[[AnalyticFunction], BoxSolver]] = {
     "sobol": lambda function: Sobol(),

@@ -9,12 +9,12 @@ import torch
 from cusick_bench.benchmark.memory import peak_of
 from cusick_bench.benchmark.timing import Timing, paired_ratio, time_in_turn
 from cusick_bench.benchmark.workload import cloth
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.material import Material
-from cusick_bench.sim.mesh import disc_mesh
-from cusick_bench.sim.reference import TorchParameters
-from cusick_bench.sim.reference_drop import drop_reference
-from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.reference.drop import drop_reference
+from cusick_bench.sim.reference.laws import TorchParameters
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from cusick_bench.problem.priors import STRETCH_SIZE, StiffnessPrior
+from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.material import Material
 
 # Range of 618 measured fabrics (Feng, Huang, Xu, Wang, ACM TOG 41(6), 2022).
 DENSITY_RANGE = (0.0153, 0.8703)  # [kg/m2]

@@ -16,11 +16,11 @@ from cusick_bench.benchmark.reference import Comparison
 from cusick_bench.benchmark.timing import Timing, paired_ratio, time_in_turn
 from cusick_bench.benchmark.workload import FLOOR_SHARE, Workload
 from cusick_bench.runner.environment import environment
+from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.mesh import disc_mesh
-from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.torch_engine import torch_device
+from cusick_bench.sim.torch_engine.engine import torch_device
 
 TARGET_SIZE = 2699
 """Mesh size that the targets are for: the paper's."""

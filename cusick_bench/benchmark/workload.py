@@ -8,14 +8,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from cusick_bench.sim.camera import ParallelCamera
+from cusick_bench.sim.cloth.material import Material, uniform_material
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import Drape, DrapeSimulator
-from cusick_bench.sim.linear import Factor, LinearSolver, available_backends, solver
-from cusick_bench.sim.material import Material, uniform_material
-from cusick_bench.sim.mesh import Mesh, disc_mesh
-from cusick_bench.sim.settings import DrapeSettings
-from cusick_bench.sim.silhouette import render
-from cusick_bench.sim.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
+from cusick_bench.sim.linear.interface import Factor, LinearSolver, available_backends, solver
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import render
 
 DENSITY, BENDING = 0.192, 1.4e-5  # [kg/m2], [N m]: drapes as the data's cotton_blue does
 STEPS = 100

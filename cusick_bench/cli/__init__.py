@@ -8,15 +8,29 @@ from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
 
-COMMANDS = (
-    "data", "simulate", "run", "leaderboard", "report", "solvers", "effects", "datasets",
-    "convergence", "benchmark", "robustness",
-    "verify", "check", "submit", "paper",
-    "optimisers",
-    "garment",
-    "atlas", "diagnose", "withheld",
-)  # fmt: skip
-"""Commands, each the `app` of the module of its name; a module is imported when its command is called for."""
+COMMANDS = {
+    "data": "data.data",
+    "datasets": "data.datasets",
+    "simulate": "simulate.simulate",
+    "effects": "simulate.effects",
+    "garment": "simulate.garment",
+    "convergence": "simulate.convergence",
+    "robustness": "simulate.robustness",
+    "benchmark": "simulate.benchmark",
+    "run": "fit.run",
+    "solvers": "fit.solvers",
+    "optimisers": "fit.optimisers",
+    "paper": "fit.paper",
+    "leaderboard": "results.leaderboard",
+    "report": "results.report",
+    "verify": "results.verify",
+    "check": "results.check",
+    "submit": "results.submit",
+    "diagnose": "diagnose.diagnose",
+    "atlas": "diagnose.atlas",
+    "withheld": "diagnose.withheld",
+}
+"""The module of every command, below this package: its `app` is imported when the command is called for."""
 
 _COMPLETION = ("install_completion", "show_completion")
 
@@ -32,7 +46,7 @@ class Commands(TyperGroup):
         """The command of a name, or None."""
         if cmd_name not in COMMANDS:
             return None
-        command = get_command(import_module(f"cusick_bench.cli.{cmd_name}").app)
+        command = get_command(import_module(f"{__name__}.{COMMANDS[cmd_name]}").app)
         command.name = cmd_name
         _tidy(command)
         return command

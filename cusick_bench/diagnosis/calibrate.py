@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from cusick_bench.diagnosis.captures import Captures
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.diagnose import single_causes
-from cusick_bench.diagnosis.emulator import Emulator
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.evidence import NONE
-from cusick_bench.diagnosis.examine import ALPHA, Weighed, examine
-from cusick_bench.diagnosis.store import Calibration
+from cusick_bench.diagnosis.inference.evidence import NONE
+from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, Weighed, examine
+from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.processes import one_thread_each
 
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)

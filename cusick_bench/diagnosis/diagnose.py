@@ -12,22 +12,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cusick_bench.diagnosis.acting import acts_later
-from cusick_bench.diagnosis.baselines import largest_marginal_score, lasso_without_projection
-from cusick_bench.diagnosis.captures import Captures
-from cusick_bench.diagnosis.closure import Closure, Draping, closures
-from cusick_bench.diagnosis.emulator import Emulator
-from cusick_bench.diagnosis.equivalents import partners
-from cusick_bench.diagnosis.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid
-from cusick_bench.diagnosis.examine import ALPHA, Data, examine
-from cusick_bench.diagnosis.features import Features
-from cusick_bench.diagnosis.gap import Gap
-from cusick_bench.diagnosis.hypotheses import shifts
-from cusick_bench.diagnosis.localise import Place, place
-from cusick_bench.diagnosis.next_measurement import Advice, advise
-from cusick_bench.diagnosis.residual import Residual, base_rows, noise, rows, scatter_of
-from cusick_bench.diagnosis.steps import Step, steps
-from cusick_bench.diagnosis.store import Calibration
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import Calibration
+from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
+from cusick_bench.diagnosis.inference.equivalents import partners
+from cusick_bench.diagnosis.inference.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid
+from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, Data, examine
+from cusick_bench.diagnosis.inference.hypotheses import shifts
+from cusick_bench.diagnosis.inference.localise import Place, place
+from cusick_bench.diagnosis.inference.next_measurement import Advice, advise
+from cusick_bench.diagnosis.inference.residual import Residual, base_rows, noise, rows, scatter_of
+from cusick_bench.diagnosis.inference.stepwise import Step, steps
+from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.diagnosis.measure.features import Features
+from cusick_bench.diagnosis.measure.gap import Gap
+from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
 from cusick_bench.sim.setup import Simulators
 
 SET_LEVEL = 0.9

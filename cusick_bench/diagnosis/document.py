@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from cusick_bench.diagnosis.base_model import NAMES as PARAMETERS
-from cusick_bench.diagnosis.captures import Captures
+from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
+from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis, single_causes
-from cusick_bench.diagnosis.emulator import Emulator
-from cusick_bench.diagnosis.equivalents import ABSORBED, EQUIVALENTS
-from cusick_bench.diagnosis.evidence import NONE, UNKNOWN, Candidate
-from cusick_bench.diagnosis.hypotheses import shifts
-from cusick_bench.diagnosis.simulate import Simulated
-from cusick_bench.diagnosis.statistics import GROUPS
-from cusick_bench.diagnosis.statistics import NAMES as STATISTICS
+from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
+from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.inference.hypotheses import shifts
+from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.diagnosis.measure.statistics import GROUPS
+from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
+from cusick_bench.diagnosis.simulation.samples import Simulated
+from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.mesh import CLOTH_RADIUS
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
 _LEAST = 0.005  # probability of a cause that is worth a line

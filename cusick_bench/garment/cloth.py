@@ -27,9 +27,9 @@ from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
-from cusick_bench.sim.material import Material, uniform_material
-from cusick_bench.sim.mesh import Mesh
-from cusick_bench.sim.system import Law, Parameters
+from cusick_bench.sim.cloth.material import Material, uniform_material
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.engine.system import Law, Parameters
 
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
 _MAXIMUM_BYTES = 2**30  # of one array

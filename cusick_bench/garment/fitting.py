@@ -5,9 +5,9 @@ carried positions g = x + h w one linear solve gives the rest of the motion, for
 
     ((1 + h c) M + h^2 K(g)) u = M (v - w) + h (F(g) - c M w),    v' = w + u,    x' = g + h u,
 
-with c the drag of still air. Without drag it is the step of `cusick_bench.sim.drop` where the waist is still, and it
-strains no cloth that moves along with the waist. Folds do not touch each other: they may pass through one another, as
-in the Cusick drapes of the paper.
+with c the drag of still air. Without drag it is the step of `cusick_bench.sim.engine.drop` where the waist is still,
+and it strains no cloth that moves along with the waist. Folds do not touch each other: they may pass through one
+another, as in the Cusick drapes of the paper.
 
 References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
@@ -23,11 +23,11 @@ from cusick_bench.garment.body import Body, contact_stiffness
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.garment.motion import STILL, WaistMotion
 from cusick_bench.garment.skirt import Skirt
+from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.engine.step_kernels import move, right_hand_side
+from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
-from cusick_bench.sim.linear import Factor
-from cusick_bench.sim.settings import GRAVITY
-from cusick_bench.sim.step_kernels import move, right_hand_side
-from cusick_bench.sim.system import DrapeSystem, Law, Parameters
+from cusick_bench.sim.linear.interface import Factor
 
 AT_REST = 0.003  # [m/s] root-mean-square speed below which a skirt counts as at rest
 AIR = 4.0  # [1/s] drag; cloth of 0.2 kg/m2 sinks flat at some 2.5 m/s, its weight balanced

@@ -16,8 +16,8 @@ from numpy import ndarray
 
 from cusick_bench.datasets.profile import Profile, fold_count
 from cusick_bench.garment.skirt import Skirt
-from cusick_bench.sim.camera import ParallelCamera
-from cusick_bench.sim.silhouette import render
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import render
 
 FOLD_PROMINENCE = 0.01  # [m] a shallower wave of the hem is no fold
 IMAGE_SIZE = 512  # [px]

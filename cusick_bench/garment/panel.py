@@ -2,7 +2,7 @@
 
 A sector is what the mantle of a cone unrolls to, so it is the pattern of an A-line panel; one of a full turn is the
 pattern of a circular skirt. Vertices inside start on a jittered triangular grid and are relaxed to the centroids of
-their triangle fans, as those of the disc (`cusick_bench.sim.mesh`).
+their triangle fans, as those of the disc (`cusick_bench.sim.cloth.mesh`).
 """
 
 from dataclasses import dataclass

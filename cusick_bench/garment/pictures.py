@@ -1,7 +1,7 @@
 """Pictures of skirts: from the side in three dimensions, all the way round, and in motion.
 
-The scene is that of a drape (`cusick_bench.report.scene`), so a skirt is drawn scaled down to its size, with the body
-instead of the pedestal.
+The scene is that of a drape (`cusick_bench.report.drawing.drape_view`): a skirt is drawn scaled down to its size, with
+the body instead of the pedestal.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from PIL import Image
 
 from cusick_bench.garment.body import Body
 from cusick_bench.garment.skirt import Skirt
-from cusick_bench.report.scene import View, cloth_colour, render_drape
+from cusick_bench.report.drawing.drape_view import View, cloth_colour, render_drape
 
 _DROP = 0.088  # [m] length of the skirt in the scene; the ground lies a little deeper
 _GROUND = 0.095  # [m] below the waist in the scene

@@ -18,8 +18,8 @@ from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.garment.panel import Panel, Sector, mesh_sector
-from cusick_bench.sim.mesh import Mesh
-from cusick_bench.sim.shape import SmoothField
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.shape import SmoothField
 
 MINIMUM_VERTICES = 150
 _FRONT = -np.pi / 2  # [rad] azimuth of the front panel's centre line

@@ -26,11 +26,11 @@ from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
-from cusick_bench.sim.branch import follow
-from cusick_bench.sim.camera import Camera, ParallelCamera
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
+from cusick_bench.sim.engine.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
-from cusick_bench.sim.silhouette import Method, render
+from cusick_bench.sim.render.camera import Camera, ParallelCamera
+from cusick_bench.sim.render.silhouette import Method, render
 
 Vector = Float[np.ndarray, " dimension"]
 Vectors = Float[np.ndarray, "members dimension"]

@@ -8,7 +8,7 @@ N(0, 1):
     traits in which cloths differ further: the levels of bending and of stretch stiffness (those numbers, independent of
     one another, hardly let all rise together), how bending stiffness rises with curvature, and how stiff the bias is,
     logarithms of amplitude and correlation length of every field, around the medians below,
-    weights w of every field's modes (see `cusick_bench.sim.matern`).
+    weights w of every field's modes (see `cusick_bench.sim.cloth.matern`).
 
 The first three belong to the cloth, the weights to the specimen: another one of the same cloth has them drawn anew.
 """
@@ -25,10 +25,10 @@ from torch import Tensor
 
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
 from cusick_bench.problem.space import ParameterSpace, Specimen
-from cusick_bench.sim.heterogeneity import face_centres, hinge_centres
-from cusick_bench.sim.material import Material
-from cusick_bench.sim.matern import disc_modes, matern_root
-from cusick_bench.sim.shape import dihedral_angles, fade_in
+from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.matern import disc_modes, matern_root
+from cusick_bench.sim.cloth.shape import dihedral_angles, fade_in
 
 MODES = 300  # of each field: waves of 3.5 cm and longer
 HOMOGENEOUS = STRETCH_SIZE + BENDING_SIZE

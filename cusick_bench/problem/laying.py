@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.sim.mesh import PLATE_RADIUS, Mesh
+from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, Mesh
 
 # Of 0.1 to 1, 0.5 left the five named cloths' folds in place most often.
 SHARE = 0.5

@@ -37,9 +37,9 @@ from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.field_space import FIELDS, TRAITS, FieldSpace
 from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.mesh import disc_mesh
-from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import DrapeSettings
 
 FABRICS = ("fabric_1", "fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
 AREAL_DENSITY = 0.15  # [kg/m2] assumed

@@ -26,7 +26,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.sim.material import PUBLISHED_BENDING_FACTOR
+from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR
 
 # Regression of log B [N m] on log(areal density / 0.15 kg/m2), fabrics618.csv, in the order of the table's
 # rows: hinges along the warp bend the weft (row 0), hinges at 45 degrees the bias, hinges along the weft bend

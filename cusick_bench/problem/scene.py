@@ -16,13 +16,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from cusick_bench.problem.errors import ProblemError
+from cusick_bench.sim.cloth.material import Material, uniform_material
+from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.effects import Cause, apply_all, parse
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.history import drop_with_history
-from cusick_bench.sim.material import Material, uniform_material
-from cusick_bench.sim.mesh import Mesh
-from cusick_bench.sim.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup, Side
 
 _ANY_CLOTH = uniform_material(density=0.2, bending=1e-5)  # which mesh a cause asks for does not depend on it

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from cusick_bench.sim.mesh import Mesh
+from cusick_bench.sim.cloth.mesh import Mesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from cusick_bench.datasets import DrapeDataset, DrapeSample, synthetic_recipe
-from cusick_bench.datasets.protocol import Protocol
+from cusick_bench.datasets import DrapeDataset, DrapeSample
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
 from cusick_bench.metrics import score, to_levels
 from cusick_bench.problem import (
     SPACES,
@@ -29,11 +30,11 @@ from cusick_bench.problem import (
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
-from cusick_bench.sim.camera import Camera, ParallelCamera, PinholeCamera
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
-from cusick_bench.sim.mesh import Mesh, disc_mesh
-from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.render.camera import Camera, ParallelCamera, PinholeCamera
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
 

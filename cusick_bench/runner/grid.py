@@ -10,7 +10,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.problem import LOSSES, SPACES, Budget, ProblemError, canonical
 from cusick_bench.runner.environment import code_version
 from cusick_bench.runner.errors import RunnerError
-from cusick_bench.sim.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.registry import make_solver
 
 CAMERAS = ("parallel", "pinhole")

@@ -1,0 +1,189 @@
+"""`cusick-bench data`: what a data set holds, what is irregular in it, and what its drapes are like."""
+
+from collections import defaultdict
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Column, Table
+
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.data.synthetic import synthetic
+from cusick_bench.datasets import load
+from cusick_bench.datasets.audit.audit import Audit, audit
+from cusick_bench.datasets.dataset import DrapeDataset
+from cusick_bench.datasets.irregularity import KINDS
+from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.datasets.registry import REGISTRY
+from cusick_bench.datasets.stats import ClothStatistics, statistics
+
+app = typer.Typer(help="What a data set holds, what is irregular in it, and what its drapes are like.")
+app.command()(synthetic)
+
+_CLOTH = Column("cloth", no_wrap=True)
+_SHOWN = 3  # irregularities of a kind that are listed without --all
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
+NameOrPath = Annotated[str, typer.Argument(help="Name of a data set, or a folder in the release's layout.")]
+FabricsCsv = Annotated[Path | None, typer.Option(help="Densities and thicknesses; else fabrics.csv beside the data.")]
+Uncorrected = Annotated[bool, typer.Option("--uncorrected", help="Take names of mesh files at their word.")]
+
+
+@app.command("audit")
+@user_errors
+def audit_command(
+    path: NameOrPath,
+    every: Annotated[bool, typer.Option("--all", help="List every irregularity, not just some of each kind.")] = False,
+    json: Json = False,
+) -> None:
+    """Look at every file and name what is irregular. Faults of the data are no failure of the command."""
+    with progress_bar("measuring files") as bar:
+        found = audit(path, progress=bar.show)
+    if json:
+        print_json(found.document())
+    else:
+        _print_audit(found, every)
+
+
+def _print_audit(found: Audit, every: bool) -> None:
+    output.print(
+        f"{found.fabrics} fabrics, {found.samples} samples, {found.silhouettes} silhouettes, {found.meshes} meshes, "
+        f"{len(found.irregularities)} irregularities",
+        highlight=False,
+    )
+    groups = defaultdict(list)
+    for item in found.irregularities:
+        groups[item.kind].append(item)
+    columns = (Column(name, overflow="fold") for name in ("path", "detail"))
+    table = Table(Column("kind", no_wrap=True), "count", *columns)
+    for kind in sorted(groups, key=lambda kind: -len(groups[kind])):
+        items = groups[kind] if every else groups[kind][:_SHOWN]
+        for row, item in enumerate(items):
+            head = (kind, str(len(groups[kind]))) if row == 0 else ("", "")
+            table.add_row(*head, escape(item.path), escape(item.detail))
+        if len(items) < len(groups[kind]):
+            table.add_row("", "", f"... {len(groups[kind]) - len(items)} more: --all", KINDS[kind], style="dim")
+        table.add_section()
+    if groups:
+        output.print(table)
+
+
+@app.command("info")
+@user_errors
+def info_command(
+    name_or_path: NameOrPath = "synthetic",
+    fabrics_csv: FabricsCsv = None,
+    uncorrected: Uncorrected = False,
+    json: Json = False,
+) -> None:
+    """Say what a data set holds, cloth by cloth."""
+    dataset = _load(name_or_path, fabrics_csv, uncorrected)
+    rows = [_contents(dataset, cloth) for cloth in dataset.cloths]
+    if json:
+        registered = REGISTRY.get(name_or_path)
+        print_json(
+            {
+                "name": dataset.name,
+                "root": dataset.root,
+                "content_hash": dataset.content_hash,
+                "licence": registered.licence if registered else None,
+                "citation": registered.citation if registered else None,
+                "corrected": list(dataset.corrected),
+                "silhouettes": len(dataset),
+                "cloths": rows,
+            }
+        )
+        return
+    output.print(f"{dataset.name}: {len(dataset)} silhouettes in {dataset.root}", highlight=False, markup=False)
+    output.print(f"sha256 {dataset.content_hash}", highlight=False)
+    heads = ("fabric", "samples", "images", "meshes", "faces", "repeats", "kg/m2", "mm")
+    table = Table(_CLOTH, *heads, caption="repeats: pairs of captures of one drape; kg/m2: density; mm: thickness")
+    for row in rows:
+        faces = " + ".join(f"{count} {side or 'unknown'}" for side, count in row["sides"].items())
+        counts = (str(row[name]) for name in ("fabric", "samples", "silhouettes", "meshes"))
+        table.add_row(
+            row["cloth"],
+            *counts,
+            faces,
+            str(row["repeat_pairs"]),
+            _number(row["areal_density_kg_m2"], ".3f"),
+            _number(row["thickness_m"], ".2f", 1e3),
+        )
+    output.print(table)
+
+
+def _contents(dataset: DrapeDataset, cloth: str) -> dict[str, Any]:
+    part = dataset.select(cloth=cloth).table
+    sides = list(part["side"])
+    return {
+        "cloth": cloth,
+        "fabric": int(part["fabric"].iloc[0]),
+        "samples": len(set(part["sample"])),
+        "silhouettes": len(part),
+        "meshes": sum(1 for mesh in part["mesh"] if mesh),
+        "sides": {side: sides.count(side) for side in dict.fromkeys(sides)},
+        "repeat_pairs": len(dataset.repeat_pairs(cloth)),
+        "areal_density_kg_m2": float(part["areal_density"].iloc[0]),
+        "thickness_m": float(part["thickness"].iloc[0]),
+        "training_sample": CLOTHS[cloth].training_sample if cloth in CLOTHS else None,
+        "noted": sum(1 for note in part["notes"] if note),
+    }
+
+
+@app.command("stats")
+@user_errors
+def stats_command(
+    name_or_path: NameOrPath = "synthetic",
+    cloth: Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; all by default.")] = None,
+    json: Json = False,
+) -> None:
+    """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""
+    dataset = _load(name_or_path, None, uncorrected=False)
+    with progress_bar("reading cloths", len(dataset.cloths)) as bar:
+        found = statistics(dataset, cloth, progress=lambda name: bar.advance())
+    if json:
+        print_json({"name": dataset.name, "cloths": [item.document() for item in found]})
+    else:
+        output.print(_stats_table(found))
+
+
+def _stats_table(found: list[ClothStatistics]) -> Table:
+    heads = ("units", "DC", "folds", "repeat", "flip", "sample", "fabric", "down - up", "drift")
+    caption = (
+        "DC: drape coefficient, mean ± sd over units (sample x face); repeat ... fabric: MSE between images of the "
+        "same drape, the other face, another sample, another fabric; down - up, drift over time: of DC ± standard error"
+    )
+    table = Table(_CLOTH, *heads, caption=caption)
+    for item in found:
+        drift = [change for change in item.drift.values() if isfinite(change.error)]
+        table.add_row(
+            item.cloth,
+            str(item.units) + (f" (-{item.unusable} images)" if item.unusable else ""),
+            _spread(item.drape_coefficient, item.drape_coefficient_sd, ".3f"),
+            _spread(item.folds, item.folds_sd, ".1f"),
+            *(
+                _number(value, ".4f")
+                for value in (item.mse_repeat, item.mse_flip, item.mse_other_sample, item.mse_other_fabric)
+            ),
+            _spread(item.down_minus_up.mean, item.down_minus_up.error, "+.3f"),
+            _spread(drift[-1].mean, drift[-1].error, "+.3f") if drift else "",
+        )
+    return table
+
+
+def _load(name_or_path: str, fabrics_csv: Path | None, uncorrected: bool) -> DrapeDataset:
+    options = {"correct": False} if uncorrected else {}
+    with progress_bar("measuring files") as bar:
+        return load(name_or_path, fabrics_csv=fabrics_csv, progress=bar.show, **options)
+
+
+def _number(value: float, form: str, factor: float = 1.0) -> str:
+    return format(factor * value, form) if isfinite(value) else ""
+
+
+def _spread(mean: float, spread: float, form: str) -> str:
+    if not isfinite(mean):
+        return ""
+    return f"{mean:{form}}" + (f" ± {spread:{form.lstrip('+')}}" if isfinite(spread) else "")

@@ -1,0 +1,36 @@
+"""`cusick-bench data synthetic`: makes the shipped synthetic set again, and says whether it is the same."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.datasets.files.checksums import CHECKSUMS
+from cusick_bench.datasets.registry import REGISTRY
+from cusick_bench.datasets.synthetic_set import files as synthetic_files
+from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
+
+SHIPPED = REGISTRY["synthetic"].folder()
+
+
+@user_errors
+def synthetic(
+    out: Annotated[Path, typer.Option(help="Folder to write the set to.")],
+    samples: Annotated[int, typer.Option(min=1, max=12, help="Samples per cloth; fewer make a part.")] = 12,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Simulates the synthetic set from its recipe and compares every file with the shipped one."""
+    with progress_bar("draping", len(synthetic_recipe.cloths()) * samples * len(synthetic_recipe.CAPTURES)) as bar:
+        made = synthetic_files.write_synthetic(out, samples=samples, step=lambda name: bar.advance())
+    shipped = json.loads((SHIPPED / CHECKSUMS).read_text())
+    shared = [name for name in made if name in shipped and name != "croissant.json"]
+    different = [name for name in shared if made[name] != shipped[name]]
+    if as_json:
+        print_json({"out": out, "files": len(made), "compared": len(shared), "different": different})
+    else:
+        equal = len(shared) - len(different)
+        output.print(f"{len(made)} files in {out}; {equal} of {len(shared)} equal the shipped ones")
+    if different:
+        raise typer.Exit(1)

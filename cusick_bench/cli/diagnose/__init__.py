@@ -1,0 +1,1 @@
+"""Commands of the diagnosis and of withheld cases."""

@@ -1,0 +1,168 @@
+"""`cusick-bench atlas`: drapes over the base model's parameters, from which diagnoses are made."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.diagnosis.atlas.drapes import Design, build, read
+from cusick_bench.diagnosis.atlas.emulator import fit
+from cusick_bench.diagnosis.atlas.response_check import THIRDS, unexplained
+from cusick_bench.diagnosis.atlas.store import SHIPPED, Calibration, load, save
+from cusick_bench.diagnosis.calibrate import calibrate
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.evidence import NONE
+from cusick_bench.diagnosis.inference.power import FABRICS, STIFFNESS, detectable, needed
+from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.effects import registered
+from cusick_bench.withheld.answers.blind import case_captures, case_folders
+from cusick_bench.withheld.format.checked_json import mapping, read_object
+
+app = typer.Typer(help="Drapes over the base model's parameters, from which diagnoses are made.")
+_PLAN = Design()
+
+
+@app.callback()
+def _root() -> None:
+    """Drapes over the base model's parameters, from which diagnoses are made."""
+
+
+@app.command("build")
+@user_errors
+def build_atlas(
+    out: Annotated[Path, typer.Option(help="Folder of its points; a build that was stopped goes on there.")],
+    points: Annotated[int, typer.Option(min=60, help="Fabrics, all over the base model's parameters.")] = _PLAN.points,
+    stiff_points: Annotated[
+        int, typer.Option(min=0, help="Further fabrics that are stiff in shear.")
+    ] = _PLAN.stiff_points,
+    effect_points: Annotated[
+        int, typer.Option(min=0, help="Fabrics draped with every effect too.")
+    ] = _PLAN.effect_points,
+    fine_points: Annotated[int, typer.Option(min=0, help="Fabrics draped on a finer mesh too.")] = _PLAN.fine_points,
+    law_points: Annotated[int, typer.Option(min=0, help="Fabrics draped under other laws too.")] = _PLAN.law_points,
+    one_mesh_points: Annotated[
+        int, typer.Option(min=0, help="Fabrics draped with all samples on one mesh too.")
+    ] = _PLAN.one_mesh_points,
+    samples: Annotated[int, typer.Option(min=2, help="Samples of each fabric.")] = _PLAN.samples,
+    vertices: Annotated[int, typer.Option(min=100, help="Mesh size.")] = _PLAN.vertices,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
+    design = Design(points, stiff_points, effect_points, fine_points, law_points, one_mesh_points, samples, vertices)
+    with progress_bar("draping") as bar:
+        build(out, design, workers=workers, progress=bar.show)
+    if as_json:
+        print_json({"path": out, "points": points, "tasks": len(design.tasks())})
+    else:
+        output.print(f"{out}: {len(design.tasks())} sets of drapes; next: cusick-bench atlas fit {out}")
+
+
+@app.command("fit")
+@user_errors
+def fit_atlas(
+    folder: Annotated[Path, typer.Argument(help="Folder that `build` filled, also in part.", metavar="FOLDER")],
+    out: Annotated[Path, typer.Option(help="File; by default the one that diagnoses use.")] = SHIPPED,
+    check: Annotated[bool, typer.Option(help="Also measure what fits leave unexplained of other fabrics.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
+    design, points = read(folder)
+    emulator = fit(design, points)
+    save(out, emulator, Calibration())
+    counts = {name: len(found) for name, found in points.items()}
+    shares = {name: one.tolist() for name, one in unexplained(design, points, emulator).items()} if check else {}
+    if as_json:
+        print_json({"path": out, "points": counts, "unexplained": shares})
+    else:
+        if check:
+            table = Table("effect", *THIRDS, title="share of the shifts not explained, by thirds of stiffness")
+            for name, row in shares.items():
+                table.add_row(name, *(f"{share:.2f}" for share in row))
+            output.print(table)
+        output.print(
+            f"{out}: {counts.get('base', 0)} fabrics; next: cusick-bench atlas calibrate CASES LABELS --atlas {out}"
+        )
+
+
+@app.command("calibrate")
+@user_errors
+def calibrate_atlas(
+    suites: Annotated[
+        list[Path],
+        typer.Argument(help="Folder of a suite's cases and its labels.json, in turn.", metavar="CASES LABELS"),
+    ],
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas; rewritten with its calibration.")] = SHIPPED,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Learns noise and trust in evidence from suites whose labels are open, and which are never scored again."""
+    emulator, before = load(atlas)
+    found = [case for cases, labels in _pairs(suites) for case in _open_cases(cases, labels)]
+    with progress_bar("cases", len(found) + sum(truth == NONE for _, truth in found)) as bar:
+        after = calibrate(found, emulator, workers=workers, step=bar.advance)
+    save(atlas, emulator, after)
+    if as_json:
+        print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
+    else:
+        output.print(
+            f"{atlas}: noise x {after.inflation:g}, evidence to the power {after.tempering:g} ({len(found)} cases)"
+        )
+
+
+def _pairs(suites: list[Path]) -> list[tuple[Path, Path]]:
+    """Cases and labels of every suite."""
+    if len(suites) % 2:
+        raise DiagnosisError(
+            f"every suite needs its folder of cases and its labels.json, got {len(suites)} paths; give CASES LABELS "
+            "of one suite after the other"
+        )
+    return list(zip(suites[::2], suites[1::2], strict=True))
+
+
+def _open_cases(cases: Path, labels: Path) -> list[tuple[Captures, str]]:
+    """Silhouettes of a suite's cases with what acts there; pairs are left out, they are no one outcome."""
+    known = read_object(labels)
+    found: list[tuple[Captures, str]] = []
+    for folder in case_folders(cases):
+        truth = mapping(known.get(folder.name), f"{labels}: {folder.name}").get("effect")
+        if isinstance(truth, str):  # pairs have a list
+            found.append((case_captures(folder), truth))
+    return found
+
+
+@app.command("power")
+@user_errors
+def power(
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
+    out: Annotated[Path | None, typer.Option(help="JSON file of them, as `withheld generate` takes.")] = None,
+    samples: Annotated[int, typer.Option(min=2, help="Samples of a fabric, on both sides, each captured twice.")] = 12,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
+    emulator, calibration = load(atlas)
+    with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
+        shift = needed(emulator, np.random.default_rng(0))
+        inflation = calibration.inflation
+        severity = detectable(emulator, shift, inflation=inflation, samples=samples, step=bar.advance)
+    found = {"stiffness": STIFFNESS, "severity": dict(severity)}
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(out, (json.dumps(found, indent=1) + "\n").encode())
+    if as_json:
+        print_json({**found, "needed": shift, "samples": samples})
+        return
+    levels = [f"{level:g}" for level in STIFFNESS]
+    table = Table("effect", "unit", *levels, "|d|", title="by ln B / (rho g R^3); |d| it takes", padding=(0, 0))
+    for name, one in registered().items():
+        row = found["severity"].get(name, (None,) * len(levels))
+        unit, factor = ("mm", 1e3) if one.severity.unit == "m" else (one.severity.unit, 1.0)
+        cells = ["" if value is None else f"{factor * value:.2g}" for value in row]
+        table.add_row(name, unit, *cells, f"{shift[name]:.1f}" if name in shift else "")
+    output.print(table)

@@ -1,0 +1,79 @@
+"""`cusick-bench withheld`: cases whose effect is sealed."""
+
+import json
+import secrets
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.diagnose.withheld_answer import answer, oracle, twins
+from cusick_bench.cli.diagnose.withheld_leave_out import leave_out
+from cusick_bench.cli.diagnose.withheld_score import score
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
+from cusick_bench.withheld.suite.detectable import read_detectable
+from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, SUITE, Suite, generate
+
+app = typer.Typer(help="Cases whose effect is sealed: make them, answer them blind, score the answers.")
+
+
+@app.callback()
+def _root() -> None:
+    """Cases whose effect is sealed: make them, answer them blind, score the answers."""
+
+
+app.command("answer")(answer)
+app.command("oracle")(oracle)
+app.command("twins")(twins)
+app.command("leave-out")(leave_out)
+app.command("score")(score)
+
+
+@app.command("generate")
+@user_errors
+def generate_suite(
+    out: Annotated[Path, typer.Option(help="Folder of the cases and of the commitment to their labels.")],
+    labels: Annotated[Path, typer.Option(help="Folder of the labels, outside of the cases.")],
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Of all random choices: who knows it knows the labels. By default random, kept in LABELS."
+        ),
+    ] = None,
+    nulls: Annotated[int, typer.Option(min=0, help="Cases without any effect.")] = 200,
+    singles: Annotated[
+        int, typer.Option(min=0, help="Cases with one effect; all effects and severities in turn.")
+    ] = len(DRAWN) * len(MULTIPLES),
+    pairs: Annotated[int, typer.Option(min=0, help="Cases with two effects.")] = 22,
+    unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect that no answerer has on its list.")] = 48,
+    detectable: Annotated[
+        Path | None, typer.Option(help="Table that `atlas power --out` wrote; by default typical severities count.")
+    ] = None,
+    vertices: Annotated[int, typer.Option(min=100, help="Mesh size of the truth.")] = 1205,
+    samples: Annotated[int, typer.Option(min=1, help="Samples of each case, with two faces and two captures.")] = 12,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
+    counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
+    asked = Suite(_seed(seed, labels), counts, vertices, samples, detectable and read_detectable(detectable))  # pyright: ignore[reportArgumentType]
+    with progress_bar("cases", sum(counts.values())) as bar:
+        made = generate(asked, out, labels, workers=workers, step=lambda case: bar.advance())
+    if as_json:
+        print_json({"cases": [str(case) for case in made], "commitment": out / COMMITMENT, "labels": labels / LABELS})
+    else:
+        output.print(f"{len(made)} cases in {out}, bound to their labels by {out / COMMITMENT}; labels in {labels}")
+
+
+def _seed(given: int | None, labels: Path) -> int:
+    """The seed that was given, or that of the suite to go on with, or a new one that cannot be guessed."""
+    if given is not None:
+        return given
+    try:
+        return int(json.loads((labels / SUITE).read_text())["seed"])
+    except FileNotFoundError:
+        return secrets.randbits(128)
+    except (ValueError, KeyError, TypeError) as error:
+        raise WithheldError(f"{labels / SUITE} is no description of a suite; choose an empty folder") from error

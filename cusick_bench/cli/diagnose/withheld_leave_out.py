@@ -1,0 +1,50 @@
+"""`cusick-bench withheld leave-out`: answers cases again without their own effect; `unknown` is then right."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.diagnosis.atlas.store import SHIPPED
+from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out
+from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.format.label import read_labels
+
+
+@user_errors
+def leave_out(
+    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
+    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
+    out: Annotated[Path, typer.Option(help="File for the answers.")] = Path("leave-out.json"),
+    least: Annotated[
+        float, typer.Option(min=0, help="Least severity, in multiples of the shift that can just be detected.")
+    ] = 2.0,
+    samples: Annotated[
+        int, typer.Option(min=0, help="Simulated samples where a cause is named; 0 leaves gap and closure out.")
+    ] = 0,
+    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
+    seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Answers cases with one effect as if that effect were not on the list, so that `unknown` is the right answer.
+
+    Run it after `answer`, whose answers are frozen by then: it opens the labels to know what to leave out, and to take
+    only effects strong enough to be seen. Answers that are there already are kept; `score` takes the file as any other.
+    """
+    known = read_labels(read_object(labels), str(labels))
+    with progress_bar("cases", len(left_out(known, least))) as bar:
+        found = answer_left_out(
+            cases, known, out, atlas, Options(samples, False, (), seed), least,
+            workers=workers, step=lambda case: bar.advance(),
+        )  # fmt: skip
+    verdicts = [answer["verdict"] for answer in found["answers"].values()]
+    if as_json:
+        counts = {verdict: verdicts.count(verdict) for verdict in sorted(set(verdicts))}
+        print_json({"path": out, "cases": len(verdicts), "verdicts": counts, "code_version": found["code_version"]})
+    else:
+        output.print(
+            f"{out}: {len(verdicts)} answers without the case's own effect, {verdicts.count('unknown')} unknown"
+        )

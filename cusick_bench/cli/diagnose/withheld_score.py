@@ -1,0 +1,122 @@
+"""`cusick-bench withheld score`: opens the labels, and prints how good the answers were."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.withheld.answers.twins import read_twins
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.checked_json import number, read_object
+from cusick_bench.withheld.scoring.failures import Failure, failures
+from cusick_bench.withheld.scoring.revealed import Revealed, by_shown, reveal
+from cusick_bench.withheld.scoring.score import Scores
+from cusick_bench.withheld.scoring.score import score as score_answers
+from cusick_bench.withheld.scoring.table import by_severity, document, headline, markdown, rows
+
+_PIPED_WIDTH = 150
+_SHOWN = 20  # failures on the terminal; files have them all
+_STYLES = {"no": "red", "yes": "green", "": ""}
+
+
+@user_errors
+def score(
+    answers: Annotated[Path, typer.Argument(help="answers.json, as frozen.", metavar="ANSWERS")],
+    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
+    commitment: Annotated[
+        Path | None, typer.Option(help="commitment.json with the published seals; each label must fit its own.")
+    ] = None,
+    oracle: Annotated[Path | None, typer.Option(help="Closures by the true causes, from `withheld oracle`.")] = None,
+    twins: Annotated[
+        Path | None, typer.Option(help="What the cases show, from `withheld twins`: severities are then taken from it.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV file for all rows; a page of Markdown goes beside it.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of bootstrap and chance.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Scores answers to withheld cases against their labels, beside chance and the baselines that the answers carry.
+
+    Severities are multiples of the detectable shift where the labels have them, else of the typical severity. With
+    --twins they are multiples of the shift that the silhouettes do show, also for effects outside the list, and cases
+    that no other effect could make are counted apart.
+    """
+    if out is not None and out.suffix != ".csv":
+        raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance withheld.csv")
+    revealed = _with_oracle(reveal(answers, labels, commitment), oracle)
+    if twins is not None:
+        revealed = by_shown(revealed, read_twins(twins), str(twins))
+    scores = score_answers(revealed, seed)
+    failed = failures(revealed, scores.cases)
+    facts = _facts(answers, labels, seed, commitment=commitment, oracle=oracle, twins=twins)
+    if out is not None:
+        _write(out, scores, failed, facts)
+    if as_json:
+        print_json(document(scores, failed, facts))
+    else:
+        _show(scores, failed)
+
+
+def _with_oracle(revealed: Revealed, path: Path | None) -> Revealed:
+    """The labels with the closures by their true causes, which are known only after the answers."""
+    if path is None:
+        return revealed
+    closures = read_object(path)
+    known = {case: number(value, f"{path}: {case}") for case, value in closures.items()}
+    labels = {
+        case: replace(label, oracle_closure=known.get(case, label.oracle_closure))
+        for case, label in revealed.labels.items()
+    }
+    return replace(revealed, labels=labels)
+
+
+def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict[str, Any]:
+    """Where the numbers come from."""
+    digests = (hashlib.sha256(path.read_bytes()).hexdigest() for path in (answers, labels))
+    more = "".join(f" --{name} {path.name}" for name, path in given.items() if path is not None)
+    return {
+        "command": f"cusick-bench withheld score {answers.name} {labels.name} --seed {seed}{more}",
+        **dict(zip(("answers_sha256", "labels_sha256"), digests, strict=True)),
+        "code_version": code_version("withheld"),
+    }
+
+
+def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, Any]) -> None:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    table = rows(scores, failed, facts).to_csv(index=False, lineterminator="\n", float_format="%.6g")
+    write_atomically(out, table.encode())
+    page = out.with_suffix(".md")
+    write_atomically(page, markdown(scores, failed, facts).encode())
+    console.print(f"wrote {out} and {page}", markup=False, highlight=False)
+
+
+def _show(scores: Scores, failed: list[Failure]) -> None:
+    screen = output if output.is_terminal else Console(width=_PIPED_WIDTH)
+    lines = headline(scores)
+    screen.print(_table(lines, lines[0].index("reached")))
+    if levels := by_severity(scores):
+        screen.print(_table(levels))
+    listed = [[item.case, ", ".join(item.faults), item.label, item.answer] for item in failed[:_SHOWN]]
+    screen.print(_table([["case", "what is wrong", "label", "answer"], *listed]))
+    if len(failed) > _SHOWN:
+        screen.print(f"... {len(failed) - _SHOWN} more failures: --out FILE.csv lists them all", style="dim")
+    for note in scores.notes:
+        screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
+
+
+def _table(lines: list[list[str]], mark: int | None = None) -> Table:
+    """A table of strings; the column `mark` holds yes, no or nothing, and colours its line."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for head in lines[0]:
+        table.add_column(Text(head), overflow="fold")
+    for line in lines[1:]:
+        table.add_row(*map(Text, line), style="" if mark is None else _STYLES[line[mark]])
+    return table

@@ -1,0 +1,248 @@
+"""`cusick-bench paper`: the paper's tables, run and set with one command each, beside its published figures."""
+
+import json
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+from rich.console import Console
+
+from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.cli.fit import paper_figures
+from cusick_bench.leaderboard import Cells, LeaderboardError, latex, leaderboards, load_cells, markdown, terminal
+from cusick_bench.leaderboard.anytime import COSTS, curves, documents, loss_at_equal_time
+from cusick_bench.leaderboard.paper import SOLVERS, PaperTable, make_table, methods, records, set_table
+from cusick_bench.leaderboard.text import provenance
+from cusick_bench.problem import Budget
+from cusick_bench.report.figures.fold_variability import fold_variability, variability_table
+from cusick_bench.runner import (
+    Cell,
+    ProblemSettings,
+    ProgressBars,
+    RunnerError,
+    Source,
+    load_once,
+    plan,
+    require_space,
+    run,
+)
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+PIPED_WIDTH = 200
+
+app = typer.Typer(help="The paper's tables and figures on given data.", no_args_is_help=True, add_completion=False)
+paper_figures.register(app)
+
+Out = Annotated[Path, typer.Option(help="Folder for cells and tables; finished cells in it are kept.")]
+Data = Annotated[str, typer.Option(help="Name or folder of a data set; the release's folder for the paper's cloths.")]
+FabricsCsv = Annotated[
+    Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data by default.")
+]
+Cloth = Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; the paper's five (else all) by default.")]
+Solver = Annotated[
+    list[str] | None,
+    typer.Option(help="Method: NAME, NAME,option=value or NAME@space; repeatable; all of the table by default."),
+]
+Vertices = Annotated[int, typer.Option(min=1, help="Vertices of the disc mesh; the paper has 2699.")]
+Draws = Annotated[
+    int, typer.Option(min=1, help="Draws of each method that learns a distribution, and of the random-phase row.")
+]
+Seeds = Annotated[int, typer.Option(min=1, help="Number of seeds.")]
+Drapes = Annotated[
+    float, typer.Option(help="Drapes that a cell (method, cloth, seed) may spend; a gradient counts as two.")
+]
+Seconds = Annotated[float | None, typer.Option(help="Also run with this wall time a cell as the only limit [s].")]
+Mode = Annotated[str, typer.Option(help="drop (implicit Euler) or equilibrium (Newton).")]
+Steps = Annotated[int, typer.Option(min=1, help="Steps of a drop, of 0.05 s.")]
+Workers = Annotated[int, typer.Option(min=1, help="Processes.")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """What a table's cells are run with."""
+
+    name: str
+    source: Source
+    cloths: list[str] | None
+    solvers: list[str] | None
+    settings: ProblemSettings
+    draws: int
+    seeds: int
+    workers: int
+    out: Path
+
+
+@app.command("table-1")
+@user_errors
+def table_1(
+    out: Out,
+    data: Data = "cusick",
+    fabrics_csv: FabricsCsv = None,
+    cloth: Cloth = None,
+    solver: Solver = None,
+    vertices: Vertices = 2699,
+    draws: Draws = 1000,
+    seeds: Seeds = 1,
+    budget: Drapes = 500,
+    mode: Mode = "drop",
+    steps: Steps = 100,
+    workers: Workers = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Unseen samples predicted: HOMO, HETER, BDP and ours, beside rows without physics and oracles.
+
+    Whether draws vary as samples do goes to table-1-variability. Repeating the command goes on where it was stopped.
+    Exit status 1 if a cell failed.
+    """
+    settings = _settings(vertices, mode, steps, Budget(budget))
+    source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
+    grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out)
+    cells, left_out = _run(grid)
+    (board,) = leaderboards(cells, by="test_mse")
+    table = make_table("table-1", cells, board, notes=left_out)
+    _write(table, out, {})
+    spread = fold_variability(cells, load_once(source))
+    _write_variability(spread, provenance(board), out)
+    _finish([table], cells, as_json, spread)
+
+
+@app.command("table-2")
+@user_errors
+def table_2(
+    out: Out,
+    data: Data = "cusick",
+    fabrics_csv: FabricsCsv = None,
+    cloth: Cloth = None,
+    solver: Solver = None,
+    vertices: Vertices = 2699,
+    draws: Draws = 1,
+    seeds: Seeds = 1,
+    budget: Drapes = 500,
+    seconds: Seconds = None,
+    mode: Mode = "drop",
+    steps: Steps = 100,
+    workers: Workers = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Training silhouette fitted for equal cost: BDP against REMBO, HeSBO, NLopt and today's rivals.
+
+    Equal in drapes (a gradient counting as two), read at equal wall time as well, and with --seconds also run with wall
+    time as the limit. Anytime curves go to anytime.png and anytime.json. Repeating the command goes on where it was
+    stopped. Exit status 1 if a cell failed.
+    """
+    source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
+    budgets = {"": Budget(budget)} | ({} if seconds is None else {"-seconds": Budget(None, seconds)})
+    tables, everything = [], []
+    for suffix, limit in budgets.items():
+        settings = _settings(vertices, mode, steps, limit)
+        cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out))
+        everything.append(cells)
+        (board,) = leaderboards(cells, by="train_mse")
+        shortest, equal = loss_at_equal_time(cells.table)
+        note = f"Equal time is {shortest:.1f} s a cell, when the fastest method had ended." if equal else ""
+        notes = [f"Budget: {_limit(limit)}.", *left_out, *([note] if note else [])]
+        table = make_table("table-2", cells, board, at_equal_time=equal, notes=notes)
+        _write(table, out, _anytime(cells, f"{board.dataset}: {_limit(limit)}", out, suffix), suffix)
+        tables.append(table)
+    _finish(tables, replace(everything[0], skipped=tuple(s for cells in everything for s in cells.skipped)), as_json)
+
+
+def _limit(budget: Budget) -> str:
+    if budget.seconds is not None:
+        return f"{budget.seconds:g} s of wall time a cell"
+    return f"{budget.forward_equivalents:g} drapes a cell"
+
+
+def _settings(vertices: int, mode: str, steps: int, budget: Budget) -> ProblemSettings:
+    drape = DrapeSettings(mode=mode, steps=steps)  # pyright: ignore[reportArgumentType]
+    return ProblemSettings(vertices=vertices, drape=drape, budget=budget)
+
+
+def _run(grid: _Grid) -> tuple[Cells, list[str]]:
+    """Runs what is not finished yet, and reads exactly these cells, however many others lie beside them."""
+    chosen, missing = methods(grid.solvers or SOLVERS[grid.name], grid.draws)
+    if missing and grid.solvers:
+        raise RunnerError(f"no solver is registered for {', '.join(missing)}; see `cusick-bench solvers`")
+    notes = [f"Left out, since not registered: {', '.join(missing)}."] if missing else []
+    dataset, planned = load_once(grid.source), list[Cell]()
+    for space in dict.fromkeys(method.space for method in chosen):
+        solvers = [method.solver for method in chosen if method.space == space]
+        if space is not None:
+            require_space(solvers, space)
+        planned += plan(
+            dataset,
+            solvers=solvers,
+            cloths=grid.cloths,
+            seeds=list(range(grid.seeds)),
+            settings=replace(grid.settings, space=space or grid.settings.space),
+        )
+    planned = list({cell.key: cell for cell in planned}.values())
+    with ProgressBars(console) as bars:
+        run(grid.source, planned, grid.out, workers=grid.workers, watcher=bars, command=sys.argv)
+    keys, cells = {cell.key for cell in planned}, load_cells(grid.out)
+    kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
+    if kept.empty:
+        raise LeaderboardError(f"every cell in {grid.out} failed; see cells/*/result.json there")
+    return replace(cells, table=kept, skipped=tuple(s for s in cells.skipped if s.folder.name in keys)), notes
+
+
+def _anytime(cells: Cells, title: str, out: Path, suffix: str) -> dict[str, Any]:
+    from cusick_bench.report.figures.anytime import save_anytime  # matplotlib is slow to import
+
+    panels = {cost: curves(cells.table, cost) for cost in COSTS}
+    if not panels["forward_equivalents"]:
+        return {}
+    path = out / f"anytime{suffix}.png"
+    save_anytime(path, title, panels)
+    console.print(f"wrote {path}", markup=False, highlight=False)
+    return {f"anytime{suffix}.json": documents(cells.table)}
+
+
+def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str = "") -> None:
+    text, lines = set_table(table), records(table)
+    name = f"{table.name}{suffix}"
+    files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
+    files[f"{name}.csv"] = pd.DataFrame(lines).to_csv(index=False, lineterminator="\n")
+    files[f"{name}.json"] = _json({"table": name, "title": table.title, "rows": lines, "notes": list(table.notes)})
+    _save(files | {file: _json(document) for file, document in documents.items()}, out)
+
+
+def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) -> None:
+    if not rows:
+        console.print("no variability: it takes 3 held-out samples of a cloth", markup=False, highlight=False)
+        return
+    text, name = variability_table(rows, notes), "table-1-variability"
+    files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
+    files[f"{name}.csv"] = pd.DataFrame(rows).to_csv(index=False, lineterminator="\n")
+    files[f"{name}.json"] = _json({"table": name, "rows": rows, "notes": list(text.notes)})
+    _save(files, out)
+
+
+def _save(files: dict[str, str], out: Path) -> None:
+    for file, content in files.items():
+        write_atomically(out / file, content.encode())
+        console.print(f"wrote {out / file}", markup=False, highlight=False)
+
+
+def _json(document: dict[str, Any]) -> str:
+    return json.dumps(plain(document), indent=1, allow_nan=False) + "\n"
+
+
+def _finish(tables: list[PaperTable], cells: Cells, as_json: bool, spread: list[dict[str, Any]] | None = None) -> None:
+    """Prints the tables, and the variability of draws where it was asked for."""
+    if as_json:
+        document = {"tables": [{"name": t.name, "rows": records(t), "notes": list(t.notes)} for t in tables]}
+        print_json(document | ({} if spread is None else {"variability": spread}))
+    else:
+        screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
+        for text in [*map(set_table, tables), *([variability_table(spread)] if spread else [])]:
+            screen.print(terminal(text, screen.width))
+            for note in text.notes:
+                screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
+    if cells.skipped:
+        raise typer.Exit(1)

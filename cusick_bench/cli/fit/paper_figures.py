@@ -1,0 +1,127 @@
+"""`cusick-bench paper figure-6`, `figure-7`, `figure-8`: the paper's figures of a results folder on given data."""
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.status import Status
+
+from cusick_bench.cli.common import console, plain, print_json, user_errors
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.leaderboard import Cells, load_cells
+from cusick_bench.leaderboard.source import load_data_of
+from cusick_bench.report.figures.radius_angle import DRAWS, radius_angle, save_confusion, save_radius_angle
+from cusick_bench.report.figures.side_by_side import SAMPLES, Strip, fitted, held_out, save_strips
+from cusick_bench.runner.store import write_json
+
+Run = Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")]
+Data = Annotated[
+    str | None,
+    typer.Option(help="Data set of the run; found by itself if left out, or else in the folder CUSICK_DATA."),
+]
+FabricsCsv = Annotated[Path | None, typer.Option(help="Table of areal densities; by default the run's own.")]
+Out = Annotated[Path, typer.Option(help="Folder for the figure and its numbers.")]
+Solvers = Annotated[
+    list[str] | None,
+    typer.Option("--solver", help="Solver to show; repeatable; default: no oracles, in figure 6 no nulls."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the figures to the commands of `cusick-bench paper`."""
+    for name, command in (("figure-6", figure_6), ("figure-7", figure_7), ("figure-8", figure_8)):
+        app.command(name)(command)
+
+
+@user_errors
+def figure_6(
+    run: Run,
+    out: Out,
+    data: Data = None,
+    fabrics_csv: FabricsCsv = None,
+    solver: Solvers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Training samples and their fits side by side: silhouettes, and the drapes from the side."""
+    cells, dataset = _load(run, data, fabrics_csv)
+    with _status() as status:
+        strips = fitted(cells, dataset, solver, progress=status.update)
+        path = _sheet(strips, out, "figure-6.png", "training sample and fits (orange: real outline)", status)
+    document = {"strips": [strip.document() for strip in strips]}
+    _finish(document, [path], out / "figure-6.json", as_json)
+
+
+@user_errors
+def figure_7(
+    run: Run,
+    out: Out,
+    data: Data = None,
+    fabrics_csv: FabricsCsv = None,
+    solver: Solvers = None,
+    samples: Annotated[int, typer.Option(min=1, help="Most held-out samples of a cloth.")] = SAMPLES,
+    as_json: AsJson = False,
+) -> None:
+    """Held-out samples beside each solver's draw that fits best; the choice has seen the sample."""
+    cells, dataset = _load(run, data, fabrics_csv)
+    with _status() as status:
+        strips = held_out(cells, dataset, solver, samples=samples, progress=status.update)
+        title = "held-out samples and the best draw for each, chosen by an oracle (orange: real outline)"
+        paths = [
+            _sheet([strip for strip in strips if strip.cloth == cloth], out, f"figure-7-{cloth}.png", title, status)
+            for cloth in dict.fromkeys(strip.cloth for strip in strips)
+        ]
+    document = {"chosen_by": "held-out image", "strips": [strip.document() for strip in strips]}
+    _finish(document, paths, out / "figure-7.json", as_json)
+
+
+@user_errors
+def figure_8(
+    run: Run,
+    out: Out,
+    data: Data = None,
+    fabrics_csv: FabricsCsv = None,
+    solver: Solvers = None,
+    draws: Annotated[int, typer.Option(min=1, help="Most draws of a cell to classify.")] = DRAWS,
+    as_json: AsJson = False,
+) -> None:
+    """Radius over angle of real samples and draws, and which cloth a draw belongs to."""
+    cells, dataset = _load(run, data, fabrics_csv)
+    with _status() as status:
+        study = radius_angle(cells, dataset, solver, draws=draws, progress=status.update)
+        out.mkdir(parents=True, exist_ok=True)
+        paths = [out / "figure-8.png", out / "figure-8-confusion.png"]
+        save_radius_angle(study, paths[0])
+        save_confusion(study, paths[1])
+    for group in (study.real, *study.drawn):
+        share = 100 * group.confusion.accuracy
+        text = f"{share:5.1f} % of {group.confusion.counts.sum()} are taken for their own cloth: {group.label}"
+        console.print(text, markup=False, highlight=False)
+    _finish(study.document(), paths, out / "figure-8.json", as_json)
+
+
+def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells, DrapeDataset]:
+    cells = load_cells(run)
+    return cells, load_data_of(cells, data, fabrics_csv)
+
+
+def _status() -> AbstractContextManager[Status]:
+    return console.status("reading data")
+
+
+def _sheet(strips: list[Strip], out: Path, name: str, title: str, status: Status) -> Path:
+    status.update(f"drawing {name}")
+    out.mkdir(parents=True, exist_ok=True)
+    save_strips(strips, out / name, title)
+    return out / name
+
+
+def _finish(document: dict[str, Any], paths: list[Path], numbers: Path, as_json: bool) -> None:
+    """Writes the numbers beside the pictures."""
+    write_json(numbers, plain(document))
+    files = [*paths, numbers]
+    for path in files:
+        console.print(f"wrote {path}", markup=False, highlight=False)
+    if as_json:
+        print_json(document | {"files": files})

@@ -1,0 +1,159 @@
+"""`cusick-bench run`: solvers on cloths; repeat the command to go on where it was stopped."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.problem import SPACES, Budget
+from cusick_bench.runner import (
+    ProblemSettings,
+    ProgressBars,
+    RunnerError,
+    Source,
+    Store,
+    labelled,
+    load_once,
+    plan,
+    require_space,
+    run,
+    shard,
+)
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+app = typer.Typer()
+
+EXECUTORS = ("process",)
+
+DEFAULT_SPACE = ProblemSettings().space
+DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
+
+
+@app.command("run")
+@user_errors
+def run_command(
+    out: Annotated[Path, typer.Option(help="Results folder; finished cells in it are kept.")],
+    data: Annotated[str, typer.Option(help="Name or folder of a data set.")] = "synthetic",
+    fabrics_csv: Annotated[
+        Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data by default.")
+    ] = None,
+    cloth: Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; all by default.")] = None,
+    solver: Annotated[list[str] | None, typer.Option(help="Solver; repeatable; see `solvers`.")] = None,
+    protocol: Annotated[str, typer.Option(help="How samples are split into training and held out.")] = "paper",
+    space: Annotated[
+        str | None,
+        typer.Option(help=f"Parameter space: {', '.join(SPACES)}; by default the solver's own, or {DEFAULT_SPACE}."),
+    ] = None,
+    budget: Annotated[
+        float, typer.Option(help="Drapes that a cell may spend; a gradient counts as two.")
+    ] = DEFAULT_BUDGET,
+    seconds: Annotated[float | None, typer.Option(help="Wall time a cell may spend [s].")] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of seeds.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 0,
+    vertices: Annotated[int, typer.Option(min=1, help="Vertices of the disc mesh.")] = 2699,
+    law: Annotated[str, typer.Option(help="Material law: paper or published.")] = "paper",
+    mode: Annotated[str, typer.Option(help="drop (implicit Euler) or equilibrium (Newton).")] = "drop",
+    steps: Annotated[int, typer.Option(min=1, help="Steps of a drop, of 0.05 s.")] = 100,
+    laying: Annotated[
+        str, typer.Option(help="How the cloth is laid down: with the training image's folds, or random.")
+    ] = "image",
+    loss: Annotated[str, typer.Option(help="Training loss: mse, profile or mse+profile.")] = "mse",
+    camera: Annotated[
+        str, typer.Option(help="Camera: parallel, as the data, or pinhole, as the published scripts.")
+    ] = "parallel",
+    renderer: Annotated[str, typer.Option(help="Silhouette: coverage of each pixel, or soft (DIB-R).")] = "coverage",
+    with_effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="Effect to fit with, which the base model leaves out; repeatable; see `effects`.",
+        ),
+    ] = None,
+    executor: Annotated[str, typer.Option(help="What runs the cells: process.")] = "process",
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    only: Annotated[str | None, typer.Option("--shard", help="Run the i-th of n parts of the grid: i/n.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Run solvers on cloths, score them on held-out samples, and keep every number with what made it.
+
+    A cell is one solver on one cloth with one seed. Repeating the command goes on where it was stopped. Exit status 1
+    if a cell failed.
+    """
+    if executor not in EXECUTORS:
+        raise RunnerError(f"unknown executor {executor!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
+    if space is not None:
+        require_space(solver or [], space)
+    settings = ProblemSettings(
+        space=space or DEFAULT_SPACE,
+        vertices=vertices,
+        drape=DrapeSettings(law=law, mode=mode, steps=steps),  # pyright: ignore[reportArgumentType]
+        camera=camera,
+        renderer=renderer,
+        loss=loss,
+        laying=laying,
+        budget=Budget(budget, seconds),
+        causes=tuple(with_effect or ()),
+    )
+    Store(out).prepare()
+    source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
+    cells = plan(
+        load_once(source),
+        solvers=solver or [],
+        cloths=cloth,
+        seeds=list(range(seed, seed + seeds)),
+        settings=settings,
+        protocol=protocol,
+    )
+    cells = shard(cells, only) if only else cells
+    with ProgressBars(console) as bars:
+        results = run(source, cells, out, workers=workers, watcher=bars, command=sys.argv)
+    rows = [_row(result, out / "cells" / cell.key) for cell, result in zip(cells, results, strict=True)]
+    if json:
+        print_json({"cells": rows})
+    else:
+        console.print(_table(rows))
+        console.print(f"next: cusick-bench leaderboard {out}", markup=False, highlight=False)
+    if any(row["status"] == "failed" for row in rows):
+        raise typer.Exit(1)
+
+
+def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
+    metrics, spent = result["metrics"], result["spent"]
+    return {
+        "solver": result["solver"],
+        "causes": result["settings"].get("causes", []),
+        "cloth": result["cloth"],
+        "seed": result["seed"],
+        "status": result["status"],
+        "failure": result["failure"],
+        "train_mse": metrics.get("train_mse"),
+        "test_mse": metrics.get("test_mse"),
+        "hausdorff_m": metrics.get("test_hausdorff_m"),
+        "seconds": spent.get("wall_seconds"),
+        "forward_equivalents": spent.get("forward_equivalents"),
+        "path": str(path),
+    }
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
+    table = Table("cloth", "solver", "seed", "status", "train MSE", "test MSE", "Hausdorff [mm]", "drapes", "time [s]")
+    for row in rows:
+        table.add_row(
+            row["cloth"],
+            labelled(row["solver"], row["causes"]),
+            str(row["seed"]),
+            row["status"],
+            _number(row["train_mse"], ".4f"),
+            _number(row["test_mse"], ".4f"),
+            _number(row["hausdorff_m"], ".1f", 1e3),
+            _number(row["forward_equivalents"], ".0f"),
+            _number(row["seconds"], ".0f"),
+        )
+    return table
+
+
+def _number(value: float | None, form: str, factor: float = 1.0) -> str:
+    return "" if value is None else format(factor * value, form)

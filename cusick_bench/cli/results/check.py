@@ -1,0 +1,129 @@
+"""`cusick-bench check`: the regression gate; exit status 1 where a solver has become worse than the baseline."""
+
+from math import isfinite
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.leaderboard.cells import load_cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
+from cusick_bench.leaderboard.gate.check import METRICS, Finding, Gate, Outcome, check
+
+PIPED_WIDTH = 130
+_TESTS = {"permutation": "perm.", "t": "t", "none": "none"}
+_STYLES = {"regression": "bold red", "undecided": "yellow", "new": "cyan"}
+
+app = typer.Typer()
+
+
+@app.command("check")
+@user_errors
+def check_command(
+    run: Annotated[Path, typer.Argument(help="Folder of `run --out`, or a CSV or JSON file of cells.", metavar="RUN")],
+    against: Annotated[Path, typer.Option(help="Baseline: a CSV or JSON file of cells, or another run's folder.")],
+    metric: Annotated[
+        list[str] | None, typer.Option(help=f"Metric to compare; repeatable; {', '.join(METRICS)} by default.")
+    ] = None,
+    level: Annotated[float, typer.Option(help="Family-wise probability of a false alarm.")] = 0.05,
+    minimum: Annotated[float, typer.Option("--minimum-effect", help="Least relative change that matters.")] = 0.02,
+    write: Annotated[bool, typer.Option("--write", help="Make the baseline of RUN instead of comparing.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of permutations and resamples.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Says which solvers have become worse than a committed baseline; exit status 1 if any has.
+
+    Reruns with the same or with other seeds are compared fairly: cells are paired by cloth, and by seed where it is
+    shared. Make a baseline with --write, and commit it.
+    """
+    gate = Gate(tuple(metric or METRICS), level, minimum, seed)
+    cells = read_cells(run)
+    if write:
+        write_baseline(cells, against, _facts(run))
+        console.print(f"wrote {against}: {len(cells)} cells", markup=False, highlight=False)
+        if as_json:
+            print_json({"baseline": against, "cells": len(cells)})
+        return
+    if not against.exists():
+        raise LeaderboardError(
+            f"no baseline at {against}; make one with `cusick-bench check {run} --against {against} --write`"
+        )
+    outcome = check(cells, read_cells(against), gate)
+    _show(outcome, as_json)
+    if outcome.regressions:
+        raise typer.Exit(1)
+
+
+def _facts(run: Path) -> list[str]:
+    """Head of a baseline: what made it."""
+    facts = ["Baseline of `cusick-bench check`: metrics of every cell; compare a run with `check RUN --against` this."]
+    made = load_cells(run).run if run.is_dir() else {}
+    for earlier in [*made.get("history", []), made] if made else []:
+        facts.append(f"command: cusick-bench {' '.join(map(str, earlier.get('command', [])[1:]))}")
+    if made:
+        hardware = (made.get(key) for key in ("processor", "platform", "cores"))
+        facts.append(
+            f"made: {made.get('time')}, code {made.get('code_version')}, on {' '.join(map(str, hardware))} cores"
+        )
+    return list(dict.fromkeys(facts))
+
+
+def _show(outcome: Outcome, as_json: bool) -> None:
+    if as_json:
+        findings = [finding.record() for finding in outcome.findings]
+        print_json({"regressions": len(outcome.regressions), "findings": findings, "notes": list(outcome.notes)})
+        return
+    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
+    screen.print(_table(outcome))
+    for note in outcome.notes:
+        screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
+    word = f"{len(outcome.regressions)} regressions" if outcome.regressions else "no regression"
+    screen.print(word, style="bold red" if outcome.regressions else "bold green")
+
+
+def _table(outcome: Outcome) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for head in ("verdict", "solver", "metric", "before", "now", "change [95 %]", "p (Holm)", "test", "could see", ""):
+        folded = head in ("solver", "")
+        table.add_column(head, no_wrap=not folded, overflow="fold", min_width=18 if head == "solver" else None)
+    for finding in outcome.findings:
+        test = finding.comparison
+        table.add_row(
+            finding.verdict,
+            finding.solver,
+            finding.metric,
+            _number(finding.before),
+            _number(finding.after),
+            _change(finding),
+            _p(finding.p),
+            f"{_TESTS[test.test]}, n = {test.units}" if test else "",
+            _percent(test.detectable) if test else "",
+            finding.detail,
+            style=_STYLES.get(finding.verdict, ""),
+        )
+    return table
+
+
+def _number(value: float) -> str:
+    return f"{value:.5f}" if isfinite(value) else ""
+
+
+def _p(value: float) -> str:
+    return "" if not isfinite(value) else "< .001" if value < 1e-3 else f"{value:.3f}"
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.1f} %" if isfinite(value) else ""
+
+
+def _change(finding: Finding) -> str:
+    change = finding.change
+    if not isfinite(change.value):
+        return ""
+    interval = f" [{100 * change.low:+.1f}, {100 * change.high:+.1f}]" if isfinite(change.low) else ""
+    return f"{100 * change.value:+.1f} %{interval}"

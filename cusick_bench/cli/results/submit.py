@@ -1,0 +1,41 @@
+"""`cusick-bench submit`: a run's rows for a committed table, with all that it takes to repeat and to verify them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.leaderboard.cells import load_cells
+from cusick_bench.leaderboard.verification.submit import append, rows_of
+
+app = typer.Typer()
+
+
+@app.command("submit")
+@user_errors
+def submit_command(
+    run: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")],
+    track: Annotated[str, typer.Option(help="Track, such as paper-table-1, paper-table-2, synthetic.")],
+    out: Annotated[Path | None, typer.Option(help="Table to add to; leaderboards/<track>.csv by default.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Adds a run's rows to a track's table; a row that is there already is brought up to date, never doubled.
+
+    Run `verify` before, or the rows are marked *reported*.
+    """
+    path = out or Path("leaderboards") / f"{track}.csv"
+    rows = rows_of(load_cells(run), track)
+    counts = append(path, rows)
+    verified = sum(row["state"] == "verified" for row in rows)
+    if as_json:
+        print_json({"path": path, **counts, "verified": verified, "rows": rows})
+        return
+    console.print(
+        f"{path}: {counts['added']} rows added, {counts['replaced']} replaced, {counts['unchanged']} as they were; "
+        f"{verified} of {len(rows)} verified",
+        markup=False,
+        highlight=False,
+    )
+    if verified < len(rows):
+        console.print(f"next: cusick-bench verify {run}, then submit again", markup=False, highlight=False)

@@ -1,0 +1,124 @@
+"""`cusick-bench verify`: cells done again from what they stored; exit status 1 where one does not come out again."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.leaderboard.cells import Cells, load_cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.source import load_data_of
+from cusick_bench.leaderboard.verification.resimulate import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.verification.submit import altered, read_rows, rows_of
+from cusick_bench.leaderboard.verification.verify import Verification, keep, verify_cell
+
+PIPED_WIDTH = 120
+_STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
+
+app = typer.Typer()
+
+
+@app.command("verify")
+@user_errors
+def verify_command(
+    target: Annotated[
+        Path, typer.Argument(help="Folder of `run --out`, or of one of its cells (RUN/cells/KEY).", metavar="RUN")
+    ],
+    solver: Annotated[list[str] | None, typer.Option(help="Only this solver's row; repeatable.")] = None,
+    cloth: Annotated[list[str] | None, typer.Option(help="Only this cloth; repeatable.")] = None,
+    data: Annotated[str | None, typer.Option(help="Data set; by default the run's own; see CUSICK_DATA.")] = None,
+    fabrics_csv: Annotated[
+        Path | None, typer.Option(help="Table of areal densities; by default the run's own.")
+    ] = None,
+    committed: Annotated[
+        Path | None, typer.Option("--table", help="Also compare the lines that this table of `submit` has of the run.")
+    ] = None,
+    redraws: Annotated[int, typer.Option(min=0, help="Draws of a posterior to drape again, of each cell.")] = REDRAWN,
+    seed: Annotated[int, typer.Option(min=0, help="Of the choice of these draws.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Drapes the stored parameters of finished cells again and scores them again: *reported* becomes *verified*.
+
+    What was found is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell does not come
+    out again.
+    """
+    run = target.parent.parent if (target / "cell.json").is_file() else target
+    cells = load_cells(run)
+    table = cells.table
+    if run != target:
+        table = table.loc[[folder.name == target.name for folder in table["folder"]]]
+    for name, wanted in (("solver", solver), ("cloth", cloth)):
+        if unknown := sorted(set(wanted or []) - set(table[name])):
+            known = ", ".join(sorted(set(table[name])))
+            raise LeaderboardError(f"{run} holds no {name} {', '.join(unknown)}; it holds {known}")
+        table = table.loc[table[name].isin(wanted)] if wanted else table
+    if table.empty:
+        raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
+    dataset = load_data_of(cells, data, fabrics_csv)
+    verifications = []
+    with console.status("starting") as status:
+        for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
+            status.update(f"{name} on {where}")
+            verifications.append(verify_cell(folder, dataset, redrawn=redraws, seed=seed))
+    keep(run, verifications)
+    wrong = _altered(committed, cells) if committed else {}
+    _show(run, verifications, wrong, as_json)
+    if wrong or any(verification.status in ("differs", "unreadable") for verification in verifications):
+        raise typer.Exit(1)
+
+
+def _altered(path: Path, cells: Cells) -> dict[str, list[str]]:
+    """Lines of a committed table that do not say what the run says, by solver.
+
+    Raises:
+        LeaderboardError: No line of it is of this run.
+    """
+    lines = {str(line["row"]): line for line in read_rows(path).to_dict("records")}
+    rows = {row["row"]: row for row in rows_of(cells, "any")}
+    if not lines.keys() & rows.keys():
+        raise LeaderboardError(f"no line of {path} is of {cells.folder}; give the run that it was submitted from")
+    found = {row["solver"]: altered(lines[name], row) for name, row in rows.items() if name in lines}
+    return {solver: wrong for solver, wrong in found.items() if wrong}
+
+
+def _show(run: Path, verifications: list[Verification], wrong: dict[str, list[str]], as_json: bool) -> None:
+    rows = _rows(verifications)
+    if as_json:
+        found = [verification.record() for verification in verifications]
+        print_json({"run": run, "rows": rows, "altered": wrong, "cells": found})
+        return
+    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
+    table = Table("status", "solver", "cloth", "seed", "what does not hold, by how much (tolerance)")
+    for found in verifications:
+        worst = [f"{c.name} {c.difference:.2g} ({c.tolerance:.2g}): {c.detail}" for c in found.broken[:3]]
+        more = [f"and {len(found.broken) - 3} more"] if len(found.broken) > 3 else []
+        reasons = "\n".join([*worst, *more, *(found.notes if found.status == "unreadable" else ())])
+        table.add_row(
+            found.status, found.solver, found.cloth, str(found.seed), reasons, style=_STYLES.get(found.status, "")
+        )
+    screen.print(table)
+    for note in sorted({note for found in verifications if found.status != "unreadable" for note in found.notes}):
+        screen.print(note, markup=False, highlight=False, style="dim")
+    screen.print(
+        f"Tolerances: {1e3 * SHAPE:g} mm of a vertex, {PIXEL:g} of a pixel, {100 * METRIC:g} % of a metric "
+        f"({100 * METRIC_SAME:g} % where the stored draws themselves are scored).",
+        style="dim",
+    )
+    for row in rows:
+        screen.print(f"{row['solver']}: {row['status']}, {row['verified']} of {row['cells']} cells", highlight=False)
+    for solver, numbers in wrong.items():
+        screen.print(f"{solver}'s line in the table was altered: {'; '.join(numbers)}", style="bold red", markup=False)
+
+
+def _rows(verifications: list[Verification]) -> list[dict[str, str | int]]:
+    """A line a solver: verified where all of its cells are."""
+    rows = []
+    for solver in sorted({found.solver for found in verifications}):
+        own = [found for found in verifications if found.solver == solver]
+        verified = sum(found.status == "verified" for found in own)
+        status = "verified" if verified == len(own) else "reported"
+        rows.append({"solver": solver, "status": status, "verified": verified, "cells": len(own)})
+    return rows

@@ -1,0 +1,214 @@
+"""`cusick-bench garment`: skirts from a digitised cloth."""
+
+import time
+from dataclasses import asdict, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.garment import (
+    KINDS,
+    Body,
+    Cloth,
+    Fitting,
+    GarmentError,
+    Skirt,
+    SkirtSize,
+    WaistMotion,
+    cloth_of_cell,
+    cloth_of_numbers,
+    hang,
+    measure,
+    spread,
+    walk,
+)
+from cusick_bench.garment.output import write_motion, write_rest
+from cusick_bench.runner.store import disk_errors, write_json
+from cusick_bench.sim.cloth.shape import smooth_field
+
+app = typer.Typer(help="Skirts from a digitised cloth.", no_args_is_help=True)
+
+_LAYING_LENGTH = 0.08  # [m] correlation length of the height in which a skirt is put on
+
+
+@app.callback()
+def _root() -> None:
+    """Skirts from a digitised cloth."""
+
+
+class Kind(StrEnum):
+    """Kinds of skirts."""
+
+    circular = "circular"
+    a_line = "a-line"
+
+
+class Motion(StrEnum):
+    """Motions of the waist."""
+
+    sway = "sway"
+    turn = "turn"
+
+
+@app.command()
+@user_errors
+def skirt(
+    result: Annotated[
+        Path | None, typer.Option("--from", help="Cell of a run (OUT/cells/KEY) whose cloth to wear.")
+    ] = None,
+    density: Annotated[float | None, typer.Option(help="Areal density [kg/m2], instead of --from.")] = None,
+    bending: Annotated[str | None, typer.Option(help="Bending stiffness [N m], one number or three.")] = None,
+    stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
+    shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
+    kind: Annotated[Kind, typer.Option(help="Cut of the skirt.")] = Kind.circular,
+    dynamic: Annotated[bool, typer.Option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
+    motion: Annotated[Motion, typer.Option(help="How the waist moves.")] = Motion.sway,
+    amplitude: Annotated[float | None, typer.Option(help="Of the motion [m, or deg]; 0.08 m or 90 deg.")] = None,
+    period: Annotated[float, typer.Option(help="Of the motion [s].")] = 1.2,
+    seconds: Annotated[float, typer.Option(help="How long the waist moves [s].")] = 2.4,
+    draws: Annotated[int, typer.Option(help="Skirts, each of its own draw of the cloth.")] = 4,
+    stiffness_spread: Annotated[
+        float, typer.Option("--spread", help="Sd of log stiffness between elements, where the fit has none.")
+    ] = 0.1,
+    laying: Annotated[float, typer.Option(help="Sd of the height in which each skirt is put on [m].")] = 0.01,
+    vertices: Annotated[int, typer.Option(help="Mesh size, met within some percent.")] = 2500,
+    waist: Annotated[float, typer.Option(help="Radius of the waist [m].")] = 0.11,
+    length: Annotated[float, typer.Option(help="From waist to hem [m].")] = 0.35,
+    hem: Annotated[float, typer.Option(help="Radius of the A-line skirt's hem [m].")] = 0.22,
+    hip: Annotated[float, typer.Option(help="Radius of the hips [m]; 0: no body in the skirt.")] = 0.13,
+    name: Annotated[str | None, typer.Option(help="Name of the cloth; a colour in it is used.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of draws, mesh and how the skirt is put on.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
+    clock = time.perf_counter()
+    if draws < 1:
+        raise GarmentError(f"the number of draws must be at least 1, got {draws}")
+    cloth = _cloth(result, density, bending, stretch, shear, stiffness_spread, name)
+    size = SkirtSize(waist=waist, length=length, hem=hem)
+    body = None if hip == 0 else Body(waist=waist, hip=hip)
+    moving = _motion(motion, amplitude, period, seconds)
+    pattern = KINDS[kind.value](size, vertices, seed=seed)
+    fitting = Fitting.of(
+        pattern, cloth.draw(pattern.mesh, draws, np.random.default_rng([seed, 3])), law=cloth.law, body=body
+    )
+    if out is not None:
+        with disk_errors(out):
+            out.mkdir(parents=True, exist_ok=True)
+    with console.status("hanging the skirts"):
+        rest, resting = hang(fitting, _laid(pattern, laying, draws, seed))
+    measures = [measure(pattern, x) for x in rest.positions]
+    each = [{"draw": i, **asdict(m), "at_rest": bool(resting[i])} for i, m in enumerate(measures)]
+    document: dict[str, Any] = {
+        "kind": kind.value, "cloth": cloth.name, "stiffness_from": cloth.source, "law": cloth.law,
+        "areal_density_kg_m2": cloth.density, "vertices": pattern.mesh.vertices, "faces": len(pattern.mesh.faces),
+        "size": asdict(size), "hip_m": hip, "seed": seed, "converged": bool(resting.all()),
+        "spread": spread(rest.positions, measures), "draws": each,
+    }  # fmt: skip
+    frames = None
+    if dynamic:
+        with console.status("moving the waist"):
+            frames = walk(fitting, rest, moving)
+        document["motion"] = _moved(pattern, moving, *frames)
+    document["seconds"] = time.perf_counter() - clock
+    if out is not None:
+        with disk_errors(out), console.status("drawing"):
+            write_rest(out, pattern, rest.positions, cloth.name, body)
+            if frames is not None:
+                write_motion(out, pattern, *frames, moving, cloth.name, body)
+            write_json(out / "summary.json", plain(document))
+        document["out"] = out
+    if as_json:
+        print_json(document)
+    else:
+        _print(document)
+
+
+def _cloth(
+    result: Path | None, density: float | None, bending: str | None, stretch: float, shear: float, deviation: float,
+    name: str | None,
+) -> Cloth:  # fmt: skip
+    """The cloth of a result, or of numbers."""
+    if (result is None) == (density is None and bending is None):
+        raise GarmentError("give either --from RESULT, or --density and --bending")
+    if result is not None:
+        cloth = cloth_of_cell(result, spread=deviation)
+    elif density is None or bending is None:
+        raise GarmentError("a cloth given by numbers needs both --density and --bending")
+    else:
+        cloth = cloth_of_numbers(
+            density=density, bending=_bending(bending), stretch=stretch, shear=shear, spread=deviation
+        )
+    return cloth if name is None else replace(cloth, name=name)
+
+
+def _bending(text: str) -> tuple[float, float, float]:
+    """One stiffness for all directions, or those of 0, 45 and 90 degrees [N m]."""
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError as error:
+        raise GarmentError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
+    if len(values) not in (1, 3):
+        raise GarmentError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(values)}")
+    return values[0], values[len(values) // 2], values[-1]
+
+
+def _motion(motion: Motion, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
+    if motion is Motion.sway:
+        return WaistMotion(sway=0.08 if amplitude is None else amplitude, period=period, seconds=seconds)
+    return WaistMotion(turn=np.radians(90.0 if amplitude is None else amplitude), period=period, seconds=seconds)
+
+
+def _laid(pattern: Skirt, laying: float, draws: int, seed: int) -> np.ndarray:
+    """How each skirt is put on: its own undulation decides where its folds form."""
+    fields = [smooth_field(laying, _LAYING_LENGTH, np.random.default_rng([seed, draw, 4])) for draw in range(draws)]
+    return np.stack([pattern.laid(field) for field in fields])
+
+
+def _moved(pattern: Skirt, motion: WaistMotion, times: np.ndarray, frames: np.ndarray) -> dict[str, Any]:
+    """Numbers of the motion: how far the hem spreads and how far it trails behind the waist."""
+    shifts = np.stack([motion.pose(time)[1] for time in times])
+    hem = frames[:, :, pattern.hem] - shifts[:, None, None]
+    radius = np.hypot(hem[..., 0], hem[..., 1]).mean(-1)  # (frames, draws)
+    trail = np.hypot(*np.moveaxis(hem[..., :2].mean(-2) - hem[:1, ..., :2].mean(-2), -1, 0))
+    return {
+        **asdict(motion), "frames": len(times), "hem_radius_rest_m": float(radius[0].mean()),
+        "hem_radius_max_m": float(radius.max(0).mean()), "hem_radius_max_sd_m": _sd(radius.max(0)),
+        "hem_trail_max_m": float(trail.max(0).mean()), "hem_trail_max_sd_m": _sd(trail.max(0)),
+    }  # fmt: skip
+
+
+def _sd(values: np.ndarray) -> float:
+    return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+
+
+def _print(document: dict[str, Any]) -> None:
+    table = Table(title=f"{document['kind']} skirt of {document['cloth']}, {document['vertices']} vertices")
+    columns = {
+        "hem_radius_m": "hem radius [m]", "hem_depth_m": "hem depth [m]", "folds": "folds",
+        "projected_area_m2": "area [m2]", "drape_coefficient": "drape coefficient",
+    }  # fmt: skip
+    for title in ("draw", *columns.values(), "at rest"):
+        table.add_column(title, justify="right")
+    for draw in document["draws"]:
+        cells = [f"{draw[key]:.4g}" for key in columns]
+        table.add_row(str(draw["draw"]), *cells, "yes" if draw["at_rest"] else "no")
+    if len(document["draws"]) > 1:
+        table.add_section()
+        for title in ("mean", "sd"):
+            table.add_row(title, *(f"{document['spread'][title][key]:.3g}" for key in columns), "")
+    output.print(table)
+    if len(document["draws"]) > 1:
+        output.print(f"vertices differ by {1e3 * document['spread']['vertex_sd_rms_m']:.1f} mm (rms sd between draws)")
+    if "motion" in document:
+        motion = document["motion"]
+        output.print(
+            f"in motion the hem spreads from {motion['hem_radius_rest_m']:.3f} to {motion['hem_radius_max_m']:.3f} m "
+            f"and trails the waist by up to {motion['hem_trail_max_m']:.3f} m"
+        )

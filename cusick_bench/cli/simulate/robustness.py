@@ -1,0 +1,43 @@
+"""`cusick-bench robustness`: does every admissible cloth drape?"""
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from cusick_bench.benchmark.robustness import robustness as run_robustness
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.simulate.simulate import Mode
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+app = typer.Typer()
+
+
+@app.command()
+@user_errors
+def robustness(
+    draws: Annotated[int, typer.Option(min=1, help="Random cloths.")] = 1000,
+    vertices: Annotated[int, typer.Option(help="Vertices of the disc mesh.")] = 1205,
+    mode: Annotated[Mode, typer.Option(help="Fall from flat, or static balance.")] = Mode.equilibrium,
+    least: Annotated[float, typer.Option(help="Share of the cloths that has to come to rest.")] = 0.995,
+    seed: Annotated[int, typer.Option(help="Seed of the first cloth.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Drapes random cloths over the whole range of measured fabrics; exit status 1 where too few come to rest."""
+    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(mode=mode.value))
+    with progress_bar("draping", draws) as bar:
+        found = run_robustness(simulator, draws, seed=seed, done=bar.advance)
+    if as_json:
+        print_json({"vertices": vertices, "mode": mode.value, **found})
+    else:
+        table = Table("seed", "density kg/m2", "bending N m", "anisotropy", "reason", title="did not come to rest")
+        for row in found["failures"]:
+            numbers = (f"{row[key]:.3g}" for key in ("density", "bending", "anisotropy"))
+            table.add_row(str(row["seed"]), *numbers, row["reason"])
+        if found["failures"]:
+            output.print(table)
+        output.print(f"{found['converged']} of {draws} cloths came to rest ({100 * found['fraction']:.2f} %)")
+    if found["fraction"] < least:
+        raise typer.Exit(1)

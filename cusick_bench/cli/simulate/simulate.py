@@ -1,0 +1,326 @@
+"""`cusick-bench simulate`: one or many drapes of a cloth given by a few numbers."""
+
+import itertools
+import math
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import typer
+from PIL import Image
+from rich.table import Table
+
+from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
+from cusick_bench.datasets.profile import (
+    Profile,
+    amplitude_spectrum,
+    drape_coefficient,
+    fold_count,
+    profile_from_image,
+)
+from cusick_bench.problem import Scene, parse_causes
+from cusick_bench.sim.cloth.heterogeneity import random_heterogeneity
+from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, Material, uniform_material
+from cusick_bench.sim.cloth.mesh import disc_mesh, mesh_from_obj, write_obj
+from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
+from cusick_bench.sim.effects import Cause
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.render.camera import Camera, ParallelCamera, PinholeCamera
+from cusick_bench.sim.render.silhouette import render
+from cusick_bench.sim.setup import Simulators
+
+app = typer.Typer()
+
+_MOST_ROWS = 40  # draws that the table shows one by one
+_AT_REST = {True: "yes", False: "no", None: "?"}
+
+
+class Mode(StrEnum):
+    """Ways to a drape."""
+
+    drop = "drop"
+    equilibrium = "equilibrium"
+
+
+class LawName(StrEnum):
+    """Material laws."""
+
+    paper = "paper"
+    published = "published"
+
+
+class CameraName(StrEnum):
+    """Cameras."""
+
+    parallel = "parallel"
+    pinhole = "pinhole"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One simulated drape with the numbers that describe it; nobody knows whether one with history is at rest."""
+
+    drape: Drape
+    image: torch.Tensor
+    profile: Profile
+
+    def summary(self) -> dict[str, Any]:
+        """What the JSON document says of the drape."""
+        return {
+            "drape_coefficient": drape_coefficient(self.image),
+            "folds": fold_count(self.profile),
+            "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
+            "residual": self.drape.residual,
+            "seconds": self.drape.seconds,
+            "mean_radius_m": float(self.profile.radii.mean()),
+            "amplitudes_m": amplitude_spectrum(self.profile),
+        }
+
+
+def _write(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None:
+    """Mesh, silhouette (dark cloth on white, as the release has it) and profile of one drape."""
+    write_obj(folder / f"{name}.obj", outcome.drape.vertices.detach().numpy(), faces)
+    grey = np.round(255 * (1 - outcome.image.detach().numpy())).astype(np.uint8)
+    Image.fromarray(grey).save(folder / f"{name}.png")
+    table = np.column_stack([np.degrees(outcome.profile.angles), outcome.profile.radii])
+    np.savetxt(
+        folder / f"{name}_profile.csv", table, delimiter=",", header="angle_deg,radius_m", comments="", fmt="%.6g"
+    )
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Random variants of one cloth; each draw depends on the seed and its number only.
+
+    Attributes:
+        simulator: How they are draped.
+        cloth: Their mean.
+        heterogeneity: Spread of log stiffness.
+        seed: Of the first.
+        causes: What the base model leaves out.
+    """
+
+    simulator: DrapeSimulator
+    cloth: Material
+    heterogeneity: float
+    seed: int
+    causes: tuple[Cause, ...] = ()
+
+    def batches(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
+        """Drapes `count` draws in batches of like size that fit the memory: their numbers, and they, on the CPU.
+
+        With causes they are draped one by one, since a cause may be random and ask for a mesh of its own.
+        """
+        if self.causes:
+            yield from self._caused(count)
+            return
+        batches = -(-count // self.simulator.at_once())
+        ends = [round(count * part / batches) for part in range(batches + 1)]
+        for first, end in itertools.pairwise(ends):
+            yield range(first, end), self._batch(range(first, end))
+
+    def _batch(self, numbers: range) -> DrapeBatch:
+        seeds = [self.seed + number for number in numbers]
+        with ThreadPoolExecutor() as pool:  # a device would wait longer for a shape than it takes to drape it
+            laid = np.stack(list(pool.map(self.simulator.laid_down, seeds)))
+        batch = self.simulator.drape_batch(
+            [self._drawn(number) for number in numbers],
+            initial=torch.from_numpy(laid),
+            rest_angle=torch.stack([self.simulator.rest_angles(seed) for seed in seeds]),
+        )
+        return replace(batch, vertices=batch.vertices.cpu())
+
+    def scene(self, number: int) -> Scene:
+        """A draw's causes, as in a later picture of it."""
+        plain = self.simulator
+        return Scene(self.causes, plain.mesh, plain.settings, capture=2, later=True, seed=self.seed + number)
+
+    def _caused(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
+        simulators = Simulators()
+        for number in range(count):
+            scene, seed = self.scene(number), self.seed + number
+            simulator = simulators.get(scene.warped, scene.simulated)
+            laid, rest = torch.from_numpy(simulator.laid_down(seed)), simulator.rest_angles(seed)
+            yield range(number, number + 1), scene.drape(simulator, [self._drawn(number)], laid[None], rest[None])
+
+    def _drawn(self, number: int) -> Material:
+        if self.heterogeneity == 0:
+            return self.cloth  # its tables are shared by all elements and all draws
+        generator = np.random.default_rng([self.seed, number, 2])
+        return random_heterogeneity(self.cloth, self.simulator.mesh, self.heterogeneity, generator)
+
+
+@app.command()
+@user_errors
+def simulate(
+    density: Annotated[float, typer.Option(help="Areal density [kg/m2].")],
+    bending: Annotated[str, typer.Option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")],
+    stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
+    shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
+    vertices: Annotated[int, typer.Option(help="Vertices of the disc mesh.")] = 2699,
+    mesh: Annotated[Path | None, typer.Option(help="Flat cloth mesh (OBJ) instead of the own disc mesher.")] = None,
+    heterogeneity: Annotated[float, typer.Option(help="Sd of log stiffness (smooth field, 2 cm).")] = 0.0,
+    laying: Annotated[
+        float, typer.Option(help="Sd of the heights in which the cloth is laid down, which decide where it folds [m].")
+    ] = 1e-3,
+    rest: Annotated[float, typer.Option(help="Sd of the rest shape's height [m].")] = 0.0,
+    self_contact: Annotated[float, typer.Option(help="Distance that folds keep from each other [m]; 0: none.")] = 0.0,
+    draws: Annotated[
+        int, typer.Option(min=1, help="Number of drapes, each with its own random shapes; draped in batches.")
+    ] = 1,
+    mode: Annotated[
+        Mode, typer.Option(help="Fall from flat (implicit Euler), or static balance (Newton).")
+    ] = Mode.drop,
+    law: Annotated[
+        LawName, typer.Option(help="Material law: from an energy, or the published program's.")
+    ] = LawName.paper,
+    camera: Annotated[
+        CameraName, typer.Option(help="Parallel as the data, or pinhole as the published scripts.")
+    ] = CameraName.parallel,
+    steps: Annotated[int, typer.Option(help="Steps of 0.05 s of the drop.")] = 100,
+    seed: Annotated[int, typer.Option(help="Of the first draw's random shapes.")] = 0,
+    with_effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:param=value,...",
+            help="Effect that the base model leaves out; repeatable; see `effects`. Draws are then made one by one.",
+        ),
+    ] = None,
+    device: Annotated[
+        str,
+        typer.Option(help="cpu, cuda or cuda:N (mode drop, big batches), or cpu:torch (the GPU's code on the CPU)."),
+    ] = "cpu",
+    out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes and profiles.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+) -> None:
+    """Simulates drapes and prints drape coefficient, folds and convergence.
+
+    The bending stiffness is that of the cloth as a plate, whatever the law.
+    """
+    rows, causes = _bending_rows(bending), parse_causes(with_effect or ())
+    if causes and device != "cpu":
+        raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
+    factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
+    cloth = uniform_material(
+        density=density, bending=(factor * rows[0], factor * rows[1], factor * rows[2]), stretch=stretch, shear=shear
+    )
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / ".writable").touch()
+        (out / ".writable").unlink()
+    sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
+    settings = DrapeSettings(
+        law=law.value,
+        mode=mode.value,
+        steps=steps,
+        laying_amplitude=laying,
+        rest_amplitude=rest,
+        seed=seed,
+        self_contact=self_contact,
+    )
+    drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
+    view: Camera = ParallelCamera() if camera is CameraName.parallel else PinholeCamera()
+    clock = time.perf_counter()
+    results = _simulated(drawn, draws, view, out)
+    _report(
+        results, as_json,
+        {
+            "vertices": sheet.vertices, "faces": len(sheet.faces), "out": out, "device": device,
+            "wall_seconds": time.perf_counter() - clock,
+        },
+    )  # fmt: skip
+
+
+def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list[dict[str, Any]]:
+    """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
+    results: list[dict[str, Any]] = []
+    faces = drawn.simulator.mesh.faces
+    with progress_bar("draping", count) as bar:
+        for numbers, batch in drawn.batches(count):
+            for place, number in enumerate(numbers):
+                bar.advance()
+                if batch.failures[place] is not None:
+                    results.append({"draw": number, "converged": False, "failure": batch.failures[place]})
+                    continue
+                drape = batch.member(place)
+                seen = drawn.scene(number).seen(drape.vertices) if drawn.causes else drape.vertices
+                image = render(seen, faces, view)
+                outcome = Outcome(drape, image, profile_from_image(image))
+                results.append({"draw": number, **outcome.summary()})
+                if out is not None:
+                    _write(out, f"drape_{number:04d}", outcome, faces)
+    return results
+
+
+def _bending_rows(text: str) -> tuple[float, float, float]:
+    try:
+        rows = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise CusickError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
+    if len(rows) not in (1, 3):
+        raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
+    return (rows[0], rows[0], rows[0]) if len(rows) == 1 else (rows[0], rows[1], rows[2])
+
+
+def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:
+    """Prints the drapes; the document's own keys are those of a single drape, or means over the draws."""
+    done = [result for result in results if "failure" not in result]
+    _report_failures(results)
+    if as_json:
+        keys = ("drape_coefficient", "folds", "residual", "seconds")
+        means = {key: float(np.mean([result[key] for result in done])) if done else None for key in keys}
+        known = {result["converged"] for result in results}
+        converged = None if None in known and False not in known else known == {True}
+        print_json({**means, "converged": converged, "failed": len(results) - len(done), **extra, "draws": results})
+    else:
+        _print_table(results, done, extra)
+    if not done:
+        raise typer.Exit(1)
+
+
+def _report_failures(results: list[dict[str, Any]]) -> None:
+    """Says on standard error which draws diverged, and why; draws with the same reason together."""
+    reasons: dict[str, list[int]] = defaultdict(list)
+    for result in results:
+        if "failure" in result:
+            reasons[result["failure"]].append(result["draw"])
+    if reasons:
+        console.print(f"{sum(map(len, reasons.values()))} of {len(results)} draws diverged:", highlight=False)
+    for reason, draws in reasons.items():
+        console.print(f"draw {', '.join(map(str, draws))}: {reason}", markup=False, highlight=False)
+
+
+def _print_table(results: list[dict[str, Any]], done: list[dict[str, Any]], extra: dict[str, Any]) -> None:
+    """The first draws one by one, and mean and standard deviation of all that have not diverged."""
+    title = (
+        f"{len(results)} drape(s) of {extra['vertices']} vertices, {extra['wall_seconds']:.1f} s on {extra['device']}"
+    )
+    table = Table(title=title)
+    for name in ("draw", "drape coefficient", "folds", "at rest", "residual", "seconds"):
+        table.add_column(name, justify="right")
+    for r in results[:_MOST_ROWS]:
+        if "failure" in r:
+            table.add_row(str(r["draw"]), "-", "-", "failed", "-", "-")
+            continue
+        table.add_row(
+            str(r["draw"]), f"{r['drape_coefficient']:.4f}", str(r["folds"]), _AT_REST[r["converged"]],
+            f"{r['residual']:.1e}", f"{r['seconds']:.2f}",
+        )  # fmt: skip
+    if len(results) > _MOST_ROWS:
+        table.add_row("…", *[""] * 5)
+    if len(done) > 1:
+        table.add_section()
+        coefficient, folds = (np.array([r[key] for r in done]) for key in ("drape_coefficient", "folds"))
+        spreads = (f"{coefficient.mean():.4f} ± {coefficient.std():.4f}", f"{folds.mean():.1f} ± {folds.std():.1f}")
+        known = [r["converged"] for r in done if r["converged"] is not None]
+        rest = f"{100 * np.mean(known):.0f} %" if known else _AT_REST[None]
+        table.add_row("mean ± sd", *spreads, rest, "", f"{np.mean([r['seconds'] for r in done]):.3f}")
+    output.print(table)

@@ -1,0 +1,156 @@
+"""The base model of a fabric: what the simulator knows, without any effect, as a distribution over drapes.
+
+A fabric has seven numbers theta; lengths are in units of the cloth's radius R, stiffness in units of weight:
+
+    bending      ln of B / (rho g R^3), B the geometric mean of warp and weft
+    anisotropy   ln of B_warp / B_weft
+    bias         ln of B at 45 degrees over B
+    growth       ln of B at 40 /m over B at 0
+    shear        ln of shear stiffness / (rho g R)
+    laying       ln of the height in which the cloth is laid down, standard deviation over 1 mm
+    rest         ln of the rest shape's height over 0.3 mm
+
+and a sample of it is a draw of smooth fields: of its rest shape and stiffness, which it keeps when it is turned over,
+and of the shape in which each face is laid down. These are what scatters the folds of real samples; without them a
+diagnosis would blame natural variability on an effect.
+
+What theta leaves open is fixed: a nearly inextensible cloth of constant membrane stiffness, and lengths of the fields.
+`other_laws` draws these instead, per fabric, over what woven cloth shows, to learn how much that matters.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from cusick_bench.sim.cloth.material import Material, uniform_material
+from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
+from cusick_bench.sim.engine.settings import GRAVITY, DrapeSettings
+from cusick_bench.sim.setup import Field, Setup, Side
+
+NAMES = ("bending", "anisotropy", "bias", "growth", "shear", "laying", "rest")
+PRIOR_MEAN = np.array([-7.1, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0])
+PRIOR_SD = np.array([1.4, 0.45, 0.25, 0.3, 1.0, 0.35, 0.45])
+"""Bending: the drape coefficients of woven cloth, .1 to .9, and with them the middle 98 % of 618 measured fabrics
+(Feng et al. 2022); shear: Kawabata's G of woven cloth, .3 to 3 gf/(cm deg), at .1 to .25 kg/m2; the others: spread of
+Kawabata measurements of woven cloth, assumed."""
+LOW = np.array([-9.8, -1.1, -0.6, -0.7, 2.2, -0.9, -1.1])
+HIGH = np.array([-4.5, 1.1, 0.6, 0.7, 7.2, 0.9, 1.1])
+
+LAYING_HEIGHT = 1e-3  # [m]
+REST_HEIGHT = 3e-4  # [m]
+STIFFNESS_SPREAD = 0.08  # sd of log stiffness within a sample: natural unevenness of weight and stiffness
+STIFFNESS_LENGTH = 0.02  # [m]
+SHAPE_LENGTHS = (0.022, 0.042)  # [m] correlation lengths of laid and rest shape, drawn per fabric
+_OTHER_STRETCH = (60.0, 800.0)  # [N/m] at `DENSITY`: measured cloth at small strain (Wang, O'Brien, Ramamoorthi 2011)
+_OTHER_HARDENING = (1.0, 2.5)  # membrane stiffness at full over that at no strain; likewise
+_OTHER_LENGTHS = (-0.5, 0.4)  # ln of correlation lengths over those of the base model
+DENSITY = 0.15  # [kg/m2]; only ratios to weight matter
+STRETCH = 300.0  # [N/m] at that density: nearly inextensible
+SETTINGS = DrapeSettings(steps=90)
+MESHES = 8  # meshes in turn, so that no mesh's own asymmetry is taken for a property of the cloth
+
+
+@dataclass(frozen=True)
+class BaseModel:
+    """Simulates samples of a fabric.
+
+    Attributes:
+        vertices: Mesh size.
+        settings: How cloths are draped.
+        meshes: Number of meshes that are used in turn.
+        first_mesh: Number of the first one.
+        other_laws: Draw what theta leaves open.
+    """
+
+    vertices: int = 480
+    settings: DrapeSettings = SETTINGS
+    meshes: int = MESHES
+    first_mesh: int = 0
+    other_laws: bool = False
+
+    def samples(
+        self, theta: Float[ndarray, "7"], count: int, seed: Sequence[int], *, sides: Sequence[Side] = ("up", "down")
+    ) -> list[Setup]:
+        """Setups of `count` samples, each on both sides: up, down, up, down, ...
+
+        Args:
+            theta: The fabric.
+            count: Number of samples.
+            seed: Same seed, same samples: theta and effects can change under common random numbers.
+            sides: Which faces are draped.
+        """
+        fabric = np.random.default_rng([*seed, 0])
+        lengths = fabric.uniform(*SHAPE_LENGTHS, size=2)
+        material, stiffness_length = cloth(theta), STIFFNESS_LENGTH
+        if self.other_laws:
+            other = np.random.default_rng([*seed, 2])
+            material = _of_another_law(material, other)
+            factor = np.exp(other.uniform(*_OTHER_LENGTHS, size=3))
+            lengths, stiffness_length = lengths * factor[:2], stiffness_length * float(factor[2])
+        laying_length, rest_length = lengths
+        laying_height = LAYING_HEIGHT * float(np.exp(theta[5]))
+        rest_height = REST_HEIGHT * float(np.exp(theta[6]))
+        made = []
+        for sample in range(count):
+            generator = np.random.default_rng([*seed, 1, sample])
+            mesh = _mesh(self.vertices, self.first_mesh + int(generator.integers(self.meshes)))
+            bending, stretch = (smooth_field(STIFFNESS_SPREAD, stiffness_length, generator) for _ in range(2))
+            rest = smooth_field(rest_height, float(rest_length), generator)
+            laying = {side: smooth_field(laying_height, float(laying_length), generator) for side in ("up", "down")}
+            for side in sides:
+                made.append(
+                    Setup(
+                        mesh, self.settings, material, side=side, capture=1 if side == "up" else 3,
+                        laying=as_field(laying[side]), rest=as_field(rest), log_bending=(as_field(bending),),
+                        log_stretch=(as_field(stretch),), specimen_seed=(*seed, sample),
+                        laying_seed=(*seed, sample, int(side == "down")),
+                    )
+                )  # fmt: skip
+        return made
+
+
+def cloth(theta: Float[ndarray, "7"]) -> Material:
+    """The mean cloth of a fabric, at `DENSITY`."""
+    weight = DENSITY * GRAVITY
+    level = np.exp(theta[0]) * weight * CLOTH_RADIUS**3
+    rows = level * np.exp([theta[1] / 2, theta[2], -theta[1] / 2])
+    growth = np.exp(theta[3] * np.linspace(0, 1, 5))
+    shear = float(np.exp(theta[4])) * weight * CLOTH_RADIUS
+    plain = uniform_material(density=DENSITY, bending=float(level), stretch=STRETCH, shear=shear)
+    return replace(plain, bending=torch.from_numpy(rows[:, None] * growth))
+
+
+def _of_another_law(material: Material, generator: np.random.Generator) -> Material:
+    """The same cloth, as stiff in bending at rest and in shear, but extensible, hardening, and bending otherwise."""
+    warp, weft = np.exp(generator.uniform(*np.log(_OTHER_STRETCH), size=2)) / 2
+    at_rest = np.array([warp, generator.uniform(0, 0.2) * min(warp, weft), weft, float(material.stretch[0, 3])])
+    strained = float(generator.uniform(*_OTHER_HARDENING)) + generator.uniform(-0.2, 0.2, 5)
+    stretch = at_rest * np.append(1.0, strained)[:, None]
+    # as much softer or stiffer at 40 /m, but most of it at small curvatures, as friction between yarns makes it
+    early = (1 - np.exp(-np.arange(5) / 1.5)) / (1 - np.exp(-4 / 1.5))
+    table = material.bending.numpy()
+    share = generator.uniform()
+    even = np.linspace(0, 1, 5)
+    curve = np.exp(np.log(table[:, -1:] / table[:, :1]) * (share * early + (1 - share) * even))
+    return replace(material, stretch=torch.from_numpy(stretch), bending=torch.from_numpy(table[:, :1] * curve))
+
+
+def as_field(smooth: SmoothField) -> Field:
+    """A random field as a function of torch points, without gradients to them."""
+
+    def field(points: Tensor) -> Tensor:
+        return torch.from_numpy(smooth(points.detach().numpy()))
+
+    return field
+
+
+@lru_cache(maxsize=32)
+def _mesh(vertices: int, seed: int) -> Mesh:
+    return disc_mesh(vertices, seed=1000 + seed)

@@ -1,0 +1,22 @@
+"""How an effect acts, as far as a diagnosis has to know: when it is seen, and whose direction it keeps to."""
+
+from functools import lru_cache
+
+from cusick_bench.diagnosis.atlas.base_model import DENSITY
+from cusick_bench.sim.cloth.material import uniform_material
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.effects import Effect
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.setup import Setup
+
+
+@lru_cache(maxsize=64)
+def acts_later(effect: Effect) -> bool:
+    """Whether it is seen in later captures only."""
+    first = Setup(disc_mesh(60), DrapeSettings(), uniform_material(density=DENSITY, bending=1e-5))
+    return effect.apply(first, {}) is first
+
+
+def in_lab(effect: Effect) -> bool:
+    """Whether its direction is the laboratory's rather than the cloth's."""
+    return effect.located == "direction" and effect.kind in ("boundary", "imaging")

@@ -1,0 +1,60 @@
+"""Terms of the atlas' regressions: products of the base parameters, scaled to [-1, 1] over the atlas."""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
+
+
+def scaled(theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows parameters"]:
+    """z: theta in units of the atlas' range, not far beyond it."""
+    return np.clip((2 * theta - HIGH - LOW) / (HIGH - LOW), -1.3, 1.3)
+
+
+def base_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
+    """All products of up to two z, and up to four of the bending level's with one other."""
+    z = scaled(theta)
+    pairs = [z[:, i] * z[:, j] for i, j in combinations_with_replacement(range(z.shape[1]), 2)]
+    level = z[:, 0]
+    more = [level**3, level**4, *(level**2 * z[:, i] for i in range(1, z.shape[1]))]
+    return np.stack([np.ones(len(z)), *z.T, *pairs, *more], axis=1)
+
+
+def spread_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
+    """1, z, and the level's square."""
+    z = scaled(theta)
+    return np.column_stack([np.ones(len(z)), z, z[:, 0] ** 2])
+
+
+def gain_terms(
+    theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: Float[ndarray, "rows place"]
+) -> Float[ndarray, "rows terms"]:
+    """1, z, the level's square, cube and products; the place and its square; a severity that saturates."""
+    z = scaled(theta)
+    level = z[:, :1]
+    saturating = np.log1p(np.abs(np.asarray(severity)) / 2)
+    return np.column_stack(
+        [np.ones(len(z)), z, level**2, level**3, level * z[:, 1:], place, place**2, saturating]
+    )  # fmt: skip
+
+
+def effect_terms(
+    theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: Float[ndarray, "rows place"]
+) -> Float[ndarray, "rows terms"]:
+    """Powers of the severity times low ones of z and of the place; all vanish with the severity."""
+    z, s = scaled(theta), np.asarray(severity)
+    level = z[:, 0]
+    linear = [np.ones(len(z)), *z.T, level**2]
+    curved = [np.ones(len(z)), level, level**2]
+    for own in place.T:
+        linear += [own, own * level, own**2]
+        curved += [own]
+    cubic = [np.ones(len(z)), level]
+    # Beyond the first order in units of three typical severities, so that all terms are of like size.
+    first, second, third = s, s * np.abs(s) / 3, s**2 / 3
+    return np.stack(
+        [*(first * t for t in linear), *(third * t for t in curved), *(second * t for t in cubic)], axis=1
+    )  # fmt: skip

@@ -1,0 +1,204 @@
+"""How much one effect moves a fabric's features, as a smooth function of the base parameters and of its own.
+
+With z = theta scaled to [-1, 1] and s the severity in typical ones, statistic k moves by
+
+    D_k(z, s) = sd_k(z) g(z, s) times a polynomial in s, without constant, times one in z
+
+with its scatter between samples sd_k and the effect's gain g, the exponential of a polynomial in z and ln(1 + |s| / 2):
+how far it moves all statistics together. Limp cloth hardly answers to what bends it and stiff cloth twenty times as
+much; fitted without the gain, the polynomials follow the stiff end and are wrong by more than the whole answer at the
+limp one.
+
+What symmetry forbids is not fitted: an effect with a direction is fitted in the frame of that direction, in which it is
+symmetric; an effect that the cloth carries on one face acts with the opposite sign when the cloth is turned over.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.drapes import LEAST, Point
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
+from cusick_bench.diagnosis.atlas.regression_terms import effect_terms, gain_terms, spread_terms
+from cusick_bench.diagnosis.atlas.ridge import Fit, ridge
+from cusick_bench.diagnosis.measure.features import features
+from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES, REAL, rotated
+from cusick_bench.sim.effects import Effect
+
+LEAST_SAMPLES = 2
+"""Of a fabric, for it to count."""
+_OWN_ERROR = 1 / 3
+"""Square of the polynomials' own error over a shift's size: what weighs a point beside its samples' scatter."""
+_VISIBLE = 0.3  # a shift's square is taken for at least so much of its noise's, in the logarithm of the gain
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """How much one effect moves a fabric's features.
+
+    Attributes:
+        effect: Which.
+        gain: ln g.
+        mean: Of every statistic over sd and gain, in the frame of the effect's direction, face up.
+        spread: Of `Features.spread`.
+        later: Whether it acts on later captures, so that half of it is seen in the mean.
+    """
+
+    effect: str
+    gain: Fit
+    mean: Fit
+    spread: Fit
+    later: bool
+
+    def shift(
+        self, theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: ndarray
+    ) -> tuple[Float[ndarray, "rows statistics"], Float[ndarray, "rows statistics"]]:
+        """Shift of every statistic [sd], and its variance from the atlas' finite number of points.
+
+        Args:
+            theta: Base parameters.
+            severity: In typical ones; negative where the effect acts the other way round.
+            place: From `scaled_place`.
+        """
+        terms, gain = effect_terms(theta, severity, place), _gain(self.gain, theta, severity, place)
+        return gain * self.mean(terms), gain**2 * self.mean.variance(terms)
+
+    def spreads(
+        self, theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"]
+    ) -> Float[ndarray, "rows spreads"]:
+        """Shift of `Features.spread`."""
+        return self.spread(_scatter_terms(theta, severity))
+
+
+def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray, "rows place"]:
+    """Radius and size in the units of the regression: -1 to 1 over the atlas."""
+    columns = []
+    for p in effect.parameters:
+        if p.role == "radius":
+            columns.append((np.asarray(value[p.name]) - 0.122) / 0.025)
+        elif p.role == "size":
+            middle, half = (0.022, 0.01) if effect.located == "patch" else (1.25 * p.default, 0.75 * p.default)
+            columns.append((np.asarray(value[p.name]) - middle) / half)
+    rows = len(np.atleast_1d(next(iter(value.values()))))
+    return np.stack(columns, axis=1) if columns else np.zeros((rows, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What one effect does to the atlas' fabrics, in the frame of its direction.
+
+    Attributes:
+        theta: Base parameters.
+        severity: By face (up, down), in typical ones.
+        place: From `scaled_place`.
+        shift: Of every statistic by face [sd]; 0 where symmetry forbids one.
+        noise: Variance of these from the fabric's few samples, likewise.
+        spread: Shift of `Features.spread`.
+    """
+
+    theta: Float[ndarray, "rows parameters"]
+    severity: Float[ndarray, "rows 2"]
+    place: Float[ndarray, "rows place"]
+    shift: Float[ndarray, "rows 2 statistics"]
+    noise: Float[ndarray, "rows 2 statistics"]
+    spread: Float[ndarray, "rows spreads"]
+
+    def of(self, rows: ndarray) -> "Changes":
+        """Some of the fabrics."""
+        return Changes(*(column[rows] for column in vars(self).values()))
+
+
+def changes(
+    effect: Effect,
+    theta: Float[ndarray, "points parameters"],
+    base: Mapping[int, Point],
+    own: Mapping[int, Point],
+    sd: Float[ndarray, "points statistics"],
+) -> Changes:
+    """Differences under common random numbers.
+
+    Args:
+        effect: Which.
+        theta: Of all fabrics of the atlas.
+        base: Their drapes.
+        own: The same with the effect, as far as they are made.
+        sd: Scatter of every statistic between samples of each fabric.
+    """
+    names = [p.name for p in effect.parameters]
+    found = {n: change for n in own if n in base and (change := _difference(effect, base[n], own[n])) is not None}
+    numbers = list(found)
+    value = np.stack([own[n].value for n in numbers])
+    severity = value[:, names.index(effect.severity.name)] / effect.severity.typical
+    allowed = np.isin(np.arange(len(NAMES)), _allowed(effect))
+    shift, noise, spread = (np.stack([found[n][k] for n in numbers]) for k in range(3))
+    unit = sd[numbers][:, None]
+    return Changes(
+        theta[numbers],
+        np.column_stack([severity, -severity if effect.face_odd else severity]),
+        scaled_place(effect, dict(zip(names, value.T, strict=True))),
+        np.where(allowed, shift / unit, 0.0),
+        np.where(allowed, noise / unit**2, 0.0),
+        spread,
+    )
+
+
+def response(effect: Effect, found: Changes) -> Response:
+    """Fits one effect to what it does to the atlas' fabrics."""
+    at, severity, place = found.theta, found.severity[:, 0], found.place
+    noise = found.noise.sum((1, 2))
+    gain = _fitted_gain(at, severity, place, (found.shift**2).sum((1, 2)), noise)
+    size = _gain(gain, at, severity, place)
+    amount = np.maximum(np.abs(severity), LEAST)
+    precision = 1 / (amount**2 * _OWN_ERROR + noise / size[:, 0] ** 2)
+    terms = np.concatenate([effect_terms(at, own, place) for own in found.severity.T])
+    values = np.concatenate([found.shift[:, 0] / size, found.shift[:, 1] / size])
+    mean = ridge(terms, values, 1, np.tile(precision, 2))
+    spread = ridge(_scatter_terms(at, severity), found.spread, 1)
+    return Response(effect.name, gain, mean, spread, acts_later(effect))
+
+
+def _scatter_terms(theta: Float[ndarray, "rows parameters"], severity: ndarray) -> Float[ndarray, "rows terms"]:
+    """What moves the spreads: it vanishes with the severity, and its sign does not matter."""
+    return np.abs(severity)[:, None] * spread_terms(theta)
+
+
+def _gain(
+    fit: Fit, theta: Float[ndarray, "rows parameters"], severity: ndarray, place: ndarray
+) -> Float[ndarray, "rows 1"]:
+    return np.exp(fit(gain_terms(theta, severity, place)))
+
+
+def _fitted_gain(theta: ndarray, severity: ndarray, place: ndarray, square: ndarray, noise: ndarray) -> Fit:
+    """ln of a shift's size for one typical severity; points that do not rise above their noise count less."""
+    size = 0.5 * np.log(np.maximum(square - noise, _VISIBLE * noise)) - np.log(np.abs(severity))
+    return ridge(gain_terms(theta, severity, place), size[:, None], 1, square / (square + 3 * noise))
+
+
+def _difference(effect: Effect, base: Point, changed: Point) -> tuple[ndarray, ndarray, ndarray] | None:
+    """By face: mean difference under common random numbers and its variance; and that of the spreads."""
+    own, plain = _in_own_frame(effect, changed), _in_own_frame(effect, Point(changed.value, base.statistics))
+    good = np.isfinite(own).all((1, 2)) & np.isfinite(plain).all((1, 2))
+    if good.sum() < LEAST_SAMPLES:
+        return None
+    change = (own - plain)[good]
+    with_effect, without = features(own[good]), features(plain[good])
+    return change.mean(0), change.var(0, ddof=1) / len(change), with_effect.spread - without.spread
+
+
+def _in_own_frame(effect: Effect, point: Point) -> ndarray:
+    """Statistics of a point turned so that the effect's direction is +x, face by face."""
+    names = [p.name for p in effect.parameters]
+    roles = {p.role: p.name for p in effect.parameters}
+    if "direction" not in roles:
+        return point.statistics
+    up = np.deg2rad(point.value[names.index(roles["direction"])])
+    down = np.pi - up if in_lab(effect) else up
+    return rotated(point.statistics, np.array([[-up, -down]]))
+
+
+def _allowed(effect: Effect) -> list[int]:
+    """Statistics that symmetry lets it move, in its own frame."""
+    return [*FREE, *(REAL if effect.located in ("direction", "patch") else EVEN)]

@@ -1,0 +1,54 @@
+"""What an atlas' responses leave unexplained of fabrics that they were not fitted to.
+
+For every effect the fabrics are dealt into ten parts, each predicted by a fit to the other nine. Of the squared shifts
+of all statistics, in sd, the scatter of a fabric's few samples is taken off, on both sides: the share that is left is
+the responses' own error, 0 at best, 1 as bad as to expect no shift at all.
+
+References:
+    Stone. Cross-validatory choice and assessment of statistical predictions. JRSS B 36(2), 1974.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.drapes import BASE, Design, Point
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.response import Changes, changes, response
+from cusick_bench.sim.effects import Effect, registered
+
+_PARTS = 10
+THIRDS = ("limp", "middle", "stiff")
+
+
+def unexplained(
+    design: Design, points: Mapping[str, Mapping[int, Point]], emulator: Emulator
+) -> dict[str, Float[ndarray, "3"]]:
+    """Share of each effect's shifts that is not explained, for the limpest, middle and stiffest third of fabrics.
+
+    Args:
+        design: What the atlas was made of.
+        points: What `atlas.read` returned.
+        emulator: Fitted to them: its scatter between samples is the unit.
+    """
+    theta = design.theta()
+    sd = np.stack([emulator.sd(one) for one in theta])
+    return {
+        name: _of_one(registered()[name], changes(registered()[name], theta, points[BASE], points[name], sd))
+        for name in emulator.responses
+    }
+
+
+def _of_one(effect: Effect, found: Changes) -> Float[ndarray, "3"]:
+    parts = np.random.default_rng(0).permutation(len(found.theta)) % _PARTS
+    left = found.shift.copy()
+    for part in range(_PARTS):
+        held = parts == part
+        fitted, own = response(effect, found.of(~held)), found.of(held)
+        for face, severity in enumerate(own.severity.T):
+            left[held, face] -= fitted.shift(own.theta, severity, own.place)[0]
+    error, size = (((values**2) - found.noise).sum((1, 2)) for values in (left, found.shift))
+    third = np.digitize(found.theta[:, 0], np.quantile(found.theta[:, 0], [1 / 3, 2 / 3]))
+    return np.array([error[third == k].sum() / size[third == k].sum() for k in range(len(THIRDS))])

@@ -1,0 +1,97 @@
+"""The fitted atlas as one small file, and how probabilities are calibrated on it.
+
+emulator, calibration = load()            # the shipped one
+save(path, fit(*read(folder)), Calibration())
+"""
+
+import io
+import json
+import zipfile
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.response import Response
+from cusick_bench.diagnosis.atlas.ridge import Fit
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.measure.features import SPREADS
+from cusick_bench.diagnosis.measure.statistics import NAMES
+
+SHIPPED = Path(__file__).with_name("atlas.npz")
+_LARGEST = 1 << 26  # [bytes]
+_PARTS = ("gain", "mean", "spread")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was learned on simulated cases with known causes, other than those that a diagnosis is scored on.
+
+    Attributes:
+        inflation: Standard deviation of the whitened residual where no effect acts; 1 in theory.
+        tempering: Power of the evidences that makes probabilities come true; 1 in theory.
+        cases: How many cases that rests on; 0 for theory.
+    """
+
+    inflation: float = 1.0
+    tempering: float = 1.0
+    cases: int = 0
+
+
+def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
+    """Writes a fitted atlas; numbers are kept to single precision."""
+    arrays: dict[str, ndarray] = {"correlation": emulator.correlation, "discrepancy": emulator.discrepancy}
+    fits = {"base": emulator.base, "base_spread": emulator.base_spread, "log_sd": emulator.log_sd}
+    for name, response in emulator.responses.items():
+        fits |= {f"{name}/{part}": getattr(response, part) for part in _PARTS}
+    for name, fit in fits.items():
+        arrays |= {f"{name}/{part}": value for part, value in vars(fit).items()}
+    about = {
+        "statistics": list(NAMES),
+        "spreads": [name for name, _ in SPREADS],
+        "responses": {name: response.later for name, response in emulator.responses.items()},
+        "calibration": asdict(calibration),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".tmp")
+    single: dict[str, Any] = {name: value.astype(np.float32) for name, value in arrays.items()}
+    with open(partial, "wb") as file:
+        np.savez_compressed(file, about=np.array(json.dumps(about)), **single)
+    partial.replace(path)
+
+
+@lru_cache(maxsize=4)
+def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
+    """Reads a fitted atlas, by default the shipped one.
+
+    Raises:
+        DiagnosisError: No file, damaged, or of other statistics than this version's.
+    """
+    remedy = "make one with `cusick-bench atlas build` and `cusick-bench atlas fit`"
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ValueError(f"larger than {_LARGEST} bytes")
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name]) for name in file.files}
+        about = json.loads(str(arrays.pop("about")))
+        arrays = {name: value.astype(np.float64) for name, value in arrays.items()}
+        if about["statistics"] != list(NAMES) or about["spreads"] != [name for name, _ in SPREADS]:
+            raise ValueError("it holds other statistics than this version's")
+
+        def fit(name: str) -> Fit:
+            return Fit(*(arrays[f"{name}/{part}"] for part in ("weights", "covariance", "residual")))
+
+        responses = {
+            name: Response(name, fit(f"{name}/gain"), fit(f"{name}/mean"), fit(f"{name}/spread"), later)
+            for name, later in about["responses"].items()
+        }
+        emulator = Emulator(
+            fit("base"), fit("base_spread"), fit("log_sd"), arrays["correlation"], arrays["discrepancy"], responses
+        )
+        return emulator, Calibration(**about["calibration"])
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise DiagnosisError(f"the atlas {path} cannot be used ({error}); {remedy}") from error

@@ -1,0 +1,172 @@
+"""What may have shifted a fabric's features: every effect with all its severities, directions and places, on a grid.
+
+A `Hypothesis` is an effect in a frame. At the base parameters of a fabric it is a table of shifts of the features, one
+row a value of its parameters, with prior weights: severities log-uniform from a twentieth of the typical one to ten
+times it, either sign where that means something, directions uniform, patches anywhere on the hanging part.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.effect_timing import in_lab
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.response import scaled_place
+from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
+from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
+from cusick_bench.sim.effects import Effect, registered
+
+Frame = Literal["", "cloth", "lab"]
+GRAIN = "grain-skew"
+"""Needs no drapes: the base model's statistics, turned."""
+DIRECTIONS = 24
+RINGS = (0.0975, 0.1125, 0.1275, 0.1425)
+"""Middle radii of four rings of the hanging part [m]."""
+_SIZES = (0.015, 0.025)  # [m]
+_SEVERITIES = np.geomspace(1 / 20, 10, 14)  # in typical ones; beyond the atlas' 6 shifts are extrapolated
+_COUNT = len(NAMES)
+_OTHER_FRAME = 0.2  # how likely an effect with a direction keeps to the other frame than one expects
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An effect and the frame that its direction keeps to.
+
+    Attributes:
+        effect: Which.
+        frame: Frame of its direction; "" if it has none.
+        prior: Its share of the effect's prior.
+    """
+
+    effect: Effect
+    frame: Frame
+    prior: float
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.effect.name
+
+    @cached_property
+    def values(self) -> dict[str, Float[ndarray, "rows"]]:
+        """The grid, by parameter."""
+        axes = []
+        for p in self.effect.parameters:
+            if p.role == "severity":
+                signs = (1.0, -1.0) if self.effect.signed else (1.0,)
+                size = [s for s in p.typical * _SEVERITIES if s <= p.high] or [p.high]
+                axes.append([sign * s for sign in signs for s in size if p.low <= sign * s])
+            elif p.role == "direction":
+                turn = 180.0 if self._axial else 360.0
+                axes.append(np.arange(DIRECTIONS) * turn / DIRECTIONS)
+            elif p.role == "radius":
+                axes.append(RINGS)
+            else:
+                axes.append(_SIZES if self.effect.located == "patch" else (p.default,))
+        table = np.array(list(product(*axes)), dtype=np.float64)
+        return {p.name: table[:, i] for i, p in enumerate(self.effect.parameters)}
+
+    @property
+    def _axial(self) -> bool:
+        """Whether the opposite direction is the same: a curvature has an axis, no sense."""
+        return self.effect.located == "direction" and self.effect.signed
+
+    def severity(self) -> Float[ndarray, "rows"]:
+        """Severities of the grid, in typical ones."""
+        return self.values[self.effect.severity.name] / self.effect.severity.typical
+
+    def direction(self) -> Float[ndarray, "rows"] | None:
+        """Directions of the grid [rad], or None."""
+        name = next((p.name for p in self.effect.parameters if p.role == "direction"), None)
+        return None if name is None else np.deg2rad(self.values[name])
+
+
+def hypotheses(emulator: Emulator) -> list[Hypothesis]:
+    """All that can be told from the base model: effects in the atlas, and the turn of the grain."""
+    found = []
+    for name, effect in registered().items():
+        if name not in emulator.responses and name != GRAIN:
+            continue
+        if effect.located == "direction":
+            expected: Frame = "lab" if in_lab(effect) else "cloth"
+            found.append(Hypothesis(effect, expected, 1 - _OTHER_FRAME if expected == "lab" else 1.0))
+            if expected == "lab":
+                found.append(Hypothesis(effect, "cloth", _OTHER_FRAME))
+        else:
+            found.append(Hypothesis(effect, "cloth" if effect.located == "patch" else "", 1.0))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Shifts:
+    """How much the features shift, at every value of a grid.
+
+    Attributes:
+        rows: In the order of `residual.rows`, in sd.
+        variance: Mean variance of the rows of the means, from the atlas' finite number of points.
+    """
+
+    rows: Float[ndarray, "values rows"]
+    variance: Float[ndarray, "values"]
+
+
+def shifts(
+    emulator: Emulator,
+    hypothesis: Hypothesis,
+    theta: Float[ndarray, "parameters"],
+    sd: Float[ndarray, "statistics"],
+    drift: float,
+    values: Mapping[str, ndarray] | None = None,
+) -> Shifts:
+    """Shifts of the features by one effect.
+
+    Args:
+        emulator: The atlas.
+        hypothesis: The effect and its frame.
+        theta: Base parameters.
+        sd: Unit of the rows [each statistic's unit].
+        drift: Share of each face's captures that are later ones.
+        values: Parameters by name, all of one length; by default the hypothesis' grid.
+    """
+    given = hypothesis.values if values is None else values
+    effect = hypothesis.effect
+    severity = np.asarray(given[effect.severity.name], dtype=np.float64) / effect.severity.typical
+    if hypothesis.name == GRAIN:
+        mean = emulator.mean(theta)
+        turned = rotated(np.tile(mean, (len(severity), 1)), np.deg2rad(severity * effect.severity.typical)) - mean
+        spreads, orders = np.zeros((len(severity), len(SPREADS))), np.zeros((len(severity), len(ORDERS)))
+        turned = turned / sd
+        return Shifts(np.concatenate([turned, turned, spreads, orders], axis=1), np.zeros(len(severity)))
+    response = emulator.responses[hypothesis.name]
+    at = np.tile(theta, (len(severity), 1))
+    place = scaled_place(effect, given)
+    own = emulator.sd(theta)
+    faces, variance = [], np.zeros(len(severity))
+    for face in (0, 1):
+        signed = -severity if face and effect.face_odd else severity
+        moved, doubt = response.shift(at, signed, place)
+        moved = moved * own
+        variance += doubt.mean(1) / 2
+        angle = _angle(hypothesis, given, face)
+        faces.append((moved if angle is None else rotated(moved, angle)) / sd)
+    spreads = response.spreads(at, severity)
+    orders = np.zeros((len(severity), len(ORDERS)))
+    if response.later:
+        orders = (faces[0] + faces[1])[:, list(ORDERS)] / 2 if drift > 0 else orders
+        faces, spreads = [face * drift for face in faces], spreads * drift
+    return Shifts(np.concatenate([*faces, spreads, orders], axis=1), variance)
+
+
+def _angle(hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int) -> ndarray | None:
+    """Direction of the effect in the cloth's frame [rad]."""
+    name = next((p.name for p in hypothesis.effect.parameters if p.role == "direction"), None)
+    if name is None:
+        return None
+    angle = np.deg2rad(np.asarray(values[name], dtype=np.float64))
+    return np.pi - angle if face and hypothesis.frame == "lab" else angle

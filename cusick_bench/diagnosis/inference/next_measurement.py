@@ -1,0 +1,120 @@
+"""What to measure next: by how much each measurement is expected to lower the uncertainty about the cause.
+
+A measurement decides, for each of the causes that it speaks about, whether that cause acts; it says nothing of the
+others. With probabilities p of the causes, the expected drop of entropy is that of the partition it makes:
+H(p) - sum_cells p(cell) H(p | cell) = H(cells).
+
+References:
+    Lindley. On a measure of the information provided by an experiment. Annals of Mathematical Statistics 27(4), 1956.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cusick_bench.diagnosis.inference.evidence import NONE
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Something that a laboratory can do.
+
+    Attributes:
+        name: Short.
+        what: To do, in a sentence.
+        decides: Causes that it tells apart from all others, each in a cell of its own.
+        groups: Causes that it tells from all others, but not from each other.
+    """
+
+    name: str
+    what: str
+    decides: tuple[str, ...] = ()
+    groups: tuple[tuple[str, ...], ...] = ()
+
+
+MEASUREMENTS: tuple[Measurement, ...] = (
+    Measurement("weigh", "Weigh a cut piece of known area again.", ("density-bias", "local-mass-patch")),
+    Measurement(
+        "photograph a ruler",
+        "Photograph a ruler, or a metal disc of 30 cm, on the plate: it shows the camera's scale, place and edge.",
+        ("camera-scale", "camera-offset", "camera-tilt", "threshold"),
+    ),
+    Measurement("measure the sample", "Measure the diameter of the flat samples at several angles.", ("cut-size",)),
+    Measurement("measure the plate", "Measure the plate's diameter and level it.", ("plate-radius", "plate-tilt")),
+    Measurement(
+        "rotate by 90 degrees",
+        "Drape samples turned by 90 degrees on the plate: what belongs to the cloth turns with it.",
+        (),
+        (
+            ("off-centre", "plate-tilt", "camera-offset", "camera-tilt"),
+            ("local-stiff-patch", "local-mass-patch", "rest-curvature", "grain-skew"),
+        ),
+    ),
+    Measurement(
+        "turn over",
+        "Drape each sample on its other face as well.",
+        (),
+        (("rest-curvature", "face-asymmetry"),),
+    ),
+    Measurement(
+        "wait and repeat", "Photograph one drape at once, after one and after ten minutes, untouched.", ("creep",)
+    ),
+    Measurement(
+        "load and unload",
+        "Bend a strip there and back in a bending tester (Kawabata), shear one likewise.",
+        ("bending-friction", "shear-friction", "face-asymmetry", "rest-curvature"),
+    ),
+    Measurement(
+        "side view", "Take a picture from the side: it shows how low the rim hangs and how the sample lies.",
+        ("perspective", "off-centre", "plate-slip", "camera-tilt"),
+    ),
+    Measurement(
+        "smaller sample",
+        "Drape samples of 24 cm: what sits at the rim goes with it, what is in the cloth stays.",
+        ("rim-stiffening", "self-contact"),
+        (("cut-size", "plate-radius"),),
+    ),
+    Measurement(
+        "look at the sample", "Hold the samples against the light and feel for stains, seams, folds and stiff edges.",
+        ("local-stiff-patch", "local-mass-patch", "rim-stiffening"),
+    ),
+    Measurement(
+        "more samples", "Cut and drape three times as many samples: noise falls by half.", ("stiffness-field", NONE)
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A measurement and what it is worth here.
+
+    Attributes:
+        measurement: What to do.
+        bits: Expected drop of entropy.
+        about: Causes that it speaks about, with their probability.
+    """
+
+    measurement: Measurement
+    bits: float
+    about: tuple[str, ...]
+
+
+def advise(probability: Mapping[str, float], *, most: int = 3, least: float = 0.05) -> list[Advice]:
+    """The measurements that lower the entropy of the causes most.
+
+    Args:
+        probability: Of every cause, `none` and `unknown` included.
+        most: How many to name.
+        least: Below so many bits a measurement is not worth it.
+    """
+    found = []
+    for one in MEASUREMENTS:
+        cells = [(name,) for name in one.decides] + list(one.groups)
+        share = np.array([sum(probability.get(name, 0.0) for name in cell) for cell in cells])
+        rest = max(0.0, 1 - float(share.sum()))
+        p = np.append(share, rest)
+        p = p[p > 0]
+        about = tuple(name for cell in cells for name in cell if probability.get(name, 0.0) > 0.02)
+        found.append(Advice(one, float(-(p * np.log2(p)).sum()), about))
+    return [one for one in sorted(found, key=lambda a: -a.bits) if one.bits >= least][:most]

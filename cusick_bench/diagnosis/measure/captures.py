@@ -1,0 +1,240 @@
+"""One fabric's silhouettes as radius-angle profiles, with the sample, face and order that each belongs to.
+
+Captures are nested: a fabric has samples, a sample two faces, a face captures of what may be one and the same drape.
+Everything after this keeps the labels, since captures of one sample are not independent.
+
+Profiles are kept as the camera sees them. A cloth that lies face down was turned over about y, so a point at the
+angle phi of the cloth, counter-clockwise from warp with the face up, is seen at pi - phi; `cloth_frame` undoes that.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import nan
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from cusick_bench.datasets.dataset import DrapeDataset
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.files.image import PlateFit, fit_plate
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.profile import PIXELS_PER_METRE
+from cusick_bench.diagnosis.errors import DiagnosisError
+
+ANGLES = 360  # a radius per degree: twelve to the narrowest fold
+SIDES = ("up", "down", "")
+_PIXEL = 1 / PIXELS_PER_METRE  # [m]
+_SLIP = 4.0  # robust standard deviations from the fabric's median; what lies nearer belongs to its spread
+
+
+@dataclass(frozen=True, eq=False)
+class Captures:
+    """Silhouettes of one fabric.
+
+    Attributes:
+        fabric: Name of the fabric.
+        areal_density: Mass per area [kg/m2]; NaN if unknown.
+        thickness: [m]; NaN if unknown.
+        protocol: Nominal values of the experiment.
+        radii: Outermost radius at whole degrees, counter-clockwise from the camera's x axis, as seen [m].
+        area: Grey-weighted area of the silhouette [m2].
+        sample: Number of the sample.
+        side: "up", "down", or "" if unknown.
+        capture: Order in which the sample's captures were taken.
+        notes: What was left out or is in doubt.
+    """
+
+    fabric: str
+    areal_density: float
+    thickness: float
+    protocol: Protocol
+    radii: Float[ndarray, "captures angles"]
+    area: Float[ndarray, " captures"]
+    sample: Int[ndarray, " captures"]
+    side: ndarray
+    capture: Int[ndarray, " captures"]
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def cloth_frame(self) -> Float[ndarray, "captures angles"]:
+        """Radii at angles from the warp of the cloth seen face up [m]; an unknown side counts as up.
+
+        The protocol's words may say that the cloth was turned about x instead of y: then phi is seen at -phi.
+        """
+        half = 0 if _turned_about_x(self.protocol) else ANGLES // 2
+        mirrored = self.radii[:, (half - np.arange(ANGLES)) % ANGLES]
+        return np.where((self.side == "down")[:, None], mirrored, self.radii)
+
+    def select(self, rows: Bool[ndarray, " captures"] | Int[ndarray, " chosen"]) -> "Captures":
+        """Some of the captures.
+
+        Raises:
+            DiagnosisError: None is left.
+        """
+        names = ("radii", "area", "sample", "side", "capture")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+def captures_from_profiles(
+    radii: Float[ndarray, "captures angles"],
+    *,
+    sample: Int[ndarray, " captures"],
+    side: Sequence[str] | ndarray,
+    capture: Int[ndarray, " captures"],
+    protocol: Protocol | None = None,
+    area: Float[ndarray, " captures"] | None = None,
+    fabric: str = "simulated",
+    areal_density: float = nan,
+    thickness: float = nan,
+) -> Captures:
+    """Captures from profiles that are already known, such as simulated ones.
+
+    Args:
+        radii: Radii at equidistant angles from 0, as the camera sees the cloth: of a cloth that lies face down, the
+            mirror image [m]. The number of angles is a multiple of 360.
+        sample, side, capture: Labels of each profile.
+        protocol: Nominal values; the public release's by default.
+        area: Area of the silhouettes [m2]; by default that within the profile.
+        fabric, areal_density, thickness: What is known of the cloth.
+
+    Raises:
+        DiagnosisError: Another number of angles, labels that do not fit, or radii that are no radii.
+    """
+    if radii.ndim != 2 or radii.shape[1] == 0 or radii.shape[1] % ANGLES:
+        raise DiagnosisError(
+            f"profiles must be (captures, angles) with a multiple of {ANGLES} angles, got {radii.shape}; "
+            f"sample them at whole degrees"
+        )
+    every = radii.shape[1] // ANGLES
+    enclosed = np.pi * (radii**2).mean(1)
+    return Captures(
+        fabric,
+        areal_density,
+        thickness,
+        protocol or Protocol(),
+        np.ascontiguousarray(radii[:, ::every]),
+        enclosed if area is None else area,
+        np.asarray(sample),
+        np.asarray(side, dtype=str),
+        np.asarray(capture),
+    )
+
+
+def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
+    """Silhouettes of one fabric of a data set, with the corrections that it was loaded with.
+
+    An image is left out, and a note says so, if it cannot be read, if a ray from the plate's axis meets no cloth, or
+    if the plate does not fit into the silhouette where it should be and the silhouette's place or size is unlike the
+    fabric's others'. Where it is like theirs it is no slip but something to be diagnosed (the camera's place or scale,
+    cloths laid off centre), and it stays.
+
+    Args:
+        dataset: Data.
+        fabric: One of its `cloths`.
+
+    Raises:
+        DataError: No such fabric.
+        DiagnosisError: No image of it can be used.
+    """
+    chosen = dataset.select(cloth=fabric)
+    rows, notes = [], []
+    for row in range(len(chosen)):
+        try:
+            rows.append(_read(chosen, row))
+        except DataError as error:
+            notes.append(f"left out: {error}")
+    slips = _slips(rows)
+    notes += [f"left out: {read.image}: {read.plate.fault}" for read, slip in zip(rows, slips, strict=True) if slip]
+    kept = [read for read, slip in zip(rows, slips, strict=True) if not slip]
+    faults = Counter(read.plate.fault for read in kept if read.plate.fault)
+    notes += [
+        f"{count} of {len(kept)} images are {fault}, but like the others; kept" for fault, count in faults.items()
+    ]
+    unknown = sum(not read.side for read in kept)
+    notes += [f"the face of {unknown} of {len(kept)} images is unknown"] if unknown else []
+    if not kept:
+        raise DiagnosisError(f"no silhouette of {fabric} can be used: {'; '.join(notes)}; see `data audit`")
+    captures = captures_from_profiles(
+        np.stack([read.radii for read in kept]),
+        sample=np.array([read.sample for read in kept]),
+        side=[read.side for read in kept],
+        capture=np.array([read.capture for read in kept]),
+        protocol=chosen.protocol,
+        area=np.array([read.area for read in kept]),
+        fabric=fabric,
+        areal_density=float(chosen.table["areal_density"].iloc[0]),
+        thickness=float(chosen.table["thickness"].iloc[0]),
+    )
+    return replace(captures, notes=tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """One silhouette; names as in `Captures`."""
+
+    image: str
+    radii: Float[ndarray, " angles"]
+    area: float
+    sample: int
+    side: str
+    capture: int
+    plate: PlateFit
+
+
+def _read(dataset: DrapeDataset, row: int) -> _Read:
+    drape, protocol = dataset.sample(row), dataset.protocol
+    labels = {str(name): value for name, value in drape.row.items()}
+    image = drape.image.numpy()
+    if (drape.profile.radii <= 0).any():
+        raise DataError("does not cover the plate's axis", where=labels["image"], remedy="correct `centre_px`")
+    return _Read(
+        str(labels["image"]),
+        drape.profile.radii,
+        float(image.sum()) / protocol.px_per_m**2,
+        int(labels["sample"]),
+        str(labels["side"]),
+        int(labels["observation"] or labels["capture"]),
+        fit_plate(image, protocol),
+    )
+
+
+def _slips(rows: Sequence[_Read]) -> list[bool]:
+    """Which images do not hold the plate and lie apart from the others by place (first harmonic) or size."""
+    if not rows:
+        return []
+    radii = np.stack([read.radii for read in rows])
+    transform = np.fft.rfft(radii, axis=1)[:, :2] / radii.shape[1]
+    place = np.stack([2 * np.real(transform[:, 1]), 2 * np.imag(transform[:, 1]), np.real(transform[:, 0])], axis=1)
+    distance = np.abs(place - np.median(place, axis=0))
+    scale = np.maximum(1.4826 * np.median(distance, axis=0), _PIXEL)
+    apart = np.any(distance > _SLIP * scale, axis=1)
+    return [bool(read.plate.fault) and far for read, far in zip(rows, apart.tolist(), strict=True)]
+
+
+def _turned_about_x(protocol: Protocol) -> bool:
+    return re.search(r"\b(about|around)\s+(the\s+)?x\b", protocol.turn_over, re.IGNORECASE) is not None
+
+
+def _check(captures: Captures) -> None:
+    count = len(captures.radii)
+    if count == 0:
+        raise DiagnosisError(f"a diagnosis needs at least one silhouette, {captures.fabric} has none")
+    if captures.radii.shape != (count, ANGLES):
+        raise DiagnosisError(f"profiles must have {ANGLES} angles, got {captures.radii.shape}")
+    for name in ("area", "sample", "side", "capture"):
+        shape = getattr(captures, name).shape
+        if shape != (count,):
+            raise DiagnosisError(f"{name} must hold one value for each of {count} profiles, got {shape}")
+    if not (np.isfinite(captures.radii).all() and (captures.radii > 0).all()):
+        raise DiagnosisError("radii must be finite and > 0 m; a silhouette is empty or a drape has diverged")
+    unknown = sorted(set(captures.side.tolist()) - set(SIDES))
+    if unknown:
+        raise DiagnosisError(f'side must be "up", "down" or "" (unknown), got {unknown[0]!r}')

@@ -1,0 +1,201 @@
+"""The gap between data and model, against its floor, and how far a cause closes it on samples that it has not seen.
+
+G is the unbiased squared energy distance between the statistics of the data's samples and those of as many simulated
+ones; a sample's statistics are those of its faces side by side, so that contrasts of faces count. Its floor is that of
+two halves of the data. The samples are dealt into two folds: base and cause are fitted to one and scored on the other,
+
+    closure = (G_base - G_cause) / (G_base - floor),
+
+with an interval from a bootstrap over the scored and the simulated samples, the same draws for both models, whose
+samples are made from the same random numbers.
+
+References:
+    Szekely, Rizzo. Energy statistics: a class of statistics based on distances. Journal of Statistical Planning and
+    Inference 143, 2013.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf, nan
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.measure.energy import ClusterDistances, cluster_distances
+from cusick_bench.diagnosis.measure.floors import split_half_floor
+from cusick_bench.diagnosis.measure.resampling import bootstrap_weights
+from cusick_bench.diagnosis.measure.statistics import GROUPS
+
+_DRAWS = 400
+_LEAST = 4  # samples
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """How far a model is from the data.
+
+    Attributes:
+        base: Of the base model, held out.
+        floor: Of two halves of the data, as many samples.
+        groups: By group of statistics, of the base model.
+        groups_floor: Their floors.
+        closure: Share of the gap that the cause closes; NaN where there is no cause or no gap.
+        closure_interval: Its 90 % interval.
+        effect: G with the cause; NaN without one.
+    """
+
+    base: float
+    floor: float
+    groups: dict[str, float]
+    groups_floor: dict[str, float]
+    closure: float = nan
+    closure_interval: tuple[float, float] = (nan, nan)
+    effect: float = nan
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Data that were not fitted, and models that were fitted to the others.
+
+    Attributes:
+        data: Statistics of the held-out samples and sides.
+        base: Those of samples of the base model.
+        effect: Those of samples with the cause, or None.
+    """
+
+    data: Float[ndarray, "samples 2 statistics"]
+    base: Float[ndarray, "simulated 2 statistics"]
+    effect: Float[ndarray, "simulated 2 statistics"] | None = None
+
+
+def side_by_side(
+    specimens: Float[ndarray, "samples 2 statistics"], sd: Float[ndarray, "statistics"], faces: Sequence[int]
+) -> Float[ndarray, "samples numbers"]:
+    """Samples with all of these faces, their statistics in sd, scaled as `energy.Standardisation` does."""
+    chosen = specimens[:, list(faces)]
+    good = np.isfinite(chosen).all((1, 2))
+    return (chosen[good] / sd).reshape(int(good.sum()), -1) / np.sqrt(len(faces) * specimens.shape[2])
+
+
+def faces_of(specimens: Float[ndarray, "samples 2 statistics"]) -> tuple[int, ...]:
+    """The faces to compare: both where most samples have both, else the commoner."""
+    known = np.isfinite(specimens[..., 0])
+    if known.all(1).sum() >= max(_LEAST, 0.6 * len(specimens)):
+        return (0, 1)
+    return (int(np.argmax(known.sum(0))),)
+
+
+def fit_of(
+    data: Float[ndarray, "samples 2 statistics"],
+    model: Float[ndarray, "simulated 2 statistics"],
+    sd: Float[ndarray, "statistics"],
+) -> float:
+    """G between samples and a model of them; infinite where either has fewer than two.
+
+    Args:
+        data: Statistics of the samples and sides.
+        model: Those of simulated samples.
+        sd: Unit of the statistics.
+    """
+    faces = faces_of(data)
+    own, other = side_by_side(data, sd, faces), side_by_side(model, sd, faces)
+    return cluster_distances(own, other).observed if min(len(own), len(other)) >= 2 else inf
+
+
+def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.random.Generator) -> Gap | None:
+    """The gap, its floor, and the closure by a cause.
+
+    Args:
+        folds: Each held out once.
+        sd: Unit of the statistics.
+        generator: Of splits and bootstrap.
+
+    Returns:
+        The gap, or None where a fold has fewer than two samples.
+    """
+    everything = np.concatenate([fold.data for fold in folds])
+    faces = faces_of(everything)
+
+    def distances(
+        pick: Callable[[Fold], ndarray | None], columns: Sequence[int] | None = None
+    ) -> list[ClusterDistances]:
+        found = []
+        for fold in folds:
+            model = pick(fold)
+            assert model is not None
+            data, other = (side_by_side(_cut(one, columns), _cut(sd, columns), faces) for one in (fold.data, model))
+            if min(len(data), len(other)) < 2:
+                return []
+            found.append(cluster_distances(data, other))
+        return found
+
+    plain = distances(lambda fold: fold.base)
+    if not plain:
+        return None
+    values = side_by_side(everything, sd, faces)
+    groups = {name: _observed(distances(lambda fold: fold.base, columns)) for name, columns in GROUPS.items()}
+    floors = {
+        name: _floor(side_by_side(_cut(everything, columns), _cut(sd, columns), faces), generator)
+        for name, columns in GROUPS.items()
+    }
+    found = Gap(_observed(plain), _floor(values, generator), groups, floors)
+    if folds[0].effect is None:
+        return found
+    changed = distances(lambda fold: fold.effect)
+    if not changed:
+        return found
+    closure, interval = _closure(plain, changed, found.floor, generator)
+    return Gap(
+        found.base, found.floor, groups, floors, closure=closure, closure_interval=interval,
+        effect=_observed(changed),
+    )  # fmt: skip
+
+
+def _cut(values: ndarray, columns: Sequence[int] | None) -> ndarray:
+    return values if columns is None else values[..., list(columns)]
+
+
+def _observed(distances: Sequence[ClusterDistances]) -> float:
+    return float(np.mean([one.observed for one in distances])) if distances else nan
+
+
+def _floor(values: Float[ndarray, "samples numbers"], generator: np.random.Generator) -> float:
+    """Mean over random halves; 0 in expectation."""
+    if len(values) < _LEAST:
+        return 0.0
+    return float(np.mean(split_half_floor(values, np.arange(len(values)), generator, 199)))
+
+
+def _closure(
+    plain: Sequence[ClusterDistances], changed: Sequence[ClusterDistances], floor: float, generator: np.random.Generator
+) -> tuple[float, tuple[float, float]]:
+    """Closure and its interval, over draws of the held-out and the simulated samples, the same for both models."""
+    before, after = np.zeros(_DRAWS), np.zeros(_DRAWS)
+    for base, effect in zip(plain, changed, strict=True):
+        data, simulated = (bootstrap_weights(count, generator, _DRAWS) for count in _counts(base))
+        paired = _counts(effect) == _counts(base)  # else a drape failed
+        others = simulated if paired else bootstrap_weights(_counts(effect)[1], generator, _DRAWS)
+        before += _weighted(base, data, simulated) / len(plain)
+        after += _weighted(effect, data, others) / len(plain)
+    total = _observed(plain) - floor
+    good = np.isfinite(before) & np.isfinite(after) & (before - floor > 0.1 * max(total, 0))
+    if total <= 0 or good.sum() < _DRAWS / 2:
+        return nan, (nan, nan)
+    shares = (before - after)[good] / (before - floor)[good]
+    low, high = np.quantile(shares, [0.05, 0.95])
+    return (_observed(plain) - _observed(changed)) / total, (float(low), float(high))
+
+
+def _counts(distances: ClusterDistances) -> tuple[int, int]:
+    """How many samples the data have, and the model."""
+    return int(distances.in_first.sum()), int((~distances.in_first).sum())
+
+
+def _weighted(
+    distances: ClusterDistances, data: Float[ndarray, "draws samples"], simulated: Float[ndarray, "draws simulated"]
+) -> Float[ndarray, "draws"]:
+    weights = np.zeros((2, len(data), len(distances.in_first)))
+    weights[0][:, distances.in_first] = data
+    weights[1][:, ~distances.in_first] = simulated
+    return distances.distance(weights[0], weights[1])

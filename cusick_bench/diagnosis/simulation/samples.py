@@ -1,0 +1,91 @@
+"""Samples of the base model, or of it with a cause, as the statistics that a fabric's captures would have."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.base_model import BaseModel
+from cusick_bench.diagnosis.atlas.drapes import ANGLES, observe, silhouette
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
+from cusick_bench.diagnosis.inference.evidence import Candidate
+from cusick_bench.diagnosis.inference.hypotheses import Frame
+from cusick_bench.sim.effects import Effect
+from cusick_bench.sim.setup import Setup, Simulators, drape_setups
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """Samples of a model.
+
+    Attributes:
+        specimens: Statistics of every sample and side (up, down), in the cloth's frame; NaN where a drape failed.
+        radii: Profiles of the same drapes as the camera sees them [m].
+    """
+
+    specimens: Float[ndarray, "samples 2 statistics"]
+    radii: Float[ndarray, "samples 2 angles"]
+
+
+def with_cause(setup: Setup, effect: Effect, value: dict[str, float], frame: Frame) -> Setup:
+    """A setup with an effect whose direction keeps to a frame other than the effect's own.
+
+    Args:
+        setup: A drape about to be made.
+        effect: What acts.
+        value: Its parameters; the direction is that with the face up.
+        frame: Frame that the direction keeps to when the cloth is turned over.
+    """
+    name = next((p.name for p in effect.parameters if p.role == "direction"), None)
+    if name is not None and in_lab(effect) and frame == "cloth" and setup.side == "down":
+        value = value | {name: (180.0 - value[name]) % 360}
+    return effect.apply(setup, value)
+
+
+def simulate(
+    theta: Float[ndarray, "parameters"],
+    causes: Sequence[Candidate],
+    samples: int,
+    seed: Sequence[int],
+    *,
+    drift: float = 0.5,
+    model: BaseModel | None = None,
+    simulators: Simulators | None = None,
+) -> Simulated:
+    """Drapes samples on both sides.
+
+    Args:
+        theta: Base parameters.
+        causes: What acts; empty for the base model.
+        samples: How many.
+        seed: Same seed, same samples: models are compared under common random numbers.
+        drift: Share of later captures in a specimen's mean, where a cause acts on these alone.
+        model: The base model.
+        simulators: Kept from call to call.
+    """
+    setups = (model or BaseModel()).samples(theta, samples, seed)
+    first = _draped(setups, causes, simulators, later=False)
+    if not any(acts_later(cause.hypothesis.effect) for cause in causes) or drift == 0:
+        return first
+    second = _draped(setups, causes, simulators, later=True)
+    return Simulated((1 - drift) * first.specimens + drift * second.specimens, second.radii)
+
+
+def _draped(
+    setups: list[Setup], causes: Sequence[Candidate], simulators: Simulators | None, *, later: bool
+) -> Simulated:
+    made = []
+    for setup in setups:
+        changed = replace(setup, later=later)
+        for cause in causes:
+            changed = with_cause(changed, cause.hypothesis.effect, cause.value, cause.hypothesis.frame)
+        made.append(changed)
+    positions = drape_setups(made, simulators)
+    statistics = observe(made, positions)
+    radii = np.full((len(made), ANGLES), np.nan)
+    for index, where in enumerate(positions):
+        if where is not None:
+            radii[index] = silhouette(made[index], where)
+    return Simulated(statistics.reshape(-1, 2, statistics.shape[1]), radii.reshape(-1, 2, ANGLES))

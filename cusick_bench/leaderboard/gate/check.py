@@ -1,0 +1,250 @@
+"""The regression gate: has any solver become worse than a committed baseline says it was?
+
+A solver has become worse in a metric where the change is both real (paired test, Holm's correction over all solvers
+and metrics at the family-wise level) and large enough to matter (the minimum effect). A solver that is gone, lacks a
+cloth, or fails where it did not, is worse without any test; where it failed before as well, Fisher's exact test
+decides. What is new is reported and judged by nothing.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite, isnan, nan
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from cusick_bench.leaderboard.bootstrap import Estimate, Values
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.gate.paired import Comparison, compare, holm
+
+METRICS = ("train_mse", "test_mse", "test_hausdorff_m")
+"""What is compared unless said otherwise: three, since every further one costs power."""
+
+_UNORDERED = re.compile(r"iou|cover|target|draws|floor|(_dc|_folds|_p)$")
+
+
+@dataclass(frozen=True)
+class Gate:
+    """When a change is a regression.
+
+    Attributes:
+        metrics: Metrics to compare, of which smaller is better.
+        level: Family-wise probability of a false alarm.
+        minimum: Relative change below which nobody cares.
+        seed: Of permutations and resamples.
+    """
+
+    metrics: tuple[str, ...] = METRICS
+    level: float = 0.05
+    minimum: float = 0.02
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.level < 0.5:
+            raise LeaderboardError(f"the level must lie between 0 and 0.5, got {self.level}; 0.05 is usual")
+        if not 0 <= self.minimum < 2:
+            raise LeaderboardError(f"the minimum effect must lie in [0, 2), got {self.minimum}; 0.02 is two per cent")
+        for metric in self.metrics:
+            if _UNORDERED.search(metric):
+                raise LeaderboardError(
+                    f"smaller is not better in {metric!r}; compare for instance {', '.join(METRICS)}"
+                )
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the gate's table.
+
+    Attributes:
+        solver: Solver.
+        metric: Metric, or "cells" where cells are missing or failed.
+        verdict: "regression", "unchanged" (no regression was found), "undecided" (too few cells) or "new".
+        detail: What there is to say, "" where the numbers say it.
+        before: Mean over the compared cells in the baseline.
+        after: The same now.
+        comparison: The paired test; None where there was none.
+        p: Its p-value after Holm's correction.
+    """
+
+    solver: str
+    metric: str
+    verdict: str
+    detail: str = ""
+    before: float = nan
+    after: float = nan
+    comparison: Comparison | None = None
+    p: float = nan
+
+    @property
+    def change(self) -> Estimate:
+        """Relative change with its 95 % interval."""
+        return self.comparison.change if self.comparison else Estimate(nan, nan, nan)
+
+    def record(self) -> dict[str, Any]:
+        """The line, flat, for JSON."""
+        test = self.comparison
+        return {
+            **{name: getattr(self, name) for name in ("solver", "metric", "verdict", "detail", "before", "after", "p")},
+            **{"change": self.change.value, "change_low": self.change.low, "change_high": self.change.high},
+            "test": test.test if test else "",
+            "units": test.units if test else 0,
+            "detectable": test.detectable if test else nan,
+        }
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the gate says.
+
+    Attributes:
+        findings: A line a solver and metric, regressions first.
+        notes: What a reader must know.
+    """
+
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def regressions(self) -> list[Finding]:
+        """The lines for which the gate closes."""
+        return [finding for finding in self.findings if finding.verdict == "regression"]
+
+
+def check(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate | None = None) -> Outcome:
+    """Compares a run with a baseline.
+
+    Args:
+        run: Cells of the run, from `read_cells`.
+        baseline: Cells to compare with, from `read_cells`.
+        gate: When a change is a regression.
+
+    Raises:
+        LeaderboardError: Other data or settings than the baseline's, no solver or no metric in common.
+    """
+    gate = gate or Gate()
+    metrics = _shared_metrics(run, baseline, gate)
+    _require_same_problem(run, baseline)
+    known, present = set(baseline["solver"]), set(run["solver"])
+    findings = [_gone(solver, baseline) for solver in sorted(known - present)]
+    findings += [_new(solver, run) for solver in sorted(present - known)]
+    shared = sorted(known & present)
+    tested: list[Finding] = []
+    for solver in shared:
+        findings += _cloths_lost(_of(run, solver), _of(baseline, solver), solver)
+        tested += _failures(_of(run, solver), _of(baseline, solver), solver)
+    findings += _judged([*tested, *_compared(run, baseline, shared, metrics, gate)], gate)
+    order = {"regression": 0, "undecided": 1, "unchanged": 2, "new": 3}
+    findings.sort(key=lambda finding: (order[finding.verdict], finding.solver, finding.metric))
+    return Outcome(tuple(findings), tuple(_notes(findings, gate)))
+
+
+def _of(table: pd.DataFrame, solver: str) -> pd.DataFrame:
+    return table.loc[table["solver"] == solver]
+
+
+def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> list[str]:
+    shared = [name for name in gate.metrics if name in run and name in baseline]
+    if not shared or (gate.metrics != METRICS and len(shared) < len(gate.metrics)):
+        both = sorted(name for name in baseline if name in run and name.startswith(("train_", "test_")))
+        raise LeaderboardError(
+            f"run and baseline must both hold {', '.join(gate.metrics)}; both hold only {', '.join(both) or 'none'}"
+        )
+    return shared
+
+
+def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
+    """Numbers on other data, meshes or budgets say nothing about each other."""
+    for name, remedy in (
+        ("dataset_hash", "run on the data that the baseline was made on"),
+        ("settings", "run with the baseline's mesh, budget and other settings (its first lines have the command)"),
+    ):
+        if name not in run or name not in baseline:
+            continue
+        for solver in sorted(set(run["solver"]) & set(baseline["solver"])):
+            now, then = (set(_of(table, solver)[name].dropna()) for table in (run, baseline))
+            if now and then and now != then:
+                raise LeaderboardError(
+                    f"{solver} must have the baseline's {name.replace('_', ' ')} {_listed(then)}, got {_listed(now)}; "
+                    f"{remedy}, or make a new one with --write"
+                )
+
+
+def _listed(names: set[Any]) -> str:
+    return ", ".join(sorted(str(name)[:12] for name in names))
+
+
+def _gone(solver: str, baseline: pd.DataFrame) -> Finding:
+    return Finding(solver, "cells", "regression", f"gone: {len(_of(baseline, solver))} cells in the baseline, none now")
+
+
+def _new(solver: str, run: pd.DataFrame) -> Finding:
+    return Finding(solver, "cells", "new", f"{len(_of(run, solver))} cells, none in the baseline")
+
+
+def _cloths_lost(run: pd.DataFrame, baseline: pd.DataFrame, solver: str) -> Iterator[Finding]:
+    if missing := sorted(set(baseline["cloth"]) - set(run["cloth"])):
+        yield Finding(solver, "cells", "regression", f"lacks {', '.join(missing)}")
+
+
+def _failures(run: pd.DataFrame, baseline: pd.DataFrame, solver: str) -> Iterator[Finding]:
+    """A line where cells failed; its p-value is 0 where the baseline knows no failure."""
+    failed, before = (list(table["status"]).count("failed") for table in (run, baseline))
+    if failed:
+        table = [[failed, len(run) - failed], [before, len(baseline) - before]]
+        p = float(stats.fisher_exact(table, alternative="greater").pvalue) if before else 0.0  # pyright: ignore
+        detail = f"{failed} of {len(run)} cells failed, {before} of {len(baseline)} in the baseline"
+        yield Finding(solver, "cells", "undecided", detail, p=p)
+
+
+def _compared(
+    run: pd.DataFrame, baseline: pd.DataFrame, solvers: Sequence[str], metrics: Sequence[str], gate: Gate
+) -> Iterator[Finding]:
+    """One line a solver and metric, yet without correction for their number."""
+    generator = np.random.default_rng(gate.seed)
+    level = gate.level / (len(solvers) * len(metrics) or 1)
+    for solver in solvers:
+        for metric in metrics:
+            before, after = (_values(_of(table, solver), metric) for table in (baseline, run))
+            cloths = {cloth for cloth, _ in before} & {cloth for cloth, _ in after}
+            if not cloths:
+                if before:
+                    yield Finding(solver, metric, "undecided", "no cell in common")
+                continue
+            then, now = (
+                float(np.mean([value for (cloth, _), value in values.items() if cloth in cloths]))
+                for values in (before, after)
+            )
+            comparison = compare(before, after, level=level, generator=generator)
+            yield Finding(solver, metric, "undecided", "", then, now, comparison, comparison.p)
+
+
+def _values(table: pd.DataFrame, metric: str) -> Values:
+    cells = zip(table["cloth"], table["seed"], table[metric].astype(float), strict=True)
+    return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
+
+
+def _judged(findings: Sequence[Finding], gate: Gate) -> Iterator[Finding]:
+    for finding, p in zip(findings, holm([finding.p for finding in findings]), strict=True):
+        if isnan(p):
+            yield replace(finding, detail=finding.detail or "one cell decides nothing")
+        else:
+            large = finding.comparison is None or finding.change.value >= gate.minimum
+            worse = p <= gate.level and large
+            yield replace(finding, p=p, verdict="regression" if worse else "unchanged")
+
+
+def _notes(findings: Sequence[Finding], gate: Gate) -> Iterator[str]:
+    compared = [finding for finding in findings if finding.comparison is not None]
+    yield (
+        f"A regression is a change for the worse of at least {100 * gate.minimum:g} % that is real at a family-wise "
+        f"level of {100 * gate.level:g} % (Holm over {len(compared)} comparisons, paired by cloth and shared seed)."
+    )
+    blind = [f"{f.solver} {f.metric}" for f in compared if f.verdict == "undecided"]
+    if blind:
+        yield f"Too few cells to tell anything of {', '.join(blind)}: add cloths or seeds."
+    weak = sorted({f.solver for f in compared if f.comparison and f.comparison.detectable > max(0.05, gate.minimum)})
+    if weak:
+        yield f"A change of 5 % could have been missed in {', '.join(weak)}: add cloths or seeds to both runs."

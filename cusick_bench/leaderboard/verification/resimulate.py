@@ -1,0 +1,334 @@
+"""One finished cell done again from what it stored: the drape from the parameters, the metrics from the data.
+
+A row without physics, or an oracle's, is made again as a whole. Of a simulation the stored parameters are draped
+again with the code at hand: a drop from the start, an equilibrium from the stored shape, which Newton's method must
+leave where it is. Draws that are the fit itself are made again with it. Of draws from a stored posterior a random few
+are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
+"""
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from math import inf, isnan, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.metrics import from_levels, score
+from cusick_bench.problem import Budget, DrapeProblem
+from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
+from cusick_bench.runner.store import read_json
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.base import Prediction
+from cusick_bench.solvers.registry import make_solver
+
+# What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
+MATERIAL = 1e-9  # stiffness, of its largest
+SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
+PIXEL = 0.02  # of 1: what that shift can do to a pixel that the rim crosses
+ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
+METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
+METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
+REDRAWN = 8  # draws of a posterior that are draped again
+_RERENDERED = 20  # draws whose pictures are made again from stored shapes
+
+_NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was compared.
+
+    Attributes:
+        name: What.
+        difference: By how much stored and repeated differ.
+        tolerance: By how much they may.
+        detail: Both values, or what is wrong.
+    """
+
+    name: str
+    difference: float
+    tolerance: float
+    detail: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether they agree; what is not a number does not."""
+        return bool(self.difference <= self.tolerance)
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """A cell done again.
+
+    Attributes:
+        prediction: What is scored.
+        checks: Comparisons of shapes, parameters and pictures.
+        notes: What was not done again, and why.
+        simulated: Whether what the cell claims could be made again at all.
+        same_draws: Whether the draws scored are, picture by picture, those that are stored.
+        metrics: Its metrics where they were made with it; None where `rescore` has to.
+    """
+
+    prediction: Prediction
+    checks: tuple[Check, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+    simulated: bool = True
+    same_draws: bool = False
+    metrics: dict[str, float] | None = None
+
+
+def record_key(record: dict[str, Any]) -> str:
+    """Name of the folder of a cell with that `cell.json`, as `Cell.key` makes it."""
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()[:20]
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """A cell's `cell.json`.
+
+    Raises:
+        RunnerError: It is damaged.
+        LeaderboardError: It is missing.
+    """
+    path = folder / "cell.json"
+    if not path.is_file():
+        raise LeaderboardError(f"{folder} has no cell.json; give a cell's folder or that of `cusick-bench run --out`")
+    return read_json(path)
+
+
+def cell_of(record: dict[str, Any]) -> Cell:
+    """The cell that a `cell.json` describes.
+
+    Raises:
+        LeaderboardError: It describes none.
+    """
+    try:
+        settings = dict(record["settings"])
+        parts = {"drape": DrapeSettings(**settings.pop("drape")), "budget": Budget(**settings.pop("budget"))}
+        names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol", "code_version")
+        return Cell(
+            **{name: record[name] for name in names},
+            train=tuple(record["train"]),
+            test=tuple(record["test"]),
+            settings=ProblemSettings(**settings, **parts),
+        )
+    except (KeyError, TypeError) as error:
+        raise LeaderboardError(f"cell.json is of another version of this program: {error!r}") from error
+
+
+def repeat(
+    folder: Path, cell: Cell, kind: str, dataset: DrapeDataset, *, redrawn: int = REDRAWN, seed: int = 0
+) -> Repetition:
+    """Does a cell again.
+
+    Args:
+        folder: The cell's.
+        cell: From `cell_of`.
+        kind: "solver", "null" or "oracle".
+        dataset: Data to do it on.
+        redrawn: Draws of a posterior to drape again.
+        seed: Of their choice.
+
+    Raises:
+        LeaderboardError: The stored prediction is damaged, or cannot be made again.
+    """
+    stored = _stored(folder)
+    if kind != "solver":
+        return _made_again(stored, cell, dataset)
+    problem = build_problem(dataset, replace(cell, settings=replace(cell.settings, budget=Budget())))
+    target = _largest("training image", stored["train_target"], problem.train_image, 1e-6)
+    if "tau" not in stored or "vertices" not in stored:
+        note = "not simulated again: no parameters are stored; the stored pictures were scored again"
+        return Repetition(_as_stored(stored), (target,), (note,), simulated=False, same_draws=True)
+    repetition = _simulated(stored, problem, (target,))
+    if _is_the_fit(stored):
+        return repetition
+    generator = np.random.default_rng([seed, int(folder.name[:8], 16)])
+    return _with_draws(repetition, stored, problem, cell, _chosen(stored, redrawn, generator))
+
+
+def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[str, float]:
+    """Metrics of a repetition against the data."""
+    if repetition.metrics is not None:
+        return repetition.metrics
+    pairs = [(_image(dataset, row), _image(dataset, other)) for row, other in dataset.repeat_pairs(cell.cloth)]
+    tests = [dataset.sample(row) for row in cell.test]
+    return score(repetition.prediction, dataset.sample(cell.train[0]), tests, repeat_pairs=pairs)
+
+
+def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws: bool) -> Iterator[Check]:
+    """Compares stored metrics with those of a repetition; what only one of them knows is left out.
+
+    Scores of the stored draws themselves must come out the same but for the arithmetic of another machine.
+    """
+    for name, value in again.items():
+        if name not in stored:
+            continue
+        claimed = nan if stored[name] is None else float(stored[name])
+        detail = f"stored {claimed:.6g}, now {value:.6g}"
+        if isnan(claimed) or isnan(value):
+            yield Check(name, 0.0 if isnan(claimed) and isnan(value) else inf, 0.0, detail)
+        else:
+            relative, absolute = (
+                (METRIC_SAME, SLACK_SAME) if same_draws and name.startswith("test_") else (METRIC, SLACK)
+            )
+            yield Check(name, abs(claimed - value), relative * abs(value) + absolute, detail)
+
+
+def _image(dataset: DrapeDataset, row: int) -> Float[ndarray, "256 256"]:
+    return np.asarray(dataset.image(row), dtype=np.float64)
+
+
+def _stored(folder: Path) -> dict[str, ndarray]:
+    try:
+        stored = load_prediction(folder)
+    except Exception as error:  # numpy and zipfile raise many kinds for a damaged archive
+        raise LeaderboardError(f"{folder / 'prediction.npz'} cannot be read ({error}); run the cell again") from error
+    missing = [name for name in ("train_image", "train_target", "draws") if name not in stored]
+    if missing:
+        raise LeaderboardError(f"{folder / 'prediction.npz'} lacks {missing[0]!r}; run the cell again")
+    return stored
+
+
+def _made_again(stored: dict[str, ndarray], cell: Cell, dataset: DrapeDataset) -> Repetition:
+    """A row without physics, solved and scored anew in a folder of its own."""
+    with tempfile.TemporaryDirectory() as scratch:
+        store = Store(Path(scratch))
+        result = run_cell(dataset, cell, store, lambda fraction, loss, message: None)
+        if result["status"] != "done":
+            raise LeaderboardError(f"{cell.solver} cannot be made again: {result['failure']}")
+        again = load_prediction(store.folder(cell.key))
+    checks = tuple(_largest(_NAMES[name], stored[name], again[name], 1e-6) for name in _NAMES)
+    return Repetition(_as_stored(again), checks, same_draws=True, metrics=result["metrics"])
+
+
+def _as_stored(stored: dict[str, ndarray]) -> Prediction:
+    """The stored pictures as a prediction."""
+    return Prediction(
+        train_image=np.asarray(stored["train_image"], dtype=np.float64),
+        draws=from_levels(stored["draws"]),
+        vertices=stored.get("vertices"),
+        faces=stored.get("faces"),
+        draw_vertices=stored.get("draw_vertices"),
+    )
+
+
+def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[Check, ...]) -> Repetition:
+    faces = problem.simulator.mesh.faces
+    if stored["tau"].shape != (problem.dimension,) or not np.array_equal(stored.get("faces", faces), faces):
+        raise LeaderboardError(
+            f"the stored prediction must have {problem.dimension} parameters on {problem.simulator.mesh.vertices} "
+            f"vertices, got {stored['tau'].size}; it belongs to another problem"
+        )
+    material, vertices, image = _draped(problem, stored["tau"], stored["vertices"])
+    checks += tuple(
+        _relative(name, stored[name], getattr(material, name).numpy())
+        for name in ("stretch", "bending", "density")
+        if name in stored
+    )
+    checks += (_moved("shape [m]", stored["vertices"], vertices), _largest("fit", stored["train_image"], image, PIXEL))
+    if _is_the_fit(stored):
+        checks += (_largest("draws", stored["draws"][0] / 255, image, PIXEL + ROUNDED),)
+    return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
+
+
+def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Material, ndarray, ndarray]:
+    """Material, shape [m] and silhouette of the drape at tau; `start` is where an equilibrium is said to be.
+
+    Raises:
+        DrapeDiverged: The drape fails.
+    """
+    with torch.no_grad():
+        vector, warm = torch.as_tensor(tau), _start(start, problem)
+        vertices = problem.simulate(vector[None], warm).member(0).vertices
+        return problem.space.specimen(vector).material, vertices.numpy(), problem.render(vertices).numpy()
+
+
+def _with_draws(
+    fit: Repetition, stored: dict[str, ndarray], problem: DrapeProblem, cell: Cell, chosen: list[int]
+) -> Repetition:
+    """A repeated fit with the stored draws, of which the chosen ones are drawn and draped again."""
+    again, shapes = fit.prediction, stored.get("draw_vertices")
+    drawn = replace(
+        _as_stored(stored), train_image=again.train_image, tau=again.tau, vertices=again.vertices, faces=again.faces
+    )
+    checks, told = list(_rendered(stored, problem)), "none of them was simulated again"
+    if shapes is not None and chosen and all(check.holds for check in checks):
+        solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
+        posterior = {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
+        pairs = []
+        for place in chosen:
+            tau = solver.redraw(problem, posterior, int(numbers[place]))
+            _, vertices, image = _draped(problem, tau, shapes[place])
+            moved = _moved("shapes of redraws [m]", shapes[place], vertices)
+            pairs.append((moved, _largest("redraws", stored["draws"][place] / 255, image, PIXEL + ROUNDED)))
+        checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
+        told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
+    note = f"{len(stored['draws'])} draws were scored again; {told}"
+    return Repetition(drawn, (*fit.checks, *checks), (note,), same_draws=True)
+
+
+def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generator) -> list[int]:
+    """Places of draws to make again; none where no posterior is stored, or it does not number the draws."""
+    numbers = stored.get("posterior_draws", np.zeros(0))
+    if len(numbers) != len(stored["draws"]):
+        return []
+    return sorted(generator.choice(len(numbers), min(count, len(numbers)), replace=False).tolist())
+
+
+def _start(vertices: ndarray, problem: DrapeProblem) -> Tensor | None:
+    """An equilibrium is one of many, so it is sought from where it is said to be."""
+    if problem.simulator.settings.mode != "equilibrium":
+        return None
+    return torch.as_tensor(vertices)[None]
+
+
+def _is_the_fit(stored: dict[str, ndarray]) -> bool:
+    """Whether the only draw is the fit, as it is for whoever answers with one drape."""
+    shapes = stored.get("draw_vertices")
+    return len(stored["draws"]) == 1 and shapes is not None and np.array_equal(shapes[0], stored["vertices"])
+
+
+def _rendered(stored: dict[str, ndarray], problem: DrapeProblem) -> Iterator[Check]:
+    """Pictures of some draws, evenly spaced, made again from their stored shapes."""
+    shapes = stored.get("draw_vertices")
+    if shapes is None:
+        return
+    if len(shapes) != len(stored["draws"]):
+        yield Check("draws", inf, 0.0, f"{len(shapes)} shapes for {len(stored['draws'])} pictures")
+        return
+    worst = 0.0
+    for place in np.unique(np.linspace(0, len(shapes) - 1, _RERENDERED).astype(int)):
+        with torch.no_grad():
+            image = problem.render(torch.as_tensor(shapes[place], dtype=torch.float64)).numpy()
+        worst = max(worst, float(np.abs(stored["draws"][place] / 255 - image).max()))
+    tolerance = ROUNDED if shapes.dtype == np.float64 else PIXEL
+    yield Check("pictures of draws", worst, tolerance, f"a pixel differs by {worst:.2g}")
+
+
+def _moved(name: str, stored: ndarray, again: ndarray) -> Check:
+    shift = float(np.linalg.norm(stored - again, axis=1).max(initial=0.0)) if stored.shape == again.shape else inf
+    return Check(name, shift, SHAPE, f"a vertex moves by {shift:.2g} m")
+
+
+def _largest(name: str, stored: ndarray, again: ndarray, tolerance: float) -> Check:
+    if np.shape(stored) != np.shape(again):
+        return Check(name, inf, tolerance, f"stored {np.shape(stored)}, now {np.shape(again)}")
+    worst = float(np.abs(np.asarray(stored, dtype=np.float64) - again).max(initial=0.0))
+    return Check(name, worst, tolerance, f"largest difference {worst:.2g}")
+
+
+def _relative(name: str, stored: ndarray, again: ndarray) -> Check:
+    check = _largest(name, stored, again, MATERIAL)
+    size = float(np.abs(again).max(initial=0.0)) or 1.0
+    return replace(check, difference=check.difference / size, detail=f"{check.difference / size:.2g} of its largest")

@@ -1,0 +1,199 @@
+"""Rows of a run for a committed table: one file a track, a line a solver, each with all that it takes to repeat it.
+
+A line is named by the hash of its cells, and so by code, data, settings and budget. Submitted again it replaces itself,
+with its state, which becomes *verified* once all of its cells are (`verify`). Ranks are left out: they belong to the
+rows of one run, and a table gathers many. A table that `leaderboard --out` wrote of the same grid becomes a track's
+file when that grid is submitted; of another one it stays as it is.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from math import isclose, isnan, nan
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, variants
+from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.formats import record
+from cusick_bench.leaderboard.text import typed
+from cusick_bench.leaderboard.verification.verify import verified_keys
+from cusick_bench.runner.store import write_atomically
+
+try:
+    import fcntl
+except ImportError:  # Windows: two submissions at the same time are not noticed there
+    fcntl = None
+
+_TRACK = re.compile(r"[a-z0-9][a-z0-9-]*")
+_LEFT_OUT = ("_mean", "_iqm")
+_FIRST = ("track", "solver", "variant", "kind", "state", "cells", "failed", "cloths", "draws")
+_LAST = (
+    "dataset", "dataset_hash", "protocol", "settings", "budget", "command", "code_version", "hardware", "time", "row",
+)  # fmt: skip
+_GRID = ("solver", "variant", "kind", "cells", "cloths", "dataset", "dataset_hash", "protocol")
+"""What makes a line of a leaderboard and a line of a track speak of the same cells, whatever code they were run by."""
+
+
+def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
+    """Lines for a track.
+
+    Args:
+        cells: Of a results folder.
+        track: Such as `paper-table-1`: lower-case letters, digits and hyphens.
+
+    Raises:
+        LeaderboardError: The track's name is none.
+    """
+    if not _TRACK.fullmatch(track):
+        raise LeaderboardError(f"a track's name has lower-case letters, digits and hyphens, got {track!r}")
+    verified = verified_keys(cells.folder)
+    groups = dict(variants(cells.table))
+    return [
+        _line(board, row, groups[row.solver, row.variant], cells, track, verified)
+        for board in leaderboards(cells)
+        for row in board.rows
+        if row.kind != "floor"
+    ]
+
+
+def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
+    """Adds lines to a track's file, whole or not at all; a line that is there already is replaced.
+
+    Returns:
+        How many were added, replaced, and left as they were.
+
+    Raises:
+        LeaderboardError: The file is no such table, or a leaderboard with solvers or data that the lines lack.
+    """
+    if path.suffix != ".csv":
+        raise LeaderboardError(f"cannot write {path}: a track's file must end in .csv")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with _locked(path.parent):
+        old = _lines_in(path, rows) if path.exists() else pd.DataFrame({"row": []}, dtype=str)
+        new = pd.read_csv(StringIO(pd.DataFrame(rows).to_csv(index=False)), dtype=str, keep_default_na=False)
+        known = {str(line["row"]): line for line in old.to_dict("records")}
+        counts = {"added": 0, "replaced": 0, "unchanged": 0}
+        for line in new.to_dict("records"):
+            before = known.get(str(line["row"]))
+            same = before is not None and all(str(before.get(name, "")) == value for name, value in line.items())
+            counts["unchanged" if same else "added" if before is None else "replaced"] += 1
+            known[str(line["row"])] = line
+        table = pd.DataFrame(list(known.values())).fillna("")
+        write_atomically(path, table[_ordered(list(table))].to_csv(index=False, lineterminator="\n").encode())
+    return counts
+
+
+def read_rows(path: Path) -> pd.DataFrame:
+    """Lines of a track's file, as text.
+
+    Raises:
+        LeaderboardError: It is no such table.
+    """
+    table = _read_table(path)
+    if "row" not in table:
+        raise LeaderboardError(f"{path} has no column 'row', so `submit` did not make it; choose another --out")
+    return table
+
+
+def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
+    """Numbers of a committed line that are not what its run says; intervals, which depend on the rows beside, apart."""
+    wrong = []
+    for name, value in made.items():
+        if not isinstance(value, int | float) or name.endswith(("_low", "_high")) or name == "matched_null":
+            continue
+        text = str(line.get(name, ""))
+        try:
+            claimed = float(text) if text else nan
+        except ValueError:
+            claimed = nan
+        if not (isnan(claimed) and isnan(value)) and not isclose(claimed, value, rel_tol=1e-9, abs_tol=1e-12):
+            wrong.append(f"{name} {text or 'missing'}, the run has {value:.6g}")
+    return wrong
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_csv(path, dtype=str, keep_default_na=False)
+    except (ValueError, pd.errors.ParserError) as error:
+        raise LeaderboardError(f"{path} is no table ({error}); restore it, or choose another --out") from error
+
+
+def _lines_in(path: Path, rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Lines that a file has before a submission; none of a leaderboard, where the submission says all that it says."""
+    table = _read_table(path)
+    if "row" in table or not set(_GRID) <= set(table):
+        return read_rows(path)
+    offered = {tuple(str(row[name]) for name in _GRID) for row in rows}
+    lost = [
+        f"{line['solver']} on {line['cloths']} of {line['dataset']}"
+        for line in table.to_dict("records")
+        if line["kind"] != "floor" and tuple(line[name] for name in _GRID) not in offered
+    ]
+    if lost:
+        raise LeaderboardError(
+            f"{path} was written by `leaderboard --out` and has {len(lost)} lines of another grid, which this run does "
+            f"not replace ({'; '.join(lost[:3])}); move it away, submit its run as well, or choose another --out"
+        )
+    return table.iloc[:0].assign(row="")
+
+
+def _line(
+    board: Leaderboard, row: Row, group: pd.DataFrame, cells: Cells, track: str, verified: set[str]
+) -> dict[str, Any]:
+    keys = sorted(folder.name for folder in group["folder"])
+    full = record(board, row)
+    settings = json.loads(str(group["settings"].iloc[0]))
+    made = _command_of(cells.run, keys)
+    numbers = {name: value for name, value in full.items() if not name.endswith(_LEFT_OUT) and name != "rank"}
+    line = numbers | {
+        "track": track,
+        "state": "verified" if verified.issuperset(keys) else "reported",
+        "settings": json.dumps(settings, sort_keys=True),
+        "budget": _budget(settings.get("budget") or {}),
+        "command": typed(made.get("command", [])),
+        "code_version": str(group["code_version"].iloc[0]),
+        "hardware": " ".join(str(made.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
+        "time": made.get("time", ""),
+        "row": hashlib.sha256(" ".join(keys).encode()).hexdigest()[:16],
+    }
+    return {name: line[name] for name in _ordered(list(line))}
+
+
+def _command_of(run: dict[str, Any], keys: list[str]) -> dict[str, Any]:
+    """The record of the command that asked for these cells: the last one, or an earlier one into the same folder."""
+    for made in [run, *reversed(run.get("history", []))]:
+        if set(keys) <= set(made.get("cells", [])):
+            return made
+    return run
+
+
+def _budget(budget: dict[str, Any]) -> str:
+    units = {"forward_equivalents": "drapes", "seconds": "s"}
+    return ", ".join(f"{budget[name]:g} {unit}" for name, unit in units.items() if budget.get(name)) or "none"
+
+
+def _ordered(names: list[str]) -> list[str]:
+    middle = [name for name in names if name not in (*_FIRST, *_LAST)]
+    return [name for name in (*_FIRST, *middle, *_LAST) if name in names]
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Two submissions into one folder wait for each other."""
+    if fcntl is None:
+        yield
+        return
+    lock = os.open(folder, 0)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(lock)

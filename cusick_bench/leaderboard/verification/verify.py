@@ -1,0 +1,160 @@
+"""From *reported* to *verified*: every finished cell of a run done again and scored again.
+
+A cell is verified where all holds: its record is the one that its folder is named after, the data are the same by
+hash, the stored parameters drape to the stored shape and picture, and the metrics come out again, each within a stated
+tolerance (`resimulate`). Parameters, pictures or metrics that were changed afterwards are found out so. What is found
+is kept in `verified.json` of the results folder, with hashes of the files that it holds for.
+"""
+
+import hashlib
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.leaderboard.verification.resimulate import (
+    REDRAWN,
+    Check,
+    cell_of,
+    metric_checks,
+    read_record,
+    record_key,
+    repeat,
+    rescore,
+)
+from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.store import read_json, write_json
+from cusick_bench.sim.errors import CusickError
+
+VERIFIED = "verified.json"
+_FILES = ("cell.json", "result.json", "prediction.npz")
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What became of one cell.
+
+    Attributes:
+        key: Its folder's name.
+        solver: Solver.
+        cloth: Cloth.
+        seed: Seed.
+        status: "verified", "rescored" (metrics hold, but nothing could be simulated again), "differs" or "unreadable".
+        checks: What was compared.
+        notes: What a reader must know.
+    """
+
+    key: str
+    solver: str
+    cloth: str
+    seed: int
+    status: str
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def broken(self) -> list[Check]:
+        """What does not hold, worst first."""
+        return sorted((c for c in self.checks if not c.holds), key=lambda c: -c.difference / (c.tolerance or 1e-12))
+
+    def record(self) -> dict[str, Any]:
+        """The verification, flat, for JSON."""
+        return {
+            **{name: getattr(self, name) for name in ("key", "solver", "cloth", "seed", "status")},
+            "broken": [check.name for check in self.broken],
+            "checks": [
+                {"name": c.name, "difference": c.difference, "tolerance": c.tolerance, "holds": c.holds}
+                for c in self.checks
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def verify_cell(folder: Path, dataset: DrapeDataset, *, redrawn: int = REDRAWN, seed: int = 0) -> Verification:
+    """Does one finished cell again.
+
+    Args:
+        folder: The cell's.
+        dataset: The data that it was run on.
+        redrawn: Draws of a posterior to drape again.
+        seed: Of their choice.
+    """
+    record: dict[str, Any] = {}
+    try:
+        record = read_record(folder)
+        return _verified(folder, record, dataset, redrawn, seed)
+    except (CusickError, OSError, ValueError, KeyError, TypeError) as error:
+        identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")), int(record.get("seed", -1)))
+        return Verification(folder.name, *identity, "unreadable", (), (f"{type(error).__name__}: {error}",))
+
+
+def keep(run: Path, verifications: list[Verification]) -> None:
+    """Writes what was found to the run's `verified.json`, beside what was found of other cells before."""
+    path = run / VERIFIED
+    known = read_json(path) if path.exists() else {}
+    for verification in verifications:
+        known[verification.key] = verification.record() | {
+            "files": _digests(run / "cells" / verification.key),
+            "code_version": code_version(),
+            "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        }
+    write_json(path, known)
+
+
+def verified_keys(run: Path) -> set[str]:
+    """Cells of a run that have been verified and whose files are still the same."""
+    try:
+        known = read_json(run / VERIFIED)
+    except (OSError, RunnerError):
+        return set()
+    return {
+        key
+        for key, found in known.items()
+        if found.get("status") == "verified" and found.get("files") == _digests(run / "cells" / key)
+    }
+
+
+def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redrawn: int, seed: int) -> Verification:
+    result, cell = read_json(folder / "result.json"), cell_of(record)
+    checks, notes = list(_identity_checks(folder, record, result, dataset)), []
+    identity = (folder.name, cell.label, cell.cloth, cell.seed)
+    if result.get("status") != "done":
+        return Verification(*identity, "unreadable", (), ("the cell has failed; it claims nothing",))
+    if cell.code_version != code_version():
+        notes.append(f"the cell was run by code {cell.code_version}, verified by {code_version()}")
+    if not all(check.holds for check in checks):
+        return Verification(*identity, "differs", tuple(checks), tuple(notes))
+    repetition = repeat(folder, cell, str(record["kind"]), dataset, redrawn=redrawn, seed=seed)
+    again = rescore(repetition, cell, dataset)
+    lost = sorted(set(result["metrics"]) - set(again))
+    notes += [*repetition.notes, *([f"no longer measured: {', '.join(lost)}"] if lost else [])]
+    checks += [*repetition.checks, *metric_checks(result["metrics"], again, same_draws=repetition.same_draws)]
+    held = all(check.holds for check in checks)
+    status = "differs" if not held else "verified" if repetition.simulated else "rescored"
+    return Verification(*identity, status, tuple(checks), tuple(notes))
+
+
+def _identity_checks(
+    folder: Path, record: dict[str, Any], result: dict[str, Any], dataset: DrapeDataset
+) -> Iterator[Check]:
+    """Whether the cell is what it is called, and the data are what it says."""
+    yield _equal("record", record_key(record), folder.name)
+    changed = [name for name, value in record.items() if result.get(name) != value]
+    yield _equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")
+    yield _equal("data", dataset.content_hash, str(record.get("dataset_hash")))
+
+
+def _equal(name: str, found: str, claimed: str) -> Check:
+    same = found == claimed
+    return Check(
+        name, 0.0 if same else float("inf"), 0.0, "" if same else f"{found[:60] or 'none'}, not {claimed[:60]}"
+    )
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    return {
+        name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in _FILES if (folder / name).is_file()
+    }

@@ -1,0 +1,211 @@
+"""What the cells of a run predict, solver by solver, beside the real drapes: the common source of the figures."""
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+import trimesh
+from jaxtyping import Float, Int, UInt8
+from numpy import ndarray
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.leaderboard import Cells, variants
+from cusick_bench.report.cell_view import shown_surface
+from cusick_bench.report.errors import ReportError
+from cusick_bench.runner import load_prediction
+from cusick_bench.runner.cell import load_cell
+
+_MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
+COLUMNS = 5  # of methods beside the real drapes; a page has room for no more
+_KINDS = {"solver": 0, "null": 1, "oracle": 2}
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Entrant:
+    """A solver of a run, with its settings where several are in it.
+
+    Attributes:
+        label: Name as it is shown.
+        kind: "solver", "null" or "oracle".
+        cells: Its rows of the table of cells.
+    """
+
+    label: str
+    kind: str
+    cells: pd.DataFrame
+
+    def folders(self, cloth: str) -> list[Path]:
+        """Folders of its cells on a cloth, by seed."""
+        own = self.cells.loc[self.cells["cloth"] == cloth].sort_values(by="seed")
+        return [Path(folder) for folder in own["folder"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """What a cell predicts.
+
+    Attributes:
+        fit: Silhouette of the training sample.
+        images: Silhouettes for unseen samples, in bytes.
+        fit_vertices: Drape behind `fit` [m], None where nothing was simulated.
+        vertices: Drapes behind `images` [m], None where there are none.
+        faces: Triangles of both.
+    """
+
+    fit: Float[ndarray, "256 256"]
+    images: UInt8[ndarray, "draws 256 256"]
+    fit_vertices: Float[ndarray, "vertices 3"] | None = None
+    vertices: Float[ndarray, "draws vertices 3"] | None = None
+    faces: Int[ndarray, "faces 3"] | None = None
+
+    def evenly(self, count: int) -> UInt8[ndarray, "chosen 256 256"]:
+        """At most `count` of the silhouettes, evenly spaced: draws may be in order, as rotations are."""
+        return self.images[np.unique(np.linspace(0, len(self.images) - 1, count).astype(int))]
+
+    def fit_surface(self) -> trimesh.Trimesh:
+        """The drape behind `fit`, or the ruled surface over it where nothing was simulated."""
+        return surface_of(self.fit, self.fit_vertices, self.faces)
+
+    def surface(self, draw: int) -> trimesh.Trimesh:
+        """The same of a draw."""
+        vertices = None if self.vertices is None else self.vertices[draw]
+        return surface_of(self.images[draw] / 255, vertices, self.faces)
+
+
+def entrants(
+    cells: Cells, solvers: Sequence[str] | None = None, *, kinds: Sequence[str] = tuple(_KINDS)
+) -> list[Entrant]:
+    """The solvers of a run: those that simulate, those that do not, those that have seen the answer.
+
+    Args:
+        cells: What the run's folder holds.
+        solvers: Names of the solvers to keep, in this order, a name without options standing for all that it has;
+            those of the kinds by default.
+        kinds: Kinds to keep where no solver is named; all where the run has none of them.
+
+    Raises:
+        ReportError: A solver that is not in the run.
+    """
+    found = [
+        Entrant(f"{solver} ({variant})" if variant else solver, str(group["kind"].iloc[0]), group)
+        for (solver, variant), group in variants(cells.table)
+    ]
+    if solvers is None:
+        wanted = [entrant for entrant in found if entrant.kind in kinds] or found
+        return sorted(wanted, key=lambda entrant: (_KINDS.get(entrant.kind, 3), entrant.label))
+    present = sorted(set(cells.table["solver"]))
+    if missing := [name for name in solvers if not any(_named(solver, name) for solver in present)]:
+        raise ReportError(f"no {', '.join(missing)} in {cells.folder}; --solver takes any of: {', '.join(present)}")
+    return [entrant for name in solvers for entrant in found if _named(entrant.cells["solver"].iloc[0], name)]
+
+
+def _named(solver: str, name: str) -> bool:
+    return name in (solver, solver.partition(",")[0])
+
+
+def in_blocks(items: Sequence[T], most: int = COLUMNS) -> list[list[T]]:
+    """Items in as few blocks of at most `most` as can be, of nearly equal length: what stands side by side."""
+    count = max(1, -(-len(items) // most))
+    return [list(items[len(items) * i // count : len(items) * (i + 1) // count]) for i in range(count)]
+
+
+def heading(label: str) -> str:
+    """A solver's label with a line for each of its options."""
+    return label.replace(",", "\n").replace(" (", "\n(")
+
+
+def check_data(cells: Cells, dataset: DrapeDataset) -> None:
+    """Makes sure that a run was made with these data.
+
+    Raises:
+        ReportError: It was not.
+    """
+    hashes = sorted(set(cells.table["dataset_hash"]))
+    if hashes != [dataset.content_hash]:
+        raise ReportError(
+            f"the data {dataset.name} ({dataset.content_hash[:12]}) must be those of the run, which used "
+            f"{', '.join(sorted(set(cells.table['dataset'])))} ({', '.join(text[:12] for text in hashes)}); "
+            "give the run's --data and --fabrics-csv"
+        )
+
+
+def held_out_rows(cells: Cells, cloth: str) -> list[int]:
+    """Index rows of the held-out samples of a cloth.
+
+    Raises:
+        ReportError: There are none.
+    """
+    own = cells.table.loc[cells.table["cloth"] == cloth, "test"]
+    held_out = sorted({row for rows in own for row in rows})
+    if not held_out:
+        raise ReportError(f"{cloth} must have held-out samples, and the run in {cells.folder} has none; run a split")
+    return held_out
+
+
+def train_row(folder: Path) -> int:
+    """Index row of the sample that a cell was fitted to.
+
+    Raises:
+        ReportError: The cell's description is missing or damaged.
+    """
+    try:
+        return int(load_cell(folder)["train"][0])
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise ReportError(
+            f"cannot read {folder / 'cell.json'} ({error}); delete its folder and run it again"
+        ) from error
+
+
+def load_draws(folder: Path) -> Draws:
+    """Reads `prediction.npz` of a finished cell, without trusting it.
+
+    Raises:
+        ReportError: It is missing, damaged or oversized.
+    """
+    path = folder / "prediction.npz"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if max(entry.file_size for entry in archive.infolist()) > _MAXIMUM_BYTES:
+                raise ReportError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
+        return _draws(load_prediction(folder))
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        if isinstance(error, ReportError):
+            raise
+        raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
+
+
+def surface_of(
+    image: Float[ndarray, "256 256"],
+    vertices: Float[ndarray, "vertices 3"] | None,
+    faces: Int[ndarray, "faces 3"] | None,
+) -> trimesh.Trimesh:
+    """A mesh, or where there is none the ruled surface over a silhouette."""
+    if vertices is None or faces is None:
+        return shown_surface(profile_from_image(image))
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _draws(arrays: dict[str, ndarray]) -> Draws:
+    fit, images = np.asarray(arrays["train_image"], dtype=np.float64), arrays["draws"]
+    if fit.ndim != 2 or images.dtype != np.uint8 or images.shape != (len(images), *fit.shape) or len(images) == 0:
+        raise ValueError(f"its images have shapes {fit.shape} and {images.shape}, type {images.dtype}")
+    vertices, drawn, faces = (arrays.get(name) for name in ("vertices", "draw_vertices", "faces"))
+    for drapes in (vertices, drawn):
+        if drapes is not None and (faces is None or not _is_sound(drapes, faces)):
+            raise ValueError("its mesh is damaged")
+    if drawn is not None and len(drawn) != len(images):
+        raise ValueError(f"{len(drawn)} drapes stand behind {len(images)} draws")
+    return Draws(fit, images, vertices, drawn, faces)
+
+
+def _is_sound(vertices: ndarray, faces: ndarray) -> bool:
+    """Whether drapes are finite and their triangles exist."""
+    shapes = vertices.shape[-1] == 3 and faces.ndim == 2 and faces.shape[1] == 3
+    return bool(shapes and np.isfinite(vertices).all() and faces.min() >= 0 and faces.max() < vertices.shape[-2])

@@ -1,0 +1,261 @@
+"""Radius over angle, real drapes beside draws, and the question that it asks: which cloth does a draw belong to?
+
+The answer is a number. A classifier learns the cloths from the phase-free statistics of their held-out samples; the
+sample that the draws were fitted to is left out, or a copy of it would be at home by construction. The share of draws
+that it takes for their own cloth stands beside the share of real samples that it recognises without having seen them,
+and so does the share that it takes for no cloth at all. Draws that are all alike, in the middle of their cloth, can be
+recognised more often than real samples: these shares say whether draws look right, not whether they vary as they must.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy import ndarray
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.leaderboard import Cells
+from cusick_bench.metrics import (
+    PHASE_FREE,
+    STATISTICS,
+    Classifier,
+    Confusion,
+    Shape,
+    drape_statistics,
+    learn,
+    ranks,
+    standardised,
+)
+from cusick_bench.report.figures.predictions import (
+    Entrant,
+    check_data,
+    entrants,
+    heading,
+    held_out_rows,
+    in_blocks,
+    load_draws,
+)
+
+DRAWS = 200  # of a cell that are classified, evenly spaced
+_LINES = 12  # drawn in a panel
+_REAL, _DRAWN, _PLATE_MM, _CLOTH_MM = "#c85a00", "#1c63b7", 90, 150
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Drapes of every cloth from one source: the real ones, or a solver's draws.
+
+    Attributes:
+        label: The source.
+        radii: Cloth -> profiles [m].
+        statistics: Cloth -> statistics, in the order of `STATISTICS`.
+        confusion: What the drapes are taken for.
+    """
+
+    label: str
+    radii: dict[str, Float[ndarray, "drapes angles"]]
+    statistics: dict[str, Float[ndarray, "drapes statistics"]]
+    confusion: Confusion
+
+    def document(self) -> dict[str, Any]:
+        """Plain numbers."""
+        counts, cloths = self.confusion.counts, self.confusion.cloths
+        own = dict(zip(cloths, self.confusion.accuracies.tolist(), strict=True))
+        return {
+            "accuracy": self.confusion.accuracy,
+            "accuracy_of": own,
+            "none_of_them": self.confusion.strangers,
+            "drapes": int(counts.sum()),
+            "taken_for": {
+                cloth: dict(zip((*cloths, "none"), row, strict=True))
+                for cloth, row in zip(cloths, counts.tolist(), strict=True)
+            },
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class RadiusAngle:
+    """The figure's content.
+
+    Attributes:
+        real: Held-out samples.
+        drawn: Draws of each solver.
+    """
+
+    real: Group
+    drawn: tuple[Group, ...]
+
+    @property
+    def cloths(self) -> tuple[str, ...]:
+        """Cloths, in order."""
+        return self.real.confusion.cloths
+
+    def document(self) -> dict[str, Any]:
+        """Plain numbers: who is taken for what, and the ranks of held-out drape coefficients among the draws."""
+        column = STATISTICS.index("dc")
+        return {
+            "question": "which cloth does a drape belong to, judged by its phase-free statistics",
+            "cloths": list(self.cloths),
+            "chance": 1 / len(self.cloths),
+            "real": self.real.document(),
+            "draws": {group.label: group.document() for group in self.drawn},
+            "dc_ranks": {
+                group.label: {
+                    cloth: ranks(drawn[:, column], self.real.statistics[cloth][:, column]).tolist()
+                    for cloth, drawn in group.statistics.items()
+                }
+                for group in self.drawn
+            },
+        }
+
+
+def radius_angle(
+    cells: Cells,
+    dataset: DrapeDataset,
+    solvers: Sequence[str] | None = None,
+    *,
+    draws: int = DRAWS,
+    progress: Callable[[str], None] = lambda message: None,
+) -> RadiusAngle:
+    """Compares a run's draws with the held-out samples of all its cloths.
+
+    Args:
+        cells: What the run's folder holds.
+        dataset: The run's data.
+        solvers: Which of its solvers; by default all but oracles.
+        draws: Most draws of a cell to look at.
+        progress: Told what is measured.
+
+    Raises:
+        ReportError: Other data, an unknown solver, or a damaged prediction.
+        MetricError: Fewer than two cloths, or too few samples.
+    """
+    check_data(cells, dataset)
+    chosen = entrants(cells, solvers, kinds=("solver", "null"))
+    cloths = sorted(set(cells.table["cloth"]))
+    shapes: dict[str, list[Shape]] = {}
+    samples: list[int] = []
+    for cloth in cloths:
+        progress(f"real samples of {cloth}")
+        rows = held_out_rows(cells, cloth)
+        shapes[cloth] = [Shape(dataset.image(row)) for row in rows]
+        samples += [int(dataset.table["sample"].iloc[row]) for row in rows]
+    statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
+    features, owners = _features(statistics)
+    judge, confusion = learn(features, owners, samples)
+    real = Group("real samples", _radii(shapes), statistics, confusion)
+    return RadiusAngle(real, tuple(_drawn(entrant, cloths, judge, draws, progress) for entrant in chosen))
+
+
+def _drawn(
+    entrant: Entrant, cloths: Sequence[str], judge: Classifier, count: int, progress: Callable[[str], None]
+) -> Group:
+    """A solver's draws, of all seeds."""
+    shapes: dict[str, list[Shape]] = {}
+    for cloth in cloths:
+        progress(f"{entrant.label} on {cloth}")
+        images = [image for folder in entrant.folders(cloth) for image in load_draws(folder).evenly(count)]
+        if images:
+            shapes[cloth] = [Shape(image / 255) for image in images]
+    statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
+    return Group(entrant.label, _radii(shapes), statistics, judge.confusion(*_features(statistics)))
+
+
+def _features(statistics: dict[str, ndarray]) -> tuple[Float[ndarray, "drapes statistics"], list[str]]:
+    """Phase-free statistics of all drapes, and their cloths."""
+    owners = [cloth for cloth, own in statistics.items() for _ in own]
+    return standardised(np.concatenate(list(statistics.values())), PHASE_FREE), owners
+
+
+def _radii(shapes: dict[str, list[Shape]]) -> dict[str, ndarray]:
+    return {cloth: np.stack([shape.profile.radii for shape in own]) for cloth, own in shapes.items()}
+
+
+def save_radius_angle(study: RadiusAngle, path: Path) -> None:
+    """Draws radius over angle as PNG: a row a cloth, solvers side by side, in blocks that begin with real samples."""
+    blocks, cloths = in_blocks(study.drawn), study.cloths
+    rows, columns = len(cloths) * len(blocks), 1 + max(map(len, blocks))
+    figure = Figure(figsize=(0.8 + 2.9 * columns, 1.2 + 1.5 * rows), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    for number, block in enumerate(blocks):
+        _block(axes[number * len(cloths) :][: len(cloths)], cloths, [study.real, *block])
+    figure.suptitle(
+        f"radius over angle of up to {_LINES} drapes each (dotted: radius of the plate and of the flat cloth)",
+        fontsize=10,
+    )
+    figure.savefig(path)
+
+
+def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group]) -> None:
+    """Draws groups side by side, the real one first."""
+    for column, group in enumerate(groups):
+        axes[0, column].set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
+        for row, cloth in enumerate(cloths):
+            axis = axes[row, column]
+            axis.set_axis_on()
+            axis.tick_params(labelleft=column == 0, labelbottom=row == len(cloths) - 1)
+            _panel(axis, group.radii.get(cloth), group.confusion.accuracies[row], _DRAWN if column else _REAL)
+        axes[-1, column].set_xlabel("angle from warp [deg]", fontsize=8)
+    for row, cloth in enumerate(cloths):
+        axes[row, 0].set_ylabel(f"{cloth}\nradius [mm]", fontsize=8)
+
+
+def save_confusion(study: RadiusAngle, path: Path) -> None:
+    """Draws as PNG what real samples and draws are taken for, in per cent of each cloth's drapes."""
+    groups = [study.real, *study.drawn]
+    columns = min(len(groups), 4)
+    rows = -(-len(groups) // columns)
+    figure = Figure(figsize=(1.2 + 2.9 * columns, 1.0 + 2.5 * rows), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    ticks = range(len(study.cloths))
+    for axis, group in zip(axes, groups, strict=False):
+        _matrix(axis, group.confusion)
+        axis.set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
+        axis.set_xticks(range(len(study.cloths) + 1), (*study.cloths, "none"), rotation=45, ha="right", fontsize=8)
+        axis.set_xlabel("taken for", fontsize=8)
+        axis.set_ylabel("drapes of", fontsize=8)
+        axis.set_yticks(ticks, study.cloths, fontsize=8)
+    for axis in axes[len(groups) :]:
+        axis.set_axis_off()
+    figure.savefig(path)
+
+
+def _panel(axis: Axes, radii: ndarray | None, accuracy: float, colour: str) -> None:
+    for height in (_PLATE_MM, _CLOTH_MM):
+        axis.axhline(height, color="0.5", linewidth=0.8, linestyle=":")
+    axis.set(xlim=(0, 360), xticks=range(0, 361, 90), ylim=(_PLATE_MM - 8, _CLOTH_MM + 14))
+    axis.tick_params(labelsize=7)
+    if radii is None:
+        axis.text(180, 120, "no cell", ha="center", fontsize=8, color="0.5")
+        return
+    angle = np.linspace(0, 360, radii.shape[1] + 1)
+    for index in np.unique(np.linspace(0, len(radii) - 1, _LINES).astype(int)):
+        axis.plot(angle, 1e3 * np.append(radii[index], radii[index, 0]), color=colour, linewidth=0.7, alpha=0.55)
+    text = f"{len(radii)} drape{'s' * (len(radii) > 1)}, {_at_home(accuracy)}"
+    behind = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1}
+    axis.text(356, _CLOTH_MM + 12, text, ha="right", va="top", fontsize=6.5, color="0.3", bbox=behind)
+
+
+def _matrix(axis: Axes, confusion: Confusion) -> None:
+    total = confusion.counts.sum(1, keepdims=True)
+    shares = confusion.counts / np.maximum(total, 1)
+    axis.imshow(shares, cmap="Blues", vmin=0, vmax=1)
+    for (row, column), share in np.ndenumerate(shares):
+        if total[row, 0]:
+            colour = "white" if share > 0.6 else "0.25"
+            axis.text(column, row, f"{100 * share:.0f}", ha="center", va="center", fontsize=8, color=colour)
+
+
+def _at_home(accuracy: float) -> str:
+    return f"{100 * accuracy:.0f} % taken for their cloth" if isfinite(accuracy) else ""

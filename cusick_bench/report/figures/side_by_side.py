@@ -1,0 +1,258 @@
+"""Real and simulated drapes side by side: silhouettes from above, and below them the drapes from the side.
+
+On every predicted silhouette lies the real outline, so that a fold out of place is seen at once. A drape from the
+side is the simulated mesh; where a method simulates nothing, or the real sample has no mesh, it is the ruled surface
+over the silhouette, and is marked so.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy import ndarray
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.profile import CENTRE_PIXEL, PIXELS_PER_METRE, Profile, profile_from_image
+from cusick_bench.leaderboard import Cells
+from cusick_bench.metrics import mse, mse_pairs
+from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
+from cusick_bench.report.figures.predictions import (
+    Draws,
+    Entrant,
+    check_data,
+    entrants,
+    heading,
+    held_out_rows,
+    in_blocks,
+    load_draws,
+    surface_of,
+    train_row,
+)
+
+SAMPLES = 3  # held-out samples of a cloth that are shown
+_MARGIN = 16  # [px] of a silhouette that no cloth of 15 cm reaches
+_SKY = 50  # [px] above a drape from the side
+_OUTLINE = "#eb7319"
+
+Progress = Callable[[str], None]
+
+
+def _unwatched(message: str) -> None:
+    """The progress of figures that nobody waits for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """One drape in the sheet.
+
+    Attributes:
+        image: Its silhouette.
+        surface: Its surface.
+        ruled: Whether the surface is built from the silhouette alone.
+        mse: Of the silhouette against the real one; None for the real one itself.
+        remark: Further words below it.
+    """
+
+    image: Float[ndarray, "256 256"]
+    surface: trimesh.Trimesh
+    ruled: bool
+    mse: float | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """A real drape and its predictions.
+
+    Attributes:
+        cloth: Its cloth.
+        sample: Number of its sample.
+        real: The real drape.
+        predicted: Solver -> its prediction; solvers without one are left out.
+    """
+
+    cloth: str
+    sample: int
+    real: Tile
+    predicted: dict[str, Tile]
+
+    def document(self) -> dict[str, Any]:
+        """Plain numbers."""
+        errors = {label: tile.mse for label, tile in self.predicted.items()}
+        return {"cloth": self.cloth, "sample": self.sample, "mse": errors}
+
+
+def fitted(
+    cells: Cells, dataset: DrapeDataset, solvers: Sequence[str] | None = None, *, progress: Progress = _unwatched
+) -> list[Strip]:
+    """Training samples beside their fits, one strip a cloth; of several seeds the first.
+
+    Args:
+        cells: What the run's folder holds.
+        dataset: The run's data.
+        solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
+        progress: Told what is read.
+
+    Raises:
+        ReportError: Other data, an unknown solver, or a damaged prediction.
+    """
+    check_data(cells, dataset)
+    chosen, strips = entrants(cells, solvers, kinds=("solver",)), []
+    for cloth in sorted(set(cells.table["cloth"])):
+        progress(f"fits of {cloth}")
+        folders = _first_folders(chosen, cloth)
+        if not folders:
+            continue
+        row = train_row(next(iter(folders.values())))
+        real = _real(dataset, row)
+        fits = {label: load_draws(folder) for label, folder in folders.items()}
+        tiles = {label: _fit_tile(draws, real.image) for label, draws in fits.items()}
+        strips.append(Strip(cloth, _sample(dataset, row), real, tiles))
+    return strips
+
+
+def held_out(
+    cells: Cells,
+    dataset: DrapeDataset,
+    solvers: Sequence[str] | None = None,
+    *,
+    samples: int = SAMPLES,
+    progress: Progress = _unwatched,
+) -> list[Strip]:
+    """Held-out samples beside the draw that fits each best.
+
+    Whoever picks the best draw has seen the sample, and the more draws there are the better it is: such strips show
+    what a method can draw, not what it foretells.
+
+    Args:
+        cells: What the run's folder holds.
+        dataset: The run's data.
+        solvers: Which of its solvers; by default all but oracles.
+        samples: Most samples of a cloth.
+        progress: Told what is read.
+
+    Raises:
+        ReportError: Other data, an unknown solver, or a damaged prediction.
+    """
+    check_data(cells, dataset)
+    chosen, strips = entrants(cells, solvers, kinds=("solver", "null")), []
+    for cloth in sorted(set(cells.table["cloth"])):
+        progress(f"draws of {cloth}")
+        rows = held_out_rows(cells, cloth)[:samples]
+        reals = [_real(dataset, row) for row in rows]
+        predicted: list[dict[str, Tile]] = [{} for _ in rows]
+        for entrant in (entrant for entrant in chosen if entrant.folders(cloth)):
+            draws = load_draws(entrant.folders(cloth)[0])  # one at a time: a thousand drapes have 65 MB
+            errors = mse_pairs(draws.images, np.stack([real.image for real in reals]))
+            own = _made_for(entrant, cloth, rows, len(draws.images))
+            for place, best in enumerate(own or errors.argmin(0).tolist()):
+                words = "" if own else f"best of {len(draws.images)}" if len(draws.images) > 1 else "its only draw"
+                predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
+        strips += [
+            Strip(cloth, _sample(dataset, row), real, tiles)
+            for row, real, tiles in zip(rows, reals, predicted, strict=True)
+        ]
+    return strips
+
+
+def _first_folders(chosen: Sequence[Entrant], cloth: str) -> dict[str, Path]:
+    """Folder of each solver's first seed."""
+    return {entrant.label: folders[0] for entrant in chosen if (folders := entrant.folders(cloth))}
+
+
+def _sample(dataset: DrapeDataset, row: int) -> int:
+    return int(dataset.table["sample"].iloc[row])
+
+
+def _real(dataset: DrapeDataset, row: int) -> Tile:
+    sample = dataset.sample(row)
+    image, mesh = sample.image.numpy(), sample.mesh
+    surface = mesh if mesh is not None else surface_of(image, None, None)
+    return Tile(image, surface, mesh is None)
+
+
+def _fit_tile(draws: Draws, real: ndarray) -> Tile:
+    return Tile(draws.fit, draws.fit_surface(), draws.fit_vertices is None, mse(draws.fit, real))
+
+
+def _made_for(entrant: Entrant, cloth: str, rows: Sequence[int], count: int) -> list[int]:
+    """Which draws an oracle made for these held-out samples; none where draws are for all samples alike."""
+    cells = entrant.cells.loc[entrant.cells["cloth"] == cloth].sort_values(by="seed")
+    made = list(cells["test"].iloc[0])
+    paired = entrant.kind == "oracle" and count == len(made) and set(rows) <= set(made)
+    return [made.index(row) for row in rows] if paired else []
+
+
+def _draw_tile(draws: Draws, best: int, error: float, remark: str) -> Tile:
+    return Tile(draws.images[best] / 255, draws.surface(best), draws.vertices is None, error, remark)
+
+
+def save_strips(strips: Sequence[Strip], path: Path, title: str) -> None:
+    """Writes strips one below the other as PNG; where there are many methods, in blocks that repeat the real drapes.
+
+    Args:
+        strips: At least one.
+        path: File to write.
+        title: Line above them.
+    """
+    blocks = in_blocks(list(dict.fromkeys(label for strip in strips for label in strip.predicted)))
+    columns, rows = 1 + max(map(len, blocks)), len(blocks) * len(strips)
+    figure = Figure(figsize=(0.5 + 2.1 * columns, 0.6 + 3.55 * rows), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[1.45, 1.0] * rows)
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    for number, labels in enumerate(blocks):
+        for index, strip in enumerate(strips, start=number * len(strips)):
+            _strip(axes[2 * index : 2 * index + 2], strip, labels)
+        for axis, label in zip(axes[2 * number * len(strips)], ["real", *labels], strict=False):
+            axis.set_title(heading(label), fontsize=9)
+    figure.suptitle(title, fontsize=10)
+    figure.savefig(path)
+
+
+def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
+    """Draws a real drape and some of its predictions, from above into the first row of axes, from the side below."""
+    outline = profile_from_image(strip.real.image)
+    for column, label in enumerate(["real", *labels]):
+        tile = strip.predicted.get(label) if column else strip.real
+        if tile is not None:
+            _from_above(axes[0, column], tile, outline if column else None)
+            _from_side(axes[1, column], tile, strip.cloth)
+    words, corner = f"{strip.cloth}\nsample {strip.sample}", axes[0, 0]
+    corner.text(-0.05, 0.5, words, transform=corner.transAxes, fontsize=8, ha="right", va="center", rotation=90)
+
+
+def _from_above(axis: Axes, tile: Tile, outline: Profile | None) -> None:
+    axis.imshow(silhouette_picture(tile.image))
+    axis.set(xlim=(_MARGIN, 255 - _MARGIN), ylim=(255 - _MARGIN, _MARGIN))
+    if outline is None:
+        return
+    radius = PIXELS_PER_METRE * np.append(outline.radii, outline.radii[0])
+    angle = np.append(outline.angles, 2 * np.pi)
+    column, row = CENTRE_PIXEL[0] + radius * np.cos(angle), CENTRE_PIXEL[1] - radius * np.sin(angle)
+    axis.plot(column, row, color=_OUTLINE, linewidth=0.8)
+    words = f"MSE {tile.mse:.4f}" + f", {tile.remark}" * bool(tile.remark)
+    axis.text(0.5, 0.0, words, transform=axis.transAxes, ha="center", va="top", fontsize=7, color="0.3")
+
+
+def _from_side(axis: Axes, tile: Tile, cloth: str) -> None:
+    axis.imshow(drape_picture(np.asarray(tile.surface.vertices), np.asarray(tile.surface.faces), cloth)[_SKY:])
+    if tile.ruled:
+        axis.text(
+            0.5,
+            0,
+            "surface over the silhouette",
+            transform=axis.transAxes,
+            ha="center",
+            va="top",
+            fontsize=6,
+            color="0.4",
+        )

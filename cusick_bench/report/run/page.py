@@ -1,0 +1,155 @@
+"""One self-contained HTML page of a results folder: leaderboard, and for every solver and cloth what was fitted."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+from jaxtyping import Float
+from markupsafe import Markup
+from numpy import ndarray
+
+from cusick_bench.leaderboard import Cells, Leaderboard, html_table, variants
+from cusick_bench.report.cell_view import load_cell_view
+from cusick_bench.report.drawing.pictures import drape_picture
+from cusick_bench.report.errors import ReportError
+from cusick_bench.report.run.content import Card, Picture, fill_card, numbers, real_drape
+from cusick_bench.report.run.figure import save_figure
+from cusick_bench.report.run.template import PAGE
+
+TITLE = "Cusick drape report"
+
+Unseen = Mapping[str, Float[ndarray, "samples angles"]]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class _Section:
+    """All solvers on one cloth."""
+
+    name: str
+    anchor: str
+    text: str
+    real: Picture | None
+    cards: list[Card]
+
+
+def write_report(
+    cells: Cells,
+    boards: list[Leaderboard],
+    out: Path,
+    *,
+    unseen: Unseen | None = None,
+    pictures: Path | None = None,
+    progress: Progress = lambda message: None,
+) -> list[Path]:
+    """Writes the page, and on demand its pictures as files.
+
+    Args:
+        cells: What the results folder holds.
+        boards: Its leaderboards.
+        out: HTML file to write.
+        unseen: Radii of the unseen samples of each cloth [m]; without it the graphs have no band.
+        pictures: Folder for one side-by-side PNG a cell.
+        progress: Told each cell that is drawn.
+
+    Returns:
+        The files written.
+    """
+    files: list[Path] = []
+    sections = []
+    for cloth in sorted(set(cells.table["cloth"])):
+        section, written = _section(cells, boards, cloth, (unseen or {}).get(cloth), pictures, progress)
+        sections.append(section)
+        files += written
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    page = environment.from_string(PAGE).render(
+        title=TITLE,
+        summary=_summary(cells, len(sections)),
+        facts=_facts(cells, boards),
+        boards=[{"table": Markup(html_table(board)), "notes": board.notes} for board in boards],
+        cloths=sections,
+    )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(page, encoding="utf-8")
+    return [out, *files]
+
+
+def _section(
+    cells: Cells,
+    boards: list[Leaderboard],
+    cloth: str,
+    unseen: ndarray | None,
+    folder: Path | None,
+    progress: Progress,
+) -> tuple[_Section, list[Path]]:
+    text, real, cards, files = "", None, [], []
+    for label, group in _in_order(cells.table, boards):
+        of_cloth = group.loc[group["cloth"] == cloth].sort_values(by="seed")
+        if of_cloth.empty:
+            continue
+        cell = of_cloth.iloc[0]
+        progress(f"{label} on {cloth}")
+        card = Card(label, str(cell["kind"]), _seeds(of_cloth), numbers(cell))
+        try:
+            view = load_cell_view(Path(cell["folder"]))
+        except ReportError as error:
+            cards.append(Card(label, card.kind, card.seeds, card.numbers, problem=str(error)))
+            continue
+        if real is None:
+            text, real = real_drape(cloth, view.target, view.target_profile)
+        drape = drape_picture(view.vertices, view.faces, cloth)
+        cards.append(fill_card(card, cloth, view, drape, unseen))
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            files.append(folder / f"{_plain(cloth)}_{_plain(label)}.png")
+            save_figure(files[-1], f"{cloth}: {label}", view, drape, unseen)
+    return _Section(cloth, _plain(cloth), text, real, cards), files
+
+
+def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Solvers by kind, simulated ones first, and within a kind as they are ranked."""
+    place = {row.label: i for i, row in enumerate(row for board in boards for row in board.rows)}
+    kinds = {"solver": 0, "null": 1, "oracle": 2}
+    groups = [(f"{solver} ({variant})" if variant else solver, group) for (solver, variant), group in variants(table)]
+
+    def key(item: tuple[str, pd.DataFrame]) -> tuple[int, int, str]:
+        label, group = item
+        return kinds.get(str(group["kind"].iloc[0]), 3), place.get(label, len(place)), label
+
+    yield from sorted(groups, key=key)
+
+
+def _seeds(group: pd.DataFrame) -> str:
+    count = len(group)
+    return "" if count == 1 else f"seed {group['seed'].iloc[0]} shown, of {count}"
+
+
+def _plain(name: str) -> str:
+    """A name that is safe in file names and anchors."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "unnamed"
+
+
+def _summary(cells: Cells, cloths: int) -> str:
+    solvers, count = len(set(cells.table["solver"])), len(cells.table)
+    return (
+        f"{solvers} methods on {cloths} cloths, {count} finished cells. A solver sees one silhouette of a cloth, "
+        "fits the cloth's stiffness to it, and is scored on silhouettes of other samples of the same cloth."
+    )
+
+
+def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
+    run: dict[str, Any] = cells.run
+    command = run.get("command", "")
+    hardware = ", ".join(str(run[key]) for key in ("processor", "platform") if run.get(key))
+    found = [
+        ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
+        ("Command", command if isinstance(command, str) else " ".join(map(str, command))),
+        ("Code", str(run.get("code_version", ""))),
+        ("Hardware", hardware + (f", {run['cores']} cores" if run.get("cores") else "")),
+        ("Date", str(run.get("time", ""))),
+    ]
+    return [(name, value) for name, value in found if value]

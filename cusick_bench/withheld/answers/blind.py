@@ -1,0 +1,205 @@
+"""Answers withheld cases blind, and freezes the answers with the version of the code that gave them.
+
+Each case is a folder in the public layout. It is read by the same loader as any data, and nothing else: no label, no
+other case. Answers are kept one file a case, so that a crash loses one; a case that cannot be diagnosed is answered
+`unknown` with the reason, never with a guess.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from cusick_bench.datasets import load
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
+from cusick_bench.diagnosis.diagnose import Options, diagnose
+from cusick_bench.diagnosis.document import answer
+from cusick_bench.diagnosis.inference.evidence import UNKNOWN
+from cusick_bench.diagnosis.measure.captures import Captures, read_captures
+from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.setup import Simulators
+from cusick_bench.withheld.errors import WithheldError
+
+_DIGITS = 6
+
+
+def case_folders(cases: Path) -> list[Path]:
+    """The cases of a suite, by name.
+
+    Raises:
+        WithheldError: None there.
+    """
+    found = sorted(p for p in cases.iterdir() if p.is_dir() and not p.name.startswith(".")) if cases.is_dir() else []
+    if not found:
+        raise WithheldError(f"no case folders in {cases}; give the folder that holds the cases' folders")
+    return found
+
+
+def case_captures(folder: Path) -> Captures:
+    """Silhouettes of a case's fabric."""
+    dataset = load(str(folder))
+    return read_captures(dataset, dataset.cloths[0])
+
+
+def answer_suite(
+    cases: Path,
+    out: Path,
+    atlas: Path,
+    options: Options,
+    *,
+    workers: int = 1,
+    step: Callable[[str], None] = lambda case: None,
+) -> dict[str, Any]:
+    """Answers every case, or goes on with a suite that was begun.
+
+    Args:
+        cases: Folder of the cases.
+        out: File for the answers; single answers lie beside it until all are there, and after.
+        atlas: Fitted atlas.
+        options: How to diagnose.
+        workers: Processes.
+        step: Told of every answered case.
+
+    Returns:
+        The document that was written.
+
+    Raises:
+        WithheldError: No cases.
+    """
+    asked = dict.fromkeys(case_folders(cases), options)
+    return answer_each(asked, out, atlas, workers=workers, step=step)
+
+
+def answer_each(
+    asked: Mapping[Path, Options],
+    out: Path,
+    atlas: Path,
+    *,
+    facts: Mapping[str, Any] = MappingProxyType({}),
+    workers: int = 1,
+    step: Callable[[str], None] = lambda case: None,
+) -> dict[str, Any]:
+    """Answers cases, each in its own way, or goes on with what was begun.
+
+    Args:
+        asked: How to diagnose, by the case's folder.
+        out: File for the answers; single answers lie beside it until all are there, and after.
+        atlas: Fitted atlas.
+        facts: What else the document says of all answers.
+        workers: Processes.
+        step: Told of every answered case.
+
+    Returns:
+        The document that was written.
+    """
+    parts = {folder: _part(folder, out, atlas, options) for folder, options in asked.items()}
+    todo: list[_Task] = []
+    for folder, part in parts.items():
+        if part.exists():
+            step(folder.name)
+        else:
+            todo.append(_Task(folder, asked[folder], part))
+    _each(todo, atlas, workers, step)
+    found = {folder.name: json.loads(part.read_text()) for folder, part in parts.items()}
+    content = {"code_version": _version(), "atlas_sha256": _digest(atlas), **facts, "answers": found}
+    write_atomically(out, json.dumps(content, indent=1).encode())
+    return content
+
+
+def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
+    """Where the answer to one case is kept."""
+    return out.with_name(out.name + ".parts") / _fingerprint(atlas, options) / f"{folder.name}.json"
+
+
+def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> dict[str, Any]:
+    """The answer to one case; `unknown`, with the reason, where the case cannot be used.
+
+    Args:
+        folder: In the public layout.
+        atlas: Fitted atlas.
+        options: How to diagnose.
+        simulators: Kept from case to case.
+    """
+    try:
+        emulator, calibration = load_atlas(atlas)
+        found = answer(diagnose(case_captures(folder), emulator, calibration, options, simulators=simulators))
+    except CusickError as error:
+        found = _refused(str(error))
+    if options.without:
+        found["without"] = list(options.without)
+    return _rounded(found)
+
+
+def _refused(reason: str) -> dict[str, Any]:
+    cause = {"effect": UNKNOWN, "class": "", "probability": 1.0, "parameters": {}}
+    return {
+        "verdict": UNKNOWN, "gap": {"base": None, "floor": None, "p": None}, "causes": [cause], "set90": [UNKNOWN],
+        "where": {"localisable": False, "why_not": reason}, "closure": {}, "next": [], "refused": reason,
+    }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A case to answer, how, and the file for the answer."""
+
+    folder: Path
+    options: Options
+    part: Path
+
+
+def _each(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str], None]) -> None:
+    if workers <= 1:
+        simulators = Simulators(most=20)
+        for task in todo:
+            _answer_and_write(task, atlas, simulators)
+            step(task.folder.name)
+        return
+    with one_thread_each(workers) as pool:
+        futures = {pool.submit(_answer_and_write, task, atlas): task for task in todo}
+        for future in as_completed(futures):
+            future.result()
+            step(futures[future].folder.name)
+
+
+_SIMULATORS = Simulators(most=20)
+
+
+def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators | None = None) -> None:
+    found = answer_case(task.folder, atlas, task.options, simulators or _SIMULATORS)
+    task.part.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(task.part, json.dumps(found).encode())
+
+
+def _version() -> str:
+    """Of the code that makes answers."""
+    return code_version("diagnosis")
+
+
+def _fingerprint(atlas: Path, options: Options) -> str:
+    """Answers of other code, another atlas or other options are not taken over."""
+    return hashlib.sha256(f"{_version()} {_digest(atlas)} {options}".encode()).hexdigest()[:16]
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _rounded(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return round(value, _DIGITS) if np.isfinite(value) else None
+    return value

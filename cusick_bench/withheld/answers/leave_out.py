@@ -1,0 +1,128 @@
+"""Leave-one-effect-out: cases with one effect, answered again by a diagnosis that is not offered just that effect.
+
+The right answer is then `unknown`. Which effect to leave out stands in the labels, so this comes after the answers are
+frozen. Only effects that are strong enough to be seen take part: what cannot be seen cannot be called unknown.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.diagnosis.inference.equivalents import ABSORBED
+from cusick_bench.withheld.answers.blind import answer_each
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.answer import Answer
+from cusick_bench.withheld.format.checked_json import mapping, number
+from cusick_bench.withheld.format.label import DETECTABLE, SINGLE, TYPICAL, Label
+
+LEAVE_OUT = "leave_out"
+"""Key of a document of such answers: from which severity on effects were left out."""
+
+_ROUNDING = 1e-6
+
+
+def left_out(labels: Mapping[str, Label], least: float) -> dict[str, str]:
+    """The effect to leave out, by case.
+
+    Severities count as in the scores: in detectable shifts where any label is given in them, else in typical ones.
+    An effect that the base model's own parameters absorb takes no part: without it, these are the right answer.
+
+    Args:
+        labels: By case.
+        least: Severity from which on an effect takes part, in multiples of that unit.
+
+    Raises:
+        WithheldError: A severity that is none, or no effect as severe as that.
+    """
+    if not isfinite(least) or least < 0:
+        raise WithheldError(f"the least severity must be a number >= 0, got {least:g}; 2 is twice the detectable shift")
+    singles = {
+        case: label
+        for case, label in labels.items()
+        if label.kind == SINGLE and label.effects[0] not in ABSORBED.effects
+    }
+    unit = DETECTABLE if any(label.unit == DETECTABLE for label in singles.values()) else TYPICAL
+    strong = {
+        case: label.effects[0]
+        for case, label in singles.items()
+        if label.unit == unit and label.multiple >= least - _ROUNDING
+    }
+    if not strong:
+        raise WithheldError(
+            f"at least one case must have a single effect of {least:g} times the {unit} or more, got none of "
+            f"{len(singles)}; lower --least"
+        )
+    return strong
+
+
+def answer_left_out(
+    cases: Path,
+    labels: Mapping[str, Label],
+    out: Path,
+    atlas: Path,
+    options: Options,
+    least: float,
+    *,
+    workers: int = 1,
+    step: Callable[[str], None] = lambda case: None,
+) -> dict[str, Any]:
+    """Answers every such case without its effect, or goes on with a file that was begun.
+
+    Args:
+        cases: Folder of the cases.
+        labels: By case.
+        out: File for the answers; single answers lie beside it.
+        atlas: Fitted atlas.
+        options: How to diagnose; what they leave out stays out.
+        least: Severity from which on an effect takes part.
+        workers: Processes.
+        step: Told of every answered case.
+
+    Returns:
+        The document that was written.
+
+    Raises:
+        WithheldError: No effect as severe as that, or a label whose case is not there.
+    """
+    effects = left_out(labels, least)
+    if absent := [case for case in effects if not (cases / case).is_dir()]:
+        raise WithheldError(f"every label must have its case, got none for {absent[0]} in {cases}; give these cases")
+    asked = {
+        cases / case: replace(options, without=tuple(dict.fromkeys((*options.without, effect))))
+        for case, effect in effects.items()
+    }
+    return answer_each(asked, out, atlas, facts={LEAVE_OUT: {"least": least}}, workers=workers, step=step)
+
+
+def asked_of(
+    document: Mapping[str, Any], answers: Mapping[str, Answer], labels: Mapping[str, Label]
+) -> dict[str, Label]:
+    """Labels of the cases that a document must answer: all of them, or those of leave-one-effect-out, then `unknown`.
+
+    Args:
+        document: Content of the file.
+        answers: In it, by case.
+        labels: By case.
+
+    Raises:
+        WithheldError: Leave-one-effect-out of no case, or an answerer who was offered what was to be left out.
+    """
+    if LEAVE_OUT not in document:
+        return dict(labels)
+    effects = left_out(labels, least_of(document))
+    for case in effects.keys() & answers.keys():
+        if effects[case] not in answers[case].without:
+            raise WithheldError(
+                f"with {LEAVE_OUT} every case must be answered without its own effect, got {case} with "
+                f"{effects[case]!r} among its causes; make the answers anew by `withheld leave-out`"
+            )
+    return {case: labels[case].without(frozenset({effect})) for case, effect in effects.items()}
+
+
+def least_of(document: Mapping[str, Any]) -> float:
+    """From which severity on effects were left out."""
+    found = mapping(document[LEAVE_OUT], LEAVE_OUT)
+    return number(found.get("least"), f"{LEAVE_OUT}.least")

@@ -1,0 +1,75 @@
+"""What can be the cause of a gap: names, classes, and what silhouettes can tell of it.
+
+Names and classes are written out, because answers and labels that were frozen years ago must mean the same today; a
+package's further effects are known by their registration.
+"""
+
+from collections.abc import Collection
+from functools import lru_cache
+
+from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
+from cusick_bench.sim.effects import registered
+
+NONE, UNKNOWN = "none", "unknown"
+STIFFNESS = "B/rho"  # the base model's own ratio of bending stiffness to weight, as a member of a set
+CLASSES = ("material", "history", "boundary", "contact", "imaging")
+
+EFFECTS: dict[str, str] = {
+    **dict.fromkeys(
+        (
+            "rest-curvature",
+            "face-asymmetry",
+            "grain-skew",
+            "density-bias",
+            "stiffness-field",
+            "local-stiff-patch",
+            "local-mass-patch",
+            "rim-stiffening",
+        ),
+        "material",
+    ),
+    **dict.fromkeys(("creep", "bending-friction", "shear-friction"), "history"),
+    **dict.fromkeys(("off-centre", "plate-tilt", "plate-radius", "plate-slip", "cut-size"), "boundary"),
+    "self-contact": "contact",
+    **dict.fromkeys(("camera-scale", "camera-offset", "camera-tilt", "perspective", "threshold"), "imaging"),
+}
+"""Class of each effect."""
+
+
+LARGEST_SET = max(len(group.effects) for group in EQUIVALENTS)  # a set of more names than any group says nothing
+
+
+@lru_cache(maxsize=1)
+def effect_classes() -> dict[str, str]:
+    """Class of each effect that an answer or a label may name."""
+    return {name: found.kind for name, found in registered().items()} | EFFECTS
+
+
+def outcomes() -> tuple[str, ...]:
+    """Everything that probability may be given to: no effect, each effect, one outside the list."""
+    return (NONE, *effect_classes(), UNKNOWN)
+
+
+def class_of(name: str) -> str:
+    """Class of an effect; `none` and `unknown` are classes of their own."""
+    return effect_classes().get(name, name)
+
+
+def all_that_can_be_told(effect: str, named: Collection[str]) -> bool:
+    """Whether an ambiguous set of causes says of this effect what silhouettes can tell.
+
+    It does if it lies within the effect's group. The partners of an absorbed effect are parameters, not effects: there
+    the set must hold it, among few others.
+    """
+    members = frozenset(named)
+    if not members or len(members) > LARGEST_SET:
+        return False
+    if effect in ABSORBED.effects:
+        return effect in members
+    return any(effect in group.effects and members <= group.effects for group in EQUIVALENTS)
+
+
+def typical_severity(effect: str) -> float:
+    """Severity that is met in practice, in the effect's own unit; NaN for an effect that is not registered."""
+    found = registered().get(effect)
+    return abs(found.severity.typical) if found else float("nan")

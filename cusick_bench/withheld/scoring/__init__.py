@@ -1,0 +1,5 @@
+"""Scoring of answers.
+
+revealed: opens labels; judgement: one answer; score, measures, calibration: figures with intervals;
+table, failures: text.
+"""

@@ -1,0 +1,109 @@
+"""What went wrong, case by case, and what was taken for what."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.withheld.format import causes
+from cusick_bench.withheld.format.answer import Answer
+from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, Label
+from cusick_bench.withheld.scoring.revealed import Revealed
+
+CLASSES = (causes.NONE, *causes.CLASSES, "pair", causes.UNKNOWN)
+"""Rows and columns of the confusion by class."""
+
+_FAULTS = {
+    "covered": "not in the 90 % set",
+    "recalled": "taken for a known effect",
+    "both": "pair not found",
+    "pointing": "wrong place",
+    "closure_close": "closure off",
+}
+_SHOWN = 3  # causes of an answer
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A case in which something is wrong.
+
+    Attributes:
+        case: Name.
+        faults: What is wrong, in words.
+        label: The truth.
+        answer: What was said.
+    """
+
+    case: str
+    faults: tuple[str, ...]
+    label: str
+    answer: str
+
+
+def failures(revealed: Revealed, cases: pd.DataFrame) -> list[Failure]:
+    """Every case in which something is wrong: nulls first, then the most severe.
+
+    Args:
+        revealed: Answers and labels.
+        cases: Their judgements, of `Scores`.
+    """
+    order = cases.assign(first=cases["kind"] != NULL).sort_values(
+        ["first", "multiple", "case"], ascending=[True, False, True]
+    )
+    found = []
+    for row in order.to_dict("records"):
+        if faults := _faults(row):
+            case = row["case"]
+            label = revealed.labels[case].without(revealed.answers[case].without)
+            found.append(Failure(case, faults, described_label(label), described_answer(revealed.answers[case])))
+    return found
+
+
+def _faults(row: dict[Hashable, Any]) -> tuple[str, ...]:
+    """What is wrong, the worst first. What follows from a miss is not told again."""
+    if row["kind"] == NULL:
+        return ("false positive",) if row["detected"] else ()
+    if row["verdict"] == causes.NONE:
+        return ("missed",)
+    if row["abstained"] == 1:
+        first = "abstained"
+    elif row["class_right"] == 0:
+        first = "wrong class"
+    else:
+        first = "" if row["equivalent"] == 1 or row["exact"] != 0 else "wrong effect"
+    others = (words for column, words in _FAULTS.items() if row[column] == 0)
+    return tuple(filter(None, (first, *others)))
+
+
+def described_label(label: Label) -> str:
+    """A label in a few words."""
+    severity = f" {label.multiple:.2g}x" if np.isfinite(label.multiple) else ""
+    hint = f" ({label.hidden})" if label.kind == OUTSIDE and label.hidden else ""
+    joined = " + ".join(label.effects) if label.kind == PAIR else label.truth
+    return f"{joined}{severity}{hint}"
+
+
+def described_answer(answer: Answer) -> str:
+    """An answer in a few words: verdict, first causes with their probabilities, 90 % set, p-value."""
+    named = ", ".join(f"{name} {probability:.2f}" for name, probability in answer.causes[:_SHOWN])
+    parts = [f"{answer.verdict}: {named}" if named else answer.verdict, "{" + ", ".join(answer.set90) + "}"]
+    if np.isfinite(answer.p):
+        parts.append(f"p {answer.p:.2g}")
+    return "; ".join(parts)
+
+
+def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
+    """How many cases of a row's class were taken for a column's; pairs have no column."""
+    counts = pd.crosstab(cases["truth_class"], cases["said_class"])
+    columns = [name for name in CLASSES if name != "pair"]
+    return counts.reindex(index=list(CLASSES), columns=columns, fill_value=0)
+
+
+def confusion_by_effect(cases: pd.DataFrame) -> pd.DataFrame:
+    """The same by effect: a row for each truth that there is, a column for each answer that there is; no pairs."""
+    known = cases.loc[cases["kind"] != PAIR]
+    counts = pd.crosstab(known["truth"], known["said"])
+    order = {name: place for place, name in enumerate(causes.outcomes())}
+    return counts.loc[sorted(counts.index, key=order.__getitem__), sorted(counts.columns, key=order.__getitem__)]

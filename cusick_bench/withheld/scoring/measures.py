@@ -1,0 +1,213 @@
+"""What answers are measured by: shares and means over judged cases, and the figures to reach."""
+
+from dataclasses import dataclass
+from math import isfinite
+
+from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, SINGLE
+
+ALL = "all"
+CLEAR = ">= 2x"  # singles of at least twice the detectable shift: what the goals are about
+
+HIDDEN = "typical"  # singles whose severity is given in typical ones beside others in detectable shifts
+CLEAR_FROM = 2 - 1e-6
+DISTINCT = ">= 2x, unlike others"  # those of which no other effect makes all that shows
+DISTINCT_FROM = 1.0  # detectable shifts
+LEVELS = ("1x", "2x")  # those that a goal is about
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What a figure should be.
+
+    Attributes:
+        low, high: Where it should lie.
+        highest_bound: What the upper bound of its interval should not pass.
+    """
+
+    low: float = 0.0
+    high: float = float("inf")
+    highest_bound: float = float("inf")
+
+    def __str__(self) -> str:
+        if self.low and isfinite(self.high):
+            return f"{self.low:g} to {self.high:g}"
+        text = f">= {self.low:g}" if self.low else f"<= {self.high:g}"
+        return text + (f", bound <= {self.highest_bound:g}" if isfinite(self.highest_bound) else "")
+
+    def reached(self, value: float, upper: float) -> bool:
+        """Whether a value with that upper bound is as good as it should be."""
+        inside = self.low - 1e-9 <= value <= self.high + 1e-9
+        return inside and not (isfinite(self.highest_bound) and upper > self.highest_bound)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A share of cases or a mean over them.
+
+    Attributes:
+        name: Of the figure.
+        column: Attribute of `Judgement`.
+        kinds: Of the cases that it is taken over.
+        meaning: What it says.
+        goals: By subset of cases.
+        is_share: Whether each case is a yes or a no.
+        by_severity: Whether it is also given for each level of severity.
+    """
+
+    name: str
+    column: str
+    kinds: tuple[str, ...]
+    meaning: str
+    goals: dict[str, Goal]
+    is_share: bool = True
+    by_severity: bool = True
+
+
+AUROC = "detection AUROC"
+AUROC_GOAL = Goal(low=0.97)
+CALIBRATION = "expected calibration error"
+CALIBRATION_GOAL = Goal(high=0.05)
+CALIBRATION_BY_CHANCE = "calibration error if calibrated"
+
+_EXCLUSIVE = (NULL, SINGLE, OUTSIDE)  # a pair is no one outcome
+
+MEASURES = (
+    Measure(
+        "false positives",
+        "detected",
+        (NULL,),
+        "nulls with another verdict than none",
+        {ALL: Goal(high=0.05, highest_bound=0.08)},
+        by_severity=False,
+    ),
+    Measure(
+        "power",
+        "detected",
+        (SINGLE,),
+        "single effects with another verdict than none",
+        {"1x": Goal(low=0.7), "2x": Goal(low=0.9)},
+    ),
+    Measure(
+        "exact effect",
+        "exact",
+        (SINGLE,),
+        "the first place is the true effect (verdict effect or ambiguous)",
+        {CLEAR: Goal(low=0.75)},
+    ),
+    Measure(
+        "exact effect (stated)",
+        "exact_stated",
+        (SINGLE,),
+        "probability that the answers themselves give to what they name",
+        {},
+        is_share=False,
+    ),
+    Measure(
+        "class",
+        "class_right",
+        (SINGLE,),
+        "the first place is of the true class, or the ambiguous set is all that silhouettes can tell",
+        {CLEAR: Goal(low=0.85)},
+    ),
+    Measure(
+        "class (stated)",
+        "class_stated",
+        (SINGLE,),
+        "probability that the answers give to the class that they name",
+        {},
+        is_share=False,
+    ),
+    Measure(
+        "told as far as possible",
+        "equivalent",
+        (SINGLE,),
+        "the ambiguous set is all that silhouettes can tell, and what to measure is named: part of the row above",
+        {},
+    ),
+    Measure("90 % set covers", "covered", (SINGLE,), "the set holds the true effect", {CLEAR: Goal(0.87, 0.93)}),
+    Measure(
+        "90 % set size",
+        "set_size",
+        (SINGLE,),
+        "mean number of names in it",
+        {CLEAR: Goal(high=2.5)},
+        is_share=False,
+    ),
+    Measure(
+        "90 % set covers, any case",
+        "covered",
+        _EXCLUSIVE,
+        "the same over nulls (none), single effects and those outside the list (unknown)",
+        {},
+        by_severity=False,
+    ),
+    Measure(
+        "unknown recalled",
+        "recalled",
+        (OUTSIDE,),
+        "effects outside the list with the verdict unknown",
+        {ALL: Goal(low=0.75)},
+    ),
+    Measure(
+        "false abstention",
+        "abstained",
+        (SINGLE,),
+        "effects of the list with the verdict unknown",
+        {CLEAR: Goal(high=0.1)},
+    ),
+    Measure(
+        "Brier score",
+        "brier",
+        _EXCLUSIVE,
+        "of the probabilities over all outcomes; 0 is perfect, 2 the worst",
+        {},
+        is_share=False,
+        by_severity=False,
+    ),
+    Measure(
+        "log score",
+        "surprise",
+        _EXCLUSIVE,
+        "mean surprise at the truth [nat]",
+        {},
+        is_share=False,
+        by_severity=False,
+    ),
+    Measure(
+        "pointing hit",
+        "pointing",
+        (SINGLE,),
+        "local effects whose region the strongest cell of the map touches",
+        {CLEAR: Goal(low=0.8)},
+    ),
+    Measure(
+        "angular IoU",
+        "overlap",
+        (SINGLE,),
+        "claimed and true directions of local effects, intersection over union",
+        {CLEAR: Goal(low=0.5)},
+        is_share=False,
+    ),
+    Measure("falsely localised", "localised_falsely", (SINGLE,), "effects that act nowhere in particular", {}),
+    Measure(
+        "closure within .1",
+        "closure_close",
+        (SINGLE,),
+        "closure as large as that of the true effect, to .1; an answer without one is far off",
+        {CLEAR: Goal(low=0.8)},
+    ),
+    Measure("closure interval covers", "closure_covered", (SINGLE,), "its 90 % interval holds the latter", {}),
+    Measure("pairs: power", "detected", (PAIR,), "pairs with another verdict than none", {}, by_severity=False),
+    Measure(
+        "pairs: top-2 recall",
+        "top_two",
+        (PAIR,),
+        "share of a pair's effects in the first two places",
+        {},
+        is_share=False,
+        by_severity=False,
+    ),
+    Measure(
+        "pairs: both found", "both", (PAIR,), "pairs whose effects hold the first two places", {}, by_severity=False
+    ),
+)

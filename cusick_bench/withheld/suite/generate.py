@@ -1,0 +1,235 @@
+"""Writes a withheld suite: cases in the public layout here, sealed labels there.
+
+Labels and the commitment to them are written first and every case appears whole or not at all, so a generation that
+was stopped goes on where it was. Everything follows from the seed.
+"""
+
+import json
+import multiprocessing
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import torch
+
+from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.render.camera import IMAGE_CENTRE, IMAGE_SIZE, PX_PER_M
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.format.seal import salt_of, sealed
+from cusick_bench.withheld.suite.design import Kind, Plan, plan_suite
+from cusick_bench.withheld.suite.detectable import Detectable
+from cusick_bench.withheld.suite.labels import label_of
+from cusick_bench.withheld.world.photograph import jpeg
+from cusick_bench.withheld.world.world import CAPTURES, SAMPLES, VERTICES, World
+
+COMMITMENT, LABELS, SUITE = "commitment.json", "labels.json", "suite.json"
+_DENSITY_ERROR = 0.01  # of the density in a case's table
+
+
+@dataclass(frozen=True)
+class Suite:
+    """What is asked for.
+
+    Attributes:
+        seed: Whoever knows it knows every label: keep it with the labels, and take a long one.
+        counts: Cases of each kind.
+        vertices: Mesh size of the truth.
+        samples: Samples of each case.
+        detectable: Severities at which effects are detected in most cases; typical severities if None.
+    """
+
+    seed: int
+    counts: Mapping[Kind, int]
+    vertices: int = VERTICES
+    samples: int = SAMPLES
+    detectable: Detectable | None = None
+
+    def plans(self) -> list[Plan]:
+        """Its cases."""
+        return plan_suite(self.seed, self.counts, self.detectable)
+
+
+def read_suite(path: Path) -> Suite:
+    """Reads the suite.json that `generate` left with the labels.
+
+    Raises:
+        WithheldError: There is none, as with cases that somebody else made, or it is not one.
+    """
+    found = read_object(path)
+    table = found.get("detectable")
+    try:
+        known = None if table is None else Detectable(
+            tuple(table["stiffness"]), {name: tuple(row) for name, row in table["severity"].items()}
+        )  # fmt: skip
+        return Suite(int(found["seed"]), dict(found["counts"]), int(found["vertices"]), int(found["samples"]), known)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise WithheldError(f"{path} must be what `withheld generate` wrote, got no description of a suite") from error
+
+
+def generate(
+    suite: Suite, out: Path, labels: Path, *, workers: int = 1, step: Callable[[str], None] = lambda case: None
+) -> list[Path]:
+    """Writes a suite.
+
+    Args:
+        suite: What is asked for.
+        out: Folder of the cases, with the commitment to their labels; nothing else is written there.
+        labels: Folder of the labels, outside of `out`.
+        workers: Processes.
+        step: Called with each case's name when it is there, or was.
+
+    Returns:
+        Folders of the cases, in order.
+
+    Raises:
+        WithheldError: Folders within each other, or that hold another suite, or a case that cannot be made.
+    """
+    _check_folders(out, labels)
+    plans = suite.plans()
+    _commit(suite, plans, out, labels)
+    missing: list[Plan] = []
+    for plan in plans:
+        if (out / plan.case).is_dir():
+            step(plan.case)
+        else:
+            missing.append(plan)
+    if workers == 1:
+        with _alone():
+            for plan in missing:
+                step(write_case(suite, plan, out))
+    elif missing:
+        _on_processes(suite, missing, out, workers, step)
+    return [out / plan.case for plan in plans]
+
+
+def _check_folders(out: Path, labels: Path) -> None:
+    cases, secret = out.resolve(), labels.resolve()
+    if secret.is_relative_to(cases) or cases.is_relative_to(secret):
+        raise WithheldError(
+            f"labels and cases must lie in different folders, got {labels} and {out}; put the labels where whoever "
+            "answers cannot look"
+        )
+
+
+def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> None:
+    """Writes labels and commitment, or checks that they are there already."""
+    found = {plan.case: sealed(label_of(plan), salt_of(suite.seed, plan.case)) for plan in plans}
+    commitment = {
+        "hash": "SHA-256 of salt + label without salt and sha256, as JSON with sorted keys and no spaces, in UTF-8",
+        "cases": {case: label["sha256"] for case, label in found.items()},
+    }
+    documents = ((labels / SUITE, asdict(suite)), (labels / LABELS, found), (out / COMMITMENT, commitment))
+    for path, document in documents:
+        text = json.dumps(document, indent=1) + "\n"
+        if path.exists() and path.read_text() != text:
+            raise WithheldError(
+                f"{path} belongs to another suite; go on with the seed and options that it was made with, or choose "
+                "an empty folder"
+            )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            _write_whole(path, text.encode())
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    part = path.with_name(f".{path.name}.part")
+    part.write_bytes(content)
+    os.replace(part, path)
+
+
+def write_case(suite: Suite, plan: Plan, out: Path) -> str:
+    """Simulates a case and writes it; it appears under its name when it is complete.
+
+    Returns:
+        Its name.
+
+    Raises:
+        WithheldError: A drape diverged.
+    """
+    part = out / f".{plan.case}.part"
+    shutil.rmtree(part, ignore_errors=True)
+    folder = part / "Fabric 1" / "silhouettes"
+    folder.mkdir(parents=True)
+    world = World((suite.seed, plan.number), plan.causes, suite.vertices, attempt=plan.attempt)
+    try:
+        for picture in world.pictures(suite.samples):
+            name = f"Fabric_1_Sample_{picture.sample}_Capture_{picture.capture}.jpg"
+            (folder / name).write_bytes(jpeg(picture.levels))
+    except DrapeDiverged as error:
+        raise WithheldError(f"{plan.case}: {error}; choose another seed") from error
+    (part / "fabrics.csv").write_text(_table(world))
+    (part / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
+    os.replace(part, out / plan.case)
+    return plan.case
+
+
+def _table(world: World) -> str:
+    """The nominal density, weighed with an error."""
+    error = np.random.default_rng([*world.seed, 3]).uniform(-_DENSITY_ERROR, _DENSITY_ERROR)
+    density, thickness = float(world.fabric.material.density) * (1 + error), world.fabric.thickness
+    return f"fabric,areal_density_kg_m2,thickness_m\n1,{density:.5f},{thickness:.6f}\n"
+
+
+def _protocol() -> dict[str, Any]:
+    """Nominal values, whatever is true."""
+    return {
+        "cloth_radius_m": CLOTH_RADIUS,
+        "plate_radius_m": PLATE_RADIUS,
+        "gravity_m_s2": GRAVITY,
+        "image_size_px": IMAGE_SIZE,
+        "px_per_m": PX_PER_M,
+        "centre_px": list(IMAGE_CENTRE),
+        "projection": "parallel",
+        "image_y": "up",
+        "foreground": "dark",
+        "captures": {str(capture): side for capture, side in CAPTURES.items()},
+        "turn_over": "about y: material x points to -x when face down",
+        "order": "captures 1, 2 face up, then 3, 4 face down",
+    }
+
+
+def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, step: Callable[[str], None]) -> None:
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(workers, len(plans)), mp_context=context, initializer=_one_thread)
+    failures: list[str] = []
+    try:
+        for future in as_completed([pool.submit(write_case, suite, plan, out) for plan in plans]):
+            try:
+                step(future.result())
+            except WithheldError as error:
+                failures.append(str(error))
+    except BrokenProcessPool as error:
+        raise WithheldError("a worker died (out of memory?); run the same command again, it goes on") from error
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+    if failures:
+        raise WithheldError(f"{len(failures)} of {len(plans)} cases cannot be made: {failures[0]}")
+
+
+def _one_thread() -> None:
+    """Cases are simulated side by side, each on one thread: bytes then depend on nothing but the seed."""
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """One thread in this process, as in a worker, for a while."""
+    before = torch.get_num_threads(), numba.get_num_threads()
+    _one_thread()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before[0])
+        numba.set_num_threads(before[1])

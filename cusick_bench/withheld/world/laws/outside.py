@@ -1,0 +1,97 @@
+"""What a case may hold that no effect of the package describes."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.withheld.world.laws.boundary import wavy
+from cusick_bench.withheld.world.laws.imaging import barrel
+from cusick_bench.withheld.world.scene import Scene, Vertices, unit
+
+Values = Mapping[str, float]
+
+_AIR = 0.5 * 1.2 * 1.2  # [kg/m3] half the air's density times a drag coefficient
+_SEAM_WIDTH = 0.004  # [m]
+_SEAM_STIFFENING = np.log(6.0)  # on bending stiffness; its thread doubles the mass
+_CREASE = 0.005  # [m] half width of a pressed-in crease
+
+
+def draught(scene: Scene, value: Values) -> Scene:
+    """Wind [m/s] from the side and a third of it from below, with gusts: pressure on what faces it."""
+    gust = 1 + 0.1 * scene.random("capture", "gust").normal()
+    wind = gust * value["speed"] * np.append(scene.direction(value["direction"]), 0.33)
+
+    def push(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices) -> Vertices:
+        a, b, c = (x[system.elements.faces[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        area = np.linalg.norm(normal, axis=1)
+        against = normal @ wind / area
+        force = (0.5 * _AIR / 3 * np.abs(against) * against)[:, None] * normal
+        corner = system.elements.faces.ravel()
+        return np.column_stack([np.bincount(corner, np.repeat(force[:, k], 3), len(x)) for k in range(3)])
+
+    return scene.with_added(loads=push)
+
+
+def charge(scene: Scene, value: Values) -> Scene:
+    """A charged cloth: every part is pushed away from the axis by a share of its weight that grows with radius."""
+
+    def push(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices) -> Vertices:
+        outward = x[:, :2] / CLOTH_RADIUS
+        return np.column_stack([value["share"] * GRAVITY * mass[:, None] * outward, np.zeros(len(x))])
+
+    return scene.with_added(loads=push)
+
+
+def seam(scene: Scene, value: Values) -> Scene:
+    """A line of stitches across the cloth, beside its centre."""
+
+    def across(points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
+        distance = points @ unit(value["direction"] + 90) - value["offset"]
+        return np.exp(-((distance / _SEAM_WIDTH) ** 2))
+
+    return scene.with_added(
+        log_bending=lambda points: value["size"] * _SEAM_STIFFENING * across(points),
+        log_mass=lambda points: np.log1p(value["size"] * across(points)),
+    )
+
+
+def crease_ring(scene: Scene, value: Values) -> Scene:
+    """A circle pressed into the cloth, e.g. by a hoop: it wants to stay folded by an angle [deg]."""
+    slope = np.tan(np.radians(value["angle"]) / 2)
+
+    def ridge(points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
+        return slope * np.maximum(0, 2 * _CREASE - np.abs(np.hypot(*points.T) - value["radius"]))
+
+    return scene.with_added(rest=ridge)
+
+
+def elliptical_cut(scene: Scene, value: Values) -> Scene:
+    """A cut that is longer in one direction of the cloth: radius R (1 + e cos 2 (phi - phi0))."""
+    return scene.with_added(outlines=wavy(value["elongation"], 2, 2 * np.radians(value["direction"])))
+
+
+def lens(scene: Scene, value: Values) -> Scene:
+    """Barrel distortion (strength in 1/m2); scaled such that the plate's edge is seen where it is."""
+    bend, kept = barrel(value["strength"]), 1 / (1 - value["strength"] * scene.plate_radius**2)
+    return scene.with_added(seen=lambda x: bend(x) * np.array([kept, kept, 1.0]))
+
+
+def smear(scene: Scene, value: Values) -> Scene:
+    """The cloth moves while the picture is taken, by a length [px] in one direction."""
+    return replace(scene, smear=(value["length"], value["direction"]))
+
+
+def frilled(scene: Scene, value: Values) -> Scene:
+    """A rim stretched out of shape: rest lengths grow towards it."""
+
+    def longer(points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
+        return value["growth"] * (np.hypot(*points.T) / CLOTH_RADIUS) ** 6
+
+    return scene.with_added(growth=longer)

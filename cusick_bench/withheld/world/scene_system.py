@@ -1,0 +1,105 @@
+"""The mechanical system of a true scene: finer, with another bending discretisation than the diagnosis' own.
+
+A hinge with edge length l between two triangles bends over the distance L between their circumcentres (the dual edge):
+curvature = (2/3) angle / L and stiffness (2/3) B l / L, which on equilateral triangles are angle l / (A1 + A2) and
+B l^2 / (A1 + A2), the simulator's own. Nearly cocircular triangles have L -> 0, so L is kept above a part of l.
+
+References:
+    Desbrun, Hirani, Leok, Marsden. Discrete exterior calculus, 2005 (circumcentric duals).
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.engine.elements import Elements
+from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.withheld.world.placed_disc import on_plate, placed
+from cusick_bench.withheld.world.scene import Scene, total, unit
+
+_SHORTEST_DUAL = 0.3  # as a part of the edge; on equilateral triangles it is 0.58
+_SHARED = ("free", "sprung", "layout", "linear", "_tables", "_chosen")
+
+
+@dataclass(eq=False)
+class Stage:
+    """Makes the systems of one case; all with as many triangles share the analysis of their matrix.
+
+    Attributes:
+        vertices: Mesh size.
+        seed: Of the mesh.
+    """
+
+    vertices: int
+    seed: int
+    _templates: dict[tuple[float, float], tuple[Mesh, DrapeSystem]] = field(default_factory=dict)
+
+    def system(self, scene: Scene) -> DrapeSystem:
+        """The cloth of a scene on its plate; without gravity, which is a load."""
+        template, first = self._template(scene.radius, scene.plate_radius)
+        mesh = placed(template, scene.radius, scene.plate_radius, np.array(scene.centre), scene.outlines)
+        system = replace(first, mesh=mesh)
+        for name in _SHARED:
+            system.__dict__[name] = getattr(first, name)
+        elements = _grown(_turned(_dual(system.elements, mesh), mesh, scene.skew), mesh, scene)
+        object.__setattr__(system, "elements", elements)
+        return system
+
+    def _template(self, radius: float, plate: float) -> tuple[Mesh, DrapeSystem]:
+        if (radius, plate) not in self._templates:
+            mesh = disc_mesh(self.vertices, seed=self.seed, radius=radius, plate_radius=plate)
+            system = DrapeSystem(mesh, "paper", 0.0, on_plate(mesh, plate), np.zeros(mesh.vertices))
+            self._templates[radius, plate] = mesh, system
+        return self._templates[radius, plate]
+
+
+def cloth_points(mesh: Mesh, scene: Scene) -> Float[ndarray, "vertices 2"]:
+    """Material points about the cloth's centre [m]."""
+    return mesh.material - np.array(scene.centre)
+
+
+def _dual(elements: Elements, mesh: Mesh) -> Elements:
+    """Hinges over the distance of the circumcentres, on average as stiff as the given ones."""
+    corner = mesh.material[elements.hinges]
+    length = np.linalg.norm(corner[:, 1] - corner[:, 0], axis=1)
+    dual = 0.5 * length * (_cotangent(corner, 2) + _cotangent(corner, 3))
+    per_length = (2 / 3) / np.maximum(dual, _SHORTEST_DUAL * length)
+    weight = length * per_length
+    weight *= elements.hinge_weight.mean() / weight.mean()
+    return replace(elements, hinge_scale=per_length, hinge_weight=weight)
+
+
+def _cotangent(corner: Float[ndarray, "hinges 4 2"], opposite: int) -> Float[ndarray, "hinges"]:
+    """Cotangent of the angle at an outer corner."""
+    a, b = corner[:, 0] - corner[:, opposite], corner[:, 1] - corner[:, opposite]
+    return (a * b).sum(1) / np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _turned(elements: Elements, mesh: Mesh, skew: tuple[float, float]) -> Elements:
+    """Warp and weft of the bending tables at their own angles; the membrane's axes are turned by their mean."""
+    if skew == (0.0, 0.0):
+        return elements
+    warp, weft = unit(skew[0]), unit(90 + skew[1])
+    edge = np.diff(mesh.material[elements.hinges[:, :2]], axis=1)[:, 0]
+    along = np.linalg.solve(np.column_stack([warp, weft]), edge.T)  # oblique coordinates
+    direction = 4 / np.pi * np.arctan2(np.abs(along[1]), np.abs(along[0]))
+    low = np.minimum(direction.astype(np.int64), 1)
+    cosine, sine = unit(sum(skew) / 2)
+    return replace(
+        elements,
+        direction_low=low,
+        direction_fraction=direction - low,
+        face_u=cosine * elements.face_u + sine * elements.face_v,
+        face_v=cosine * elements.face_v - sine * elements.face_u,
+    )
+
+
+def _grown(elements: Elements, mesh: Mesh, scene: Scene) -> Elements:
+    """Rest lengths longer by the scene's growth."""
+    if not scene.growth:
+        return elements
+    longer = np.exp(total(scene.growth, cloth_points(mesh, scene)[elements.faces].mean(1)))[:, None]
+    return replace(elements, face_u=elements.face_u / longer, face_v=elements.face_v / longer)

@@ -1,0 +1,115 @@
+"""Lists everything in a folder that is not as the layout promises; nothing that is found stops the audit."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pandas as pd
+
+from cusick_bench.datasets import named, pairing
+from cusick_bench.datasets.audit import files as audit_files
+from cusick_bench.datasets.audit import images as audit_images
+from cusick_bench.datasets.audit import meshes as audit_meshes
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.files.checksums import CHECKSUMS, changed_files
+from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
+from cusick_bench.datasets.files.fabrics import Fabric, read_fabrics
+from cusick_bench.datasets.files.layout import Layout, scan
+from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
+from cusick_bench.datasets.files.protocol import Protocol, read_protocol
+from cusick_bench.datasets.index import Progress, survey
+from cusick_bench.datasets.irregularity import Irregularity
+from cusick_bench.datasets.registry import folder_of
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What a folder holds, and every irregularity.
+
+    Attributes:
+        fabrics: Number of different fabrics; of named sets where there are no others.
+        samples: Number of samples, a series over time counting for itself.
+        silhouettes: Number of silhouettes, copies in named sets left out.
+        meshes: Number of mesh files.
+        irregularities: Sorted by path.
+        matches: How each mesh fits the silhouettes of its sample.
+    """
+
+    fabrics: int
+    samples: int
+    silhouettes: int
+    meshes: int
+    irregularities: tuple[Irregularity, ...]
+    matches: tuple[pairing.MeshMatch, ...] = field(default=(), repr=False)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The irregularities: path, kind, detail."""
+        return pd.DataFrame(
+            [asdict(item) for item in self.irregularities], columns=pd.Index(["path", "kind", "detail"])
+        )
+
+    @property
+    def kinds(self) -> dict[str, int]:
+        """How many irregularities of each kind, most frequent first."""
+        return dict(Counter(item.kind for item in self.irregularities).most_common())
+
+    def document(self) -> dict[str, Any]:
+        """Plain numbers and lists, as printed by `data audit --json`."""
+        counts = {name: getattr(self, name) for name in ("fabrics", "samples", "silhouettes", "meshes")}
+        return counts | {"irregularities": [asdict(item) for item in self.irregularities]}
+
+
+def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audit:
+    """Looks at every file of a data set.
+
+    Args:
+        name_or_path: A registered name or a folder.
+        progress: Called with (files done, files).
+
+    Raises:
+        DataNotFound: There is no folder, or nothing in it that looks like a silhouette.
+    """
+    layout = scan(folder_of(name_or_path))
+    problems: list[Irregularity] = list(layout.problems)
+    protocol = _tolerant(layout, PROTOCOL_FILE, read_protocol, Protocol(), problems)
+    fabrics: dict[str, Fabric] = _tolerant(layout, FABRICS_FILE, read_fabrics, {}, problems)
+    found = survey(layout, protocol, measure=True, progress=progress)
+    captures = [entry for entry in layout.silhouettes if not entry.is_named]
+    matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines)
+    problems += [
+        *(Irregularity(path, fault.kind, fault.what) for path, fault in found.faults.items()),
+        *_changed(layout),
+        *audit_files.check_names(layout, protocol),
+        *audit_files.check_tables(layout, protocol, fabrics, found),
+        *audit_images.check_images(layout, protocol, found),
+        *audit_images.check_named_sets(layout, found, named.twins(layout.silhouettes, found.hashes, found.images)),
+        *audit_meshes.check_meshes(layout, protocol, found, matches),
+    ]
+    return Audit(**layout.counts, irregularities=tuple(sorted(set(problems))), matches=tuple(matches))
+
+
+def _tolerant(layout: Layout, name: str, read: Callable[[Path], T], default: T, problems: list[Irregularity]) -> T:
+    path = layout.beside(name)
+    if path is None:
+        return default
+    try:
+        return read(path)
+    except DataError as error:
+        where = path.relative_to(layout.root).as_posix() if path.is_relative_to(layout.root) else path.as_posix()
+        place = error.where.partition(", line ")[2]
+        problems.append(Irregularity(where, error.kind, f"line {place}: {error.what}" if place else error.what))
+        return default
+
+
+def _changed(layout: Layout) -> list[Irregularity]:
+    if not (layout.root / CHECKSUMS).is_file():
+        return []
+    try:
+        return [Irregularity(name, "checksum", what) for name, what in changed_files(layout.root)]
+    except DataError as error:
+        return [Irregularity(CHECKSUMS, "checksum", error.what)]

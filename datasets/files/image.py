@@ -1,0 +1,185 @@
+"""Reads a silhouette safely and checks that it shows one cloth on a plate."""
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+from PIL import Image
+from scipy.ndimage import distance_transform_edt, label
+
+from cusick_bench.datasets.errors import BadImage
+from cusick_bench.datasets.files.protocol import Protocol
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
+_FORMATS = ("JPEG", "PNG", "BMP", "TIFF")
+_MAXIMUM_BYTES = 32 << 20
+_MAXIMUM_PIXELS = 16 << 20  # checked before decoding
+_SECOND_BLOB = 0.005  # a second object above this share of the cloth's area makes the image ambiguous
+_COLOUR_STEP = 24  # grey levels by which channels may differ (JPEG colour rounding)
+_PLATE_TOLERANCE = 0.95  # share of the plate's radius that a silhouette must hold
+
+
+def read_silhouette(path: Path, protocol: Protocol | None = None) -> Float[ndarray, "size size"]:
+    """Coverage in [0, 1] with cloth = 1: 1 - grey/255 where the cloth is dark.
+
+    Args:
+        path: Image file.
+        protocol: Gives the size and which part is the cloth; the public release's by default.
+
+    Raises:
+        BadImage: Unreadable, of another size, without cloth or without background, inverted, or with a second
+            object beside the cloth. Nothing larger than a silhouette is decoded.
+    """
+    return inspect(path, protocol or Protocol())[0]
+
+
+def inspect(path: Path, protocol: Protocol) -> tuple[Float[ndarray, "size size"], bool]:
+    """As `read_silhouette`; and whether the channels differ by more than compression explains."""
+    levels = _decode(path, protocol.image_size_px)
+    image = coverage(levels, protocol.foreground)
+    _check(image, path)
+    return image, levels.ndim == 3 and int(np.ptp(levels.astype(int), axis=2).max()) > _COLOUR_STEP
+
+
+def coverage(levels: ndarray, foreground: str) -> Float[ndarray, "height width"]:
+    """Cloth = 1 from grey levels (height, width) or channels (height, width, 3), 0 to 255."""
+    grey = levels if levels.ndim == 2 else levels @ np.array([0.299, 0.587, 0.114])
+    share = np.clip(grey / 255.0, 0.0, 1.0)
+    return 1.0 - share if foreground == "dark" else share
+
+
+def _bad(path: Path, kind: str, what: str, remedy: str) -> BadImage:
+    return BadImage(what, where=path, remedy=remedy, kind=kind)
+
+
+def _decode(path: Path, size: int) -> ndarray:
+    """Grey levels 0..255 (size, size), or three channels if they differ."""
+    replace = "replace it by the original image or remove it"
+    try:
+        length = path.stat().st_size
+        if length > _MAXIMUM_BYTES:
+            raise _bad(path, "image-too-large", f"{length} bytes are no silhouette", replace)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=_FORMATS) as image:
+                width, height = image.size
+                if width * height > _MAXIMUM_PIXELS:
+                    raise _bad(path, "image-too-large", f"{width} x {height} pixels are no silhouette", replace)
+                if (width, height) != (size, size):
+                    raise _bad(
+                        path,
+                        "image-size",
+                        f"image must be {size} x {size} pixels, got {width} x {height}",
+                        "scale it, or set image_size_px and px_per_m in protocol.json",
+                    )
+                return _levels(image)
+    except BadImage:
+        raise
+    except PermissionError as error:
+        raise _bad(path, "no-permission", "may not be read", "change its mode") from error
+    except Image.DecompressionBombError as error:
+        raise _bad(path, "image-too-large", str(error), replace) from error
+    except Exception as error:  # decoders raise anything on damaged or hostile files
+        raise _bad(path, "unreadable-image", f"cannot be decoded ({error})", replace) from error
+
+
+def _levels(image: Image.Image) -> ndarray:
+    if image.mode.startswith(("I", "F")):  # 16-bit or more: scale by the type's range
+        levels = np.asarray(image, dtype=np.float64)
+        return levels * (255.0 / (65535.0 if levels.max() > 255 else 255.0))
+    if "A" in image.getbands() or "transparency" in image.info:
+        transparent = image.convert("RGBA")
+        image = Image.alpha_composite(Image.new("RGBA", image.size, "white"), transparent)
+    channels = np.asarray(image.convert("RGB"))
+    same = (channels == channels[..., :1]).all()
+    return channels[..., 0] if same else channels
+
+
+def _check(image: ndarray, path: Path) -> None:
+    cloth = image >= 0.5
+    corners = cloth[[0, 0, -1, -1], [0, -1, 0, -1]]
+    if not cloth.any():
+        raise _bad(path, "empty-image", "shows no cloth, all is background", "take the image again or remove it")
+    if cloth.all():
+        raise _bad(path, "full-image", "shows no background, all is cloth", "take the image again or remove it")
+    if corners.all():
+        raise _bad(
+            path, "inverted-image", "all four corners are cloth", 'set "foreground" in protocol.json, or invert it'
+        )
+    areas = _areas(cloth)
+    if len(areas) > 1 and areas[1] > _SECOND_BLOB * areas[0]:
+        raise _bad(
+            path,
+            "two-blobs",
+            f"must show one cloth, found {len(areas)} separate objects of {areas[0]} and {areas[1]} pixels",
+            "erase what is not the cloth",
+        )
+
+
+def _areas(mask: Bool[ndarray, "height width"]) -> list[int]:
+    """Sizes [px] of the connected parts, largest first."""
+    parts, _ = label(mask)  # pyright: ignore[reportGeneralTypeIssues]
+    return sorted(np.bincount(parts.ravel())[1:].tolist(), reverse=True)
+
+
+@dataclass(frozen=True)
+class PlateFit:
+    """How a silhouette holds the plate that lies under the cloth.
+
+    Attributes:
+        fault: "", "off-centre" or "shrunken-image".
+        shift: Columns and rows [px] by which the image must be moved to be centred.
+        inscribed: Radius of the largest circle inside the silhouette, at most looked for up to the plate's [px].
+    """
+
+    fault: str
+    shift: tuple[float, float]
+    inscribed: float
+
+
+def fit_plate(image: Float[ndarray, "size size"], protocol: Protocol) -> PlateFit:
+    """Tells a shifted silhouette from a shrunken one: the cloth always covers the plate.
+
+    If the plate's circle does not fit where it should be, it may fit elsewhere (the image is off-centre) or nowhere
+    (the image has another scale).
+    """
+    plate = protocol.plate_radius_m * protocol.px_per_m
+    column, row = protocol.centre_px
+    rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
+    inside = np.hypot(columns - column, rows - row) < _PLATE_TOLERANCE * plate
+    if (image >= 0.5)[inside].all():
+        return PlateFit("", (0.0, 0.0), plate)
+    depth = np.asarray(distance_transform_edt(image >= 0.5))
+    deepest = np.unravel_index(int(depth.argmax()), depth.shape)
+    if depth.max() < _PLATE_TOLERANCE * plate:
+        return PlateFit("shrunken-image", (0.0, 0.0), float(depth.max()))
+    return PlateFit("off-centre", (column - float(deepest[1]), row - float(deepest[0])), float(depth.max()))
+
+
+@dataclass(frozen=True)
+class Blemishes:
+    """Faults that do not forbid the use of a silhouette.
+
+    Attributes:
+        specks, largest_speck: Separate objects beside the cloth, and the largest's size [px].
+        holes, largest_hole: Patches of background in the cloth, and the largest's size [px].
+        touches_border: Whether the cloth reaches the image's border.
+    """
+
+    specks: int
+    largest_speck: int
+    holes: int
+    largest_hole: int
+    touches_border: bool
+
+
+def blemishes(image: Float[ndarray, "size size"]) -> Blemishes:
+    """Looks for small objects, holes and a cut cloth."""
+    cloth = image >= 0.5
+    objects, gaps = _areas(cloth), _areas(~cloth)
+    border = bool(cloth[[0, -1]].any() or cloth[:, [0, -1]].any())
+    largest = [parts[1] if len(parts) > 1 else 0 for parts in (objects, gaps)]
+    return Blemishes(len(objects) - 1, largest[0], len(gaps) - 1, largest[1], border)

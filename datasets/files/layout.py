@@ -1,0 +1,247 @@
+"""Finds silhouettes and meshes in a folder with the public release's layout, or a part of it.
+
+Known: `data/Fabric N/{silhouettes,meshes}/Fabric_N_Sample_S_Capture_C.*`; `data/Fabric N Observations/Sample S/...`
+with `Obs_K` or `Observation_K`; named sets `bnn_image_gt/<cloth>/...sample_S_Upward_Drape_D.*`. The root may be the
+release, its `data` folder, one fabric's folder, or hold one fabric. What a file is called decides its capture; its
+folder decides its fabric and sample.
+"""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from cusick_bench.datasets.errors import DataError, DataNotFound
+from cusick_bench.datasets.files import image, mesh_file
+from cusick_bench.datasets.irregularity import Irregularity
+
+NAMED_SETS = "bnn_image_gt"
+_MAXIMUM_FILES = 200_000
+_SIDE_FILES = re.compile(
+    r"(readme|licen[cs]e|citation).*|fabrics\.csv|(protocol|sha256|croissant|truth|manifest)\.json", re.I
+)
+_FABRIC_FOLDER = re.compile(r"fabric[ _-]*(\d+)(?P<series>[ _-]*obs\w*)?", re.I)
+_SAMPLE_FOLDER = re.compile(r"sample[ _-]*(\d+)", re.I)
+_IMAGE_FOLDER = re.compile(r"sil\w*", re.I)
+_MESH_FOLDER = re.compile(r"mesh\w*", re.I)
+_FABRIC = re.compile(r"fabric[ _-]*(\d{1,6})", re.I)
+_SAMPLE = re.compile(r"sample[ _-]*(\d{1,6})", re.I)
+_CAPTURE = re.compile(r"capture[ _-]*(\d{1,6})", re.I)
+_OBSERVATION = re.compile(r"obs(?:ervation)?[ _-]*(\d{1,6})", re.I)
+_FACE = re.compile(r"(up|down)ward", re.I)
+_DRAPE = re.compile(r"drape[ _-]*(\d{1,6})", re.I)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One silhouette or mesh file, and what its folder and name say.
+
+    Attributes:
+        path: Relative to the root, with forward slashes.
+        cloth: The set that it belongs to: `fabric_2`, `fabric_1_observations`, or the name of a named set.
+        fabric: Fabric number; 0 in a named set.
+        sample: Sample number.
+        capture: Capture number; 0 if the name holds none. Named sets: 1, 2 upward, 3, 4 downward drape 1, 2.
+        observation: Number within a series over time, else 0.
+        file_fabric, file_sample: What the file's own name says; 0 if nothing.
+    """
+
+    path: str
+    cloth: str
+    fabric: int
+    sample: int
+    capture: int
+    observation: int
+    file_fabric: int
+    file_sample: int
+
+    @property
+    def key(self) -> tuple[str, int, int, int]:
+        """What image and mesh of one drape have in common."""
+        return self.cloth, self.sample, self.capture, self.observation
+
+    @property
+    def is_named(self) -> bool:
+        """Whether it belongs to a named set (images only) rather than to a fabric."""
+        return self.fabric == 0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What lies in a folder.
+
+    Attributes:
+        root: The folder, resolved.
+        silhouettes, meshes: Sorted by cloth, sample, capture, observation.
+        unused: Other files, relative paths.
+        folders: Folders that hold silhouettes or meshes, or folders of these, relative paths.
+        problems: What could not be looked at.
+    """
+
+    root: Path
+    silhouettes: tuple[Entry, ...]
+    meshes: tuple[Entry, ...]
+    unused: tuple[str, ...]
+    folders: tuple[str, ...]
+    problems: tuple[Irregularity, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of `fabrics` (of named sets where there are no others), `samples` (a series over time counting for
+        itself), `silhouettes` (copies in named sets left out) and `meshes` (files).
+        """
+        captures = [entry for entry in self.silhouettes if not entry.is_named] or self.silhouettes
+        return {
+            "fabrics": len({entry.fabric or entry.cloth for entry in captures}),
+            "samples": len({(entry.cloth, entry.sample) for entry in captures}),
+            "silhouettes": len(captures),
+            "meshes": len(self.meshes),
+        }
+
+    def beside(self, name: str) -> Path | None:
+        """A table that belongs to the data: in the root, in its `data` folder, or above a fabric or data folder."""
+        places, top = [self.root, self.root / "data"], self.root
+        while top.name == "data" or _FABRIC_FOLDER.fullmatch(top.name):
+            top = top.parent
+            places.append(top)
+        return next((place / name for place in places if (place / name).is_file()), None)
+
+
+def inside_root(root: Path, relative: str) -> Path:
+    """A file of the data set by its relative path.
+
+    Raises:
+        DataError: The path leads out of the root.
+    """
+    path = (root / relative).resolve()
+    if not path.is_relative_to(root):
+        raise DataError(f"path must stay within {root}", where=relative, remedy="remove it", kind="outside-link")
+    return path
+
+
+def scan(root: str | Path) -> Layout:
+    """Lists a folder's silhouettes and meshes; links are not followed out of it.
+
+    Raises:
+        DataNotFound: No such folder, no permission, or nothing in it that looks like a silhouette.
+    """
+    folder = Path(root).expanduser().resolve()
+    if not folder.is_dir():
+        what = "is a file, not a folder" if folder.exists() else "no such folder"
+        raise DataNotFound(what, where=root, remedy="give the folder that holds `data` or `Fabric N`")
+    if not os.access(folder, os.R_OK | os.X_OK):
+        raise DataNotFound("may not be read", where=folder, remedy="change its mode", kind="no-permission")
+    problems: list[Irregularity] = []
+    silhouettes, meshes, unused = [], [], []
+    for path in _files(folder, problems):
+        name = path.name.lower()
+        entry = _parse(folder, path) if name.endswith(image.SUFFIXES + mesh_file.SUFFIXES) else None
+        if entry is None:
+            if not _SIDE_FILES.fullmatch(path.name):
+                unused.append(path.relative_to(folder).as_posix())
+        elif name.endswith(image.SUFFIXES):
+            silhouettes.append(entry)
+        else:
+            meshes.append(entry)
+    if not silhouettes and not problems:
+        raise DataNotFound(
+            "holds no silhouettes",
+            where=folder,
+            remedy="expected e.g. `data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.jpg`",
+        )
+    used = {parent for entry in (*silhouettes, *meshes) for parent in Path(entry.path).parents if parent.name}
+    return Layout(
+        folder,
+        tuple(sorted(silhouettes, key=_order)),
+        tuple(sorted(meshes, key=_order)),
+        tuple(sorted(unused)),
+        tuple(sorted(parent.as_posix() for parent in used)),
+        tuple(problems),
+    )
+
+
+def _files(folder: Path, problems: list[Irregularity]) -> list[Path]:
+    """Files below a folder, hidden ones and links that lead out of it left aside."""
+
+    def refused(error: OSError) -> None:
+        where = Path(str(error.filename or folder))
+        problems.append(Irregularity(where.relative_to(folder).as_posix(), "no-permission", "folder may not be read"))
+
+    files: list[Path] = []
+    for parent, folders, names in os.walk(folder, onerror=refused):
+        for name in [name for name in folders if Path(parent, name).is_symlink()]:
+            where = Path(parent, name).relative_to(folder).as_posix()
+            problems.append(Irregularity(where, "outside-link", "linked folder is not followed"))
+        folders[:] = sorted(name for name in folders if not name.startswith((".", "__")))
+        for name in sorted(names):
+            path = Path(parent, name)
+            if name.startswith("."):
+                continue
+            if path.is_symlink() and not path.resolve().is_relative_to(folder):
+                where = path.relative_to(folder).as_posix()
+                problems.append(Irregularity(where, "outside-link", "link leads out of the folder"))
+            elif path.is_file():
+                files.append(path)
+        if len(files) > _MAXIMUM_FILES:
+            raise DataNotFound(
+                f"holds more than {_MAXIMUM_FILES} files", where=folder, remedy="give the folder of the data alone"
+            )
+    return files
+
+
+def _parse(root: Path, path: Path) -> Entry | None:
+    """What a path says, or None if it is no part of the layout."""
+    inside = (root.parent.name, root.name, *path.relative_to(root).parts[:-1])
+    lower = [part.lower() for part in inside]
+    stem = path.name.lower().removesuffix(".gz").rsplit(".", 1)[0]
+    number = {name: _first(pattern, stem) for name, pattern in _PATTERNS.items()}
+    sample_folder = next((m for part in reversed(inside) if (m := _SAMPLE_FOLDER.fullmatch(part))), None)
+    sample = int(sample_folder[1]) if sample_folder else number["sample"]
+    if NAMED_SETS in lower[:-1]:
+        return _named(path, root, lower[lower.index(NAMED_SETS) + 1], stem, number)
+    fabric_folder = next((m for part in reversed(inside) if (m := _FABRIC_FOLDER.fullmatch(part))), None)
+    home = len(inside) == 2 or any(pattern.fullmatch(inside[-1]) for pattern in _HOMES)
+    fabric = int(fabric_folder[1]) if fabric_folder else number["fabric"]
+    if not (home and fabric and sample):
+        return None
+    series = bool(fabric_folder and fabric_folder["series"])
+    return Entry(
+        path.relative_to(root).as_posix(),
+        f"fabric_{fabric}_observations" if series else f"fabric_{fabric}",
+        fabric,
+        sample,
+        1 if series else number["capture"],
+        number["observation"],
+        number["fabric"],
+        number["sample"],
+    )
+
+
+_HOMES = (_IMAGE_FOLDER, _MESH_FOLDER, _FABRIC_FOLDER, _SAMPLE_FOLDER)  # folders that may hold the files
+_PATTERNS = {"fabric": _FABRIC, "sample": _SAMPLE, "capture": _CAPTURE, "observation": _OBSERVATION}
+
+
+def _named(path: Path, root: Path, cloth: str, stem: str, number: dict[str, int]) -> Entry | None:
+    face, drape = _FACE.search(stem), _first(_DRAPE, stem)
+    if not number["sample"] or path.name.lower().endswith(mesh_file.SUFFIXES):
+        return None
+    capture = drape + 2 * (face[1] == "down") if face and drape in (1, 2) else 0
+    where = path.relative_to(root).as_posix()
+    return Entry(where, cloth, 0, number["sample"], capture, number["observation"], 0, number["sample"])
+
+
+def _first(pattern: re.Pattern[str], text: str) -> int:
+    match = pattern.search(text)
+    return int(match[1]) if match else 0
+
+
+def _order(entry: Entry) -> tuple[bool, int, str, int, int, int, str]:
+    return (
+        entry.is_named,
+        entry.fabric,
+        entry.cloth,
+        entry.sample,
+        entry.capture,
+        entry.observation,
+        entry.path,
+    )

@@ -1,0 +1,170 @@
+"""Profiles and content hashes of files, kept in the user's cache by content: a second look costs no measuring."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.datasets.errors import BadImage, BadMesh, DataError
+from cusick_bench.datasets.files.image import Blemishes, PlateFit, blemishes, fit_plate, inspect
+from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_image, profile_from_mesh
+
+_VERSION = 2  # raise it when the meaning of a stored number changes
+
+
+@dataclass(frozen=True, eq=False)
+class MeshMeasure:
+    """What is known of a mesh without keeping it.
+
+    Attributes:
+        profile: Outline seen along z.
+        vertices, faces: Their numbers.
+    """
+
+    profile: Profile
+    vertices: int
+    faces: int
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMeasure:
+    """What is known of a silhouette without keeping it.
+
+    Attributes:
+        profile: About the plate's axis; if the image is off-centre, about the point where the plate fits.
+        plate: How it holds the plate.
+        blemishes: Small faults.
+        coloured: Whether its channels differ.
+    """
+
+    profile: Profile
+    plate: PlateFit
+    blemishes: Blemishes
+    coloured: bool
+
+
+def content_hash(path: Path) -> str:
+    """SHA-256 of a file.
+
+    Raises:
+        DataError: The file cannot be read.
+    """
+    try:
+        status = path.stat()
+        return _hash(path, status.st_mtime_ns, status.st_size)
+    except OSError as error:
+        kind = "no-permission" if isinstance(error, PermissionError) else "invalid-data"
+        raise DataError(f"cannot be read ({error})", where=path, remedy="change its mode", kind=kind) from error
+
+
+@lru_cache(maxsize=4096)
+def _hash(path: Path, modified: int, size: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _measure_mesh(path: Path, digest: str) -> MeshMeasure:
+    def measure() -> Float[ndarray, " numbers"]:
+        mesh = read_mesh(path)
+        numbers = [len(mesh.vertices), len(mesh.faces)]
+        return np.append(profile_from_mesh(mesh.vertices, mesh.faces).radii, numbers)
+
+    stored = _cached(f"mesh-{digest}", PROFILE_ANGLES + 2, measure)
+    return MeshMeasure(Profile(stored[:-2]), int(stored[-2]), int(stored[-1]))
+
+
+def measure_mesh(path: Path) -> MeshMeasure:
+    """Outline and size of a mesh.
+
+    Raises:
+        BadMesh: See `read_mesh`.
+    """
+    try:
+        return _measure_mesh(path, content_hash(path))
+    except BadMesh:
+        raise
+    except DataError as error:
+        raise BadMesh(error.what, where=error.where, remedy=error.remedy, kind=error.kind) from error
+
+
+def profile_of(image: Float[ndarray, "size size"], protocol: Protocol) -> Profile:
+    """Profile of a silhouette by its protocol's scale, centre and orientation."""
+    return profile_from_image(
+        image,
+        pixels_per_metre=protocol.px_per_m,
+        centre=protocol.centre_px,
+        image_y=protocol.image_y,
+    )
+
+
+def measure_image(path: Path, protocol: Protocol) -> ImageMeasure:
+    """Profile and faults of a silhouette.
+
+    Raises:
+        BadImage: See `read_silhouette`.
+    """
+    frame = repr((protocol.px_per_m, protocol.centre_px, protocol.image_y, protocol.foreground))
+    frame += repr((protocol.image_size_px, protocol.plate_radius_m))
+    name = hashlib.sha256(frame.encode()).hexdigest()[:16]
+    try:
+        key = f"image-{content_hash(path)}-{name}"
+        stored = _cached(key, PROFILE_ANGLES + 10, lambda: _measure_image(path, protocol))
+    except BadImage:
+        raise
+    except DataError as error:
+        raise BadImage(error.what, where=error.where, remedy=error.remedy, kind=error.kind) from error
+    fault, column, row, inscribed, coloured, *small = stored[PROFILE_ANGLES:].tolist()
+    return ImageMeasure(
+        Profile(stored[:PROFILE_ANGLES]),
+        PlateFit(_PLATE_FAULTS[int(fault)], (column, row), inscribed),
+        Blemishes(*(int(value) for value in small[:4]), touches_border=bool(small[4])),
+        bool(coloured),
+    )
+
+
+_PLATE_FAULTS = ("", "off-centre", "shrunken-image")
+
+
+def _measure_image(path: Path, protocol: Protocol) -> Float[ndarray, " numbers"]:
+    image, coloured = inspect(path, protocol)
+    fit, small = fit_plate(image, protocol), blemishes(image)
+    centre = (protocol.centre_px[0] - fit.shift[0], protocol.centre_px[1] - fit.shift[1])
+    radii = profile_of(image, replace(protocol, centre_px=centre)).radii
+    faults = [_PLATE_FAULTS.index(fit.fault), *fit.shift, fit.inscribed, coloured]
+    specks = [small.specks, small.largest_speck, small.holes, small.largest_hole, small.touches_border]
+    return np.concatenate([radii, faults, specks]).astype(np.float64)
+
+
+def _folder() -> Path:
+    base = os.environ.get("CUSICK_BENCH_CACHE") or platformdirs.user_cache_dir("cusick-bench")
+    return Path(base) / f"measures-{_VERSION}"
+
+
+def _cached(key: str, length: int, measure: Callable[[], ndarray]) -> Float[ndarray, " numbers"]:
+    """Numbers from the cache, or measured and stored; a cache that cannot be used is no fault."""
+    path = _folder() / key[:8] / f"{key}.npy"
+    try:
+        stored = np.load(path, allow_pickle=False)
+        if stored.shape == (length,) and stored.dtype == np.float64 and np.isfinite(stored).all():
+            return stored
+    except (OSError, ValueError, EOFError):
+        pass
+    numbers = np.asarray(measure(), dtype=np.float64)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as part:
+            np.save(part, numbers)
+        Path(part.name).replace(path)
+    except OSError:
+        pass
+    return numbers

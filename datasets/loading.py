@@ -1,0 +1,71 @@
+"""Loads a data set by its registered name, or from any folder in the same layout."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from cusick_bench.datasets.dataset import DrapeDataset
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.files.checksums import verify_checksums
+from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
+from cusick_bench.datasets.files.fabrics import read_fabrics
+from cusick_bench.datasets.files.layout import scan
+from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
+from cusick_bench.datasets.files.protocol import Protocol, read_protocol
+from cusick_bench.datasets.index import CORRECTIONS, Progress, build_index, survey
+from cusick_bench.datasets.registry import REGISTRY, folder_of
+
+DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
+
+
+def load(
+    name_or_path: str | Path,
+    *,
+    correct: Collection[str] | bool = DEFAULT_CORRECTIONS,
+    fabrics_csv: str | Path | None = None,
+    strict: bool = False,
+    progress: Progress | None = None,
+) -> DrapeDataset:
+    """Loads a data set.
+
+    Args:
+        name_or_path: `synthetic`, `cusick` (in the folder that the environment variable CUSICK_DATA names), or a
+            folder in the public release's layout.
+        correct: Which known faults to correct; each correction is noted in the index. `pairing`: meshes go to the
+            silhouettes that they fit. `rotation`: meshes are turned by quarter turns. `side`: faces are unknown
+            where meshes contradict the capture numbers. `centre`: off-centre images are moved, so that scores
+            differ from the paper's; not by default. True means all, False none.
+        fabrics_csv: Table of areal densities and thicknesses; by default `fabrics.csv` beside the data.
+        strict: Whether an image or mesh that cannot be used is an error now rather than when it is sampled.
+        progress: Called with (files done, files) while the files are measured.
+
+    Raises:
+        DataError: Nothing to load, a malformed table, a shipped file that was changed, or with `strict` a bad file.
+    """
+    root = folder_of(name_or_path)
+    wanted = _corrections(correct)
+    layout = scan(root)
+    if str(name_or_path) == "synthetic":
+        verify_checksums(layout.root)
+    table = Path(fabrics_csv) if fabrics_csv else layout.beside(FABRICS_FILE)
+    fabrics = read_fabrics(table) if table else {}
+    described = layout.beside(PROTOCOL_FILE)
+    protocol = read_protocol(described) if described else Protocol()
+    verified = str(name_or_path) == "synthetic"  # its meshes lie where they belong
+    found = survey(layout, protocol, measure=strict or bool(wanted and not verified), progress=progress)
+    if strict and found.faults:
+        raise next(iter(found.faults.values()))
+    name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
+    applied = () if verified else wanted
+    return DrapeDataset(
+        name, layout.root, protocol, applied, build_index(name, layout, protocol, fabrics, found, applied)
+    )
+
+
+def _corrections(correct: Collection[str] | bool) -> tuple[str, ...]:
+    if isinstance(correct, bool):
+        return CORRECTIONS if correct else ()
+    names = [correct] if isinstance(correct, str) else list(correct)
+    unknown = [name for name in names if name not in CORRECTIONS]
+    if unknown:
+        raise DataError(f"unknown correction {', '.join(unknown)}", remedy=f"use some of {', '.join(CORRECTIONS)}")
+    return tuple(name for name in CORRECTIONS if name in names)

@@ -1,0 +1,144 @@
+"""Writes the `synthetic` set as files: the public layout, its true parameters, a Croissant description, checksums.
+
+References:
+    Croissant metadata format 1.0, MLCommons, 2024.
+"""
+
+import gzip
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from cusick_bench.datasets.files.checksums import CHECKSUMS
+from cusick_bench.datasets.synthetic_set import recipe
+from cusick_bench.sim.cloth.mesh import write_obj
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import render
+
+_DECIMALS = 5  # meshes are written to 0.01 mm: far above rounding noise, far below what matters
+
+
+def _name(drape: recipe.TrueDrape) -> str:
+    return f"Fabric_{drape.cloth.number}_Sample_{drape.sample}_Capture_{drape.capture}"
+
+
+def _write_drape(drape: recipe.TrueDrape, fabric: Path) -> None:
+    image = render(torch.from_numpy(drape.vertices), drape.faces, ParallelCamera()).numpy()
+    grey = np.round(255 * (1 - image)).astype(np.uint8)
+    Image.fromarray(grey).save(fabric / "silhouettes" / f"{_name(drape)}.png", optimize=True)
+    plain = fabric / "meshes" / f"{_name(drape)}.obj"
+    write_obj(plain, np.round(drape.vertices, _DECIMALS) + 0.0, drape.faces)
+    with open(f"{plain}.gz", "wb") as packed:
+        packed.write(gzip.compress(plain.read_bytes(), mtime=0))
+    plain.unlink()
+
+
+def _truth(cloths: list[recipe.Cloth]) -> dict[str, Any]:
+    """The true parameters: mean tables of every cloth and the spread of the random elements."""
+    spreads = (
+        "STIFFNESS_SPREAD", "STIFFNESS_LENGTH", "REST_HEIGHT", "LAYING_HEIGHT", "REPEAT_HEIGHT", "SHAPE_LENGTH",
+        "PLACE_SHIFT", "PLACE_TURN", "VERTICES", "MESH_SEED", "SEED",
+    )  # fmt: skip
+    return {
+        "law": "paper",
+        "random_elements": {name.lower(): getattr(recipe, name) for name in spreads},
+        "fabrics": {
+            str(cloth.number): {
+                "stretch_N_m": cloth.material.stretch.tolist(),
+                "bending_N_m": cloth.material.bending.tolist(),
+                "areal_density_kg_m2": float(cloth.material.density),
+            }
+            for cloth in cloths
+        },
+    }
+
+
+def _protocol() -> dict[str, Any]:
+    return {
+        "cloth_radius_m": 0.15,
+        "plate_radius_m": 0.09,
+        "gravity_m_s2": 9.8,
+        "image_size_px": 256,
+        "px_per_m": 723.0,
+        "centre_px": [127.5, 127.5],
+        "projection": "parallel",
+        "image_y": "up",
+        "foreground": "dark",
+        "captures": {str(capture): side for capture, side in recipe.CAPTURES.items()},
+        "turn_over": "about y: material x points to -x when face down",
+        "order": "captures 1, 2 face up, then 3, 4 face down",
+    }
+
+
+def _croissant(files: dict[str, str]) -> dict[str, Any]:
+    return {
+        "@context": {
+            "@vocab": "https://schema.org/",
+            "cr": "http://mlcommons.org/croissant/",
+            "sc": "https://schema.org/",
+        },
+        "@type": "sc:Dataset",
+        "name": "cusick-bench-synthetic",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "description": "Simulated Cusick drapes of five cloths of known stiffness: 12 samples x 2 faces x 2 captures.",
+        "license": "https://spdx.org/licenses/Apache-2.0",
+        "version": "1.0.0",
+        "distribution": [
+            {
+                "@type": "cr:FileObject",
+                "@id": name,
+                "name": name,
+                "contentUrl": name,
+                "encodingFormat": "image/png" if name.endswith(".png") else "application/octet-stream",
+                "sha256": digest,
+            }
+            for name, digest in files.items()
+        ],
+    }
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder, by its path relative to it; the checksum list itself is left out."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != CHECKSUMS)
+    return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def write_synthetic(
+    folder: Path, *, samples: int = recipe.SAMPLES, step: Callable[[str], None] = lambda name: None
+) -> dict[str, str]:
+    """Simulates the set and writes it.
+
+    Args:
+        folder: Where to; the parts that are written replace older ones.
+        samples: Samples per cloth; fewer than 12 make a part of the set, e.g. for a check.
+        step: Called with each capture's name when it is written.
+
+    Returns:
+        SHA-256 of every file, as written to `sha256.json`.
+    """
+    cloths = recipe.cloths()
+    folder.mkdir(parents=True, exist_ok=True)
+    for cloth in cloths:
+        fabric = folder / "data" / f"Fabric {cloth.number}"
+        for part in ("silhouettes", "meshes"):
+            shutil.rmtree(fabric / part, ignore_errors=True)
+            (fabric / part).mkdir(parents=True)
+        for drape in recipe.drapes(cloth, samples=samples):
+            _write_drape(drape, fabric)
+            step(_name(drape))
+    rows = [f"{cloth.number},{float(cloth.material.density):g},{cloth.thickness:g}" for cloth in cloths]
+    (folder / "fabrics.csv").write_text("\n".join(["fabric,areal_density_kg_m2,thickness_m", *rows]) + "\n")
+    for name, document in (("protocol.json", _protocol()), ("truth.json", _truth(cloths))):
+        (folder / name).write_text(json.dumps(document, indent=1) + "\n")
+    (folder / "croissant.json").unlink(missing_ok=True)
+    (folder / "croissant.json").write_text(json.dumps(_croissant(checksums(folder)), indent=1) + "\n")
+    digests = checksums(folder)
+    (folder / CHECKSUMS).write_text(json.dumps(digests, indent=1) + "\n")
+    return digests

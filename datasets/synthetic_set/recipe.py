@@ -1,0 +1,144 @@
+"""The recipe of the shipped `synthetic` set: five cloths whose stiffness, shapes and meshes are known.
+
+Each cloth is homogeneous in the mean. Each of its 12 samples has its own smooth stiffness field and its own rest shape;
+it is laid down once with each face up, which draws another laid-down shape, and captured twice per face, with a small
+change of that shape and of its place on the plate in between. Turned over about y, the cloth's x points to the other
+side and its rest shape is seen from below. The spreads are set so that image distances between repeats, faces and
+samples match those of real cloth (`cusick-bench data stats` prints both).
+
+The whole set follows from one seed; `cusick-bench data synthetic` makes it again, bit for bit on the same platform.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from cusick_bench.sim.cloth.heterogeneity import modulated
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+SEED = 2024
+SAMPLES = 12
+CAPTURES = {1: "up", 2: "up", 3: "down", 4: "down"}
+VERTICES = 1205  # of the true mesh; fits use meshes with another seed, so that truth and model differ
+MESH_SEED = 77
+
+# Spread of the random elements; see the module's docstring for what they are matched to.
+STIFFNESS_SPREAD = 0.10  # sd of log stiffness over the cloth
+STIFFNESS_LENGTH = 0.02  # [m]
+REST_HEIGHT = 4e-4  # [m]
+LAYING_HEIGHT = 1e-3  # [m], each time a face is laid down
+REPEAT_HEIGHT = 2e-5  # [m], change between captures
+SHAPE_LENGTH = 0.03  # [m]
+PLACE_SHIFT = 3e-4  # [m]
+PLACE_TURN = 0.008  # [rad]
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """A cloth of the set, homogeneous in the mean.
+
+    Attributes:
+        number: Fabric number, from 1.
+        material: Mean stiffness and areal density.
+        thickness: [m].
+    """
+
+    number: int
+    material: Material
+    thickness: float
+
+
+@dataclass(frozen=True)
+class TrueDrape:
+    """One capture, without image.
+
+    Attributes:
+        cloth: Its cloth.
+        sample: From 1.
+        capture: From 1.
+        side: "up" or "down".
+        vertices: Where the cloth rests, in the camera's frame [m].
+        faces: Counter-clockwise seen from above where the cloth lies flat.
+    """
+
+    cloth: Cloth
+    sample: int
+    capture: int
+    side: str
+    vertices: Float[ndarray, "vertices 3"]
+    faces: Int[ndarray, "faces 3"]
+
+
+def cloths(seed: int = SEED) -> list[Cloth]:
+    """The five cloths: bending stiffness over density in even steps over what drapes from limp to stiff."""
+    generator = np.random.default_rng([seed, 0])
+    made = []
+    for number, level in enumerate(np.linspace(np.log(8e-6), np.log(1.5e-4), 5), 1):
+        density = round(float(np.exp(generator.uniform(np.log(0.08), np.log(0.28)))), 3)
+        ratio = np.exp(level + generator.uniform(-0.2, 0.2))  # B / rho [N m / (kg/m2)]
+        anisotropy = np.exp(generator.normal(0, 0.25))
+        warp, weft = ratio * density * np.sqrt(anisotropy), ratio * density / np.sqrt(anisotropy)
+        rows = np.array([warp, np.sqrt(warp * weft), weft])
+        growth = np.linspace(1.0, generator.uniform(0.7, 1.1), 5)  # bending stiffness falls or rises with curvature
+        stretch, shear = np.exp(generator.uniform(np.log(80), np.log(250), 2)), np.exp(generator.uniform(3.2, 4.2))
+        table = np.column_stack(
+            [np.full(6, stretch[0]), np.full(6, 0.05 * stretch.min()), np.full(6, stretch[1]), np.full(6, shear)]
+        )
+        material = Material(
+            torch.from_numpy(table),
+            torch.from_numpy(rows[:, None] * growth),
+            torch.tensor(density, dtype=torch.float64),
+        )
+        made.append(Cloth(number, material, round(2e-4 + 1.2e-3 * density, 6)))
+    return made
+
+
+def drapes(cloth: Cloth, *, samples: int = SAMPLES, seed: int = SEED, vertices: int = VERTICES) -> Iterator[TrueDrape]:
+    """Simulates every capture of a cloth, in order of sample and capture.
+
+    Args:
+        cloth: One of `cloths`.
+        samples: Number of samples.
+        seed: Seed of the set.
+        vertices: Mesh size.
+    """
+    mesh = disc_mesh(vertices, seed=MESH_SEED)
+    simulator = DrapeSimulator(mesh, DrapeSettings())
+    for sample in range(1, samples + 1):
+        generator = np.random.default_rng([seed, cloth.number, sample])
+        stiffness = [smooth_field(STIFFNESS_SPREAD, STIFFNESS_LENGTH, generator) for _ in range(2)]
+        material = modulated(cloth.material, mesh, *stiffness)
+        rest = mesh.flat.copy()
+        rest[:, 2] = smooth_field(REST_HEIGHT, SHAPE_LENGTH, generator)(mesh.material)
+        rest_angle = dihedral_angles(torch.from_numpy(rest), mesh.hinges)
+        laying = {side: smooth_field(LAYING_HEIGHT, SHAPE_LENGTH, generator) for side in ("up", "down")}
+        for capture, side in CAPTURES.items():
+            change = smooth_field(REPEAT_HEIGHT, SHAPE_LENGTH, generator)
+            initial = laid_down(mesh, laying[side], simulator.settings.plate_radius)
+            initial += laid_down(mesh, change, simulator.settings.plate_radius) - mesh.flat
+            # Lying on its face, the cloth is simulated in its mirror image z -> -z: rest angles change sign.
+            drape = simulator.drape(
+                material, initial=torch.from_numpy(initial), rest_angle=rest_angle if side == "up" else -rest_angle
+            )
+            positions, faces = drape.vertices.numpy().copy(), mesh.faces
+            if side == "down":
+                positions[:, 0] *= -1
+                faces = faces[:, ::-1]
+            yield TrueDrape(cloth, sample, capture, side, _placed(positions, generator), faces)
+
+
+def _placed(positions: Float[ndarray, "vertices 3"], generator: np.random.Generator) -> Float[ndarray, "vertices 3"]:
+    """The drape turned and shifted a little, as it is put under the camera."""
+    angle, shift = generator.normal(0, PLACE_TURN), generator.normal(0, PLACE_SHIFT, 2)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    placed = positions.copy()
+    placed[:, :2] = placed[:, :2] @ turn.T + shift
+    return placed

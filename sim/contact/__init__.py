@@ -1,0 +1,5 @@
+"""Self-contact: a barrier keeps parts of the cloth apart, during a drop and at rest.
+
+barrier: `SelfContact`; matrix: the Hessian with contacts; drop, equilibrium: both ways to a drape with contacts;
+intersections: whether a cloth passes through itself.
+"""

@@ -1,0 +1,30 @@
+"""The plate is larger or smaller than its nominal size."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from cusick_bench.sim.cloth.warp import on_plate
+from cusick_bench.sim.effects.base import Effect, Parameter, Values
+from cusick_bench.sim.setup import Setup
+
+
+class PlateRadius(Effect):
+    """A plate of another radius under the same cloth."""
+
+    name = "plate-radius"
+    kind = "boundary"
+    summary = "the plate's radius is not the nominal one"
+    physics = "The cloth is held within r + error instead of r; its own radius stays, so the overhang narrows."
+    reference = "ISO 9073-9:2008 (supporting disc of 18 cm; 12 cm as a variant)"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "error", "m", -0.01, 0.01, 1e-3, "assumed: a rounded or worn edge, or a plate measured with a ruler",
+            summary="of the plate's radius",
+        ),
+    )  # fmt: skip
+    located = "ring"
+
+    def _apply(self, setup: Setup, value: Values) -> Setup:
+        radius = setup.held + float(value["error"])
+        settings = replace(setup.settings, plate_radius=radius)
+        return replace(setup, mesh=on_plate(setup.mesh, setup.held, radius), settings=settings)

@@ -1,0 +1,1 @@
+"""Effects that depend on what happened to the cloth before the picture."""

@@ -1,0 +1,1 @@
+"""Effects of the camera and of how its picture is made."""

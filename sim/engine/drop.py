@@ -1,0 +1,230 @@
+"""A drape by dropping the cloth: linearly implicit Euler from the shape in which it was laid down.
+
+Per step: (M + h^2 K) v' = M v + h F, x' = x + h v', with F and the positive-semidefinite stiffness K at x (the paper's
+Eq. 3 written for the new velocity). The discrete adjoint walks back through the same steps: with
+g = g_v' + h g_x' and (M + h^2 K) lambda = g, the older gradients are g_v = M lambda and g_x = g_x' + dS/dx with
+S = h lambda . F - h^2 lambda . K v'. Memory grows with the states only, and with the factors kept within a limit.
+
+A batch of cloths on one mesh drops together: every array then has a leading axis of members.
+
+References:
+    Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
+    Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Eq. 3.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.sim.engine.step_kernels import move, right_hand_side
+from cusick_bench.sim.engine.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
+from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
+from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
+
+FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
+_FAR = 20.0  # a cloth that moves farther than so many times its size has blown up
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """States of a dropped cloth, or of a batch, and what its adjoint needs.
+
+    Attributes:
+        positions: x_0 .. x_n [m]; x_n alone where no states were recorded.
+        velocities: v_0 .. v_n [m/s], or v_n.
+        factors: Factor of every step, or None where it has to be computed again.
+    """
+
+    positions: Float[ndarray, "states *members vertices 3"]
+    velocities: Float[ndarray, "states *members vertices 3"]
+    factors: list[Factor | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """Implicit Euler steps of a batch, with storage that every step uses again.
+
+    Attributes:
+        system: Cloth and support; its pattern and its springs count, not its elements.
+        mass: Vertex masses [kg].
+        h: Step [s].
+        batch: Whether errors say whose cloth they are about.
+    """
+
+    system: DrapeSystem
+    mass: Float[ndarray, "members vertices"]
+    h: float
+    batch: bool = True
+
+    @cached_property
+    def blocks(self) -> Float[ndarray, "members slots 3 3"]:
+        """Storage of the step matrix."""
+        return np.zeros((len(self.mass), len(self.system.layout.indices), 3, 3))
+
+    @cached_property
+    def right(self) -> Float[ndarray, "members rows 3"]:
+        """Storage of the right-hand side."""
+        return np.empty((len(self.mass), len(self.system.free), 3))
+
+    def factor(self, state: Evaluation, old: Factor | None) -> Factor:
+        """Factor of the step matrix M + h^2 K at an evaluated state; `old` is storage to use again."""
+        linear, h = self.system.linear, self.h
+        state.matrix(scale=h * h, diagonal=self.mass + h * h * self.system.spring, out=self.blocks)
+        if len(self.blocks) == 1:
+            return linear.factorise(self.blocks[0], out=old)
+        return linear.factorise_batch(self.blocks, out=old)
+
+    def solve(self, factor: Factor) -> Float[ndarray, "members rows 3"]:
+        """Velocities, or multipliers, of the free vertices, for the right-hand side that `right` holds."""
+        return factor.solve(self.right[0])[None] if factor.members is None else factor.solve(self.right)
+
+    def step(
+        self, name: str, state: Evaluation, v: ndarray, v_new: ndarray, x_new: ndarray, far: float, old: Factor | None
+    ) -> Factor:
+        """One step from an evaluated state.
+
+        Args:
+            name: What errors call it.
+            state: Elements at the positions before.
+            v: Velocities before (members, vertices, 3) [m/s].
+            v_new, x_new: Receive velocities and positions after.
+            far: A cloth with a coordinate beyond has blown up [m].
+            old: Storage of a factor to use again.
+
+        Returns:
+            The factor that it solved with.
+
+        Raises:
+            DrapeDiverged: As `drop` does.
+        """
+        system, h = self.system, self.h
+        finite = right_hand_side(system.free, self.mass, h, v, state.force(), self.right)
+        if not finite.all():
+            reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
+            raise self._diverged(name, ~finite, reason)
+        try:
+            factor = self.factor(state, old)
+        except NotPositiveDefinite as error:
+            raise self._diverged(name, error.members, f"{error}; check the stiffness tables") from error
+        except SimulationError as error:  # a matrix that is not finite
+            bad = np.asarray(~np.isfinite(self.blocks).all((1, 2, 3)))
+            raise self._diverged(name, bad, str(error)) from error
+        reached = move(system.free, h, self.solve(factor), state.x, v_new, x_new)
+        if not (reached < far).all():
+            raise self._diverged(name, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s")
+        return factor
+
+    def _diverged(self, name: str, members: ndarray, reason: str) -> DrapeDiverged:
+        message = f"{name}: {reason}"
+        return MembersDiverged(message, np.flatnonzero(members)) if self.batch else DrapeDiverged(message)
+
+
+def too_far(laid: Float[ndarray, "*members vertices 3"]) -> float:
+    """A coordinate that only a cloth that has blown up reaches, laid down as it was [m]."""
+    return _FAR * float(np.abs(laid).max())
+
+
+def drop(
+    system: DrapeSystem,
+    parameters: Parameters,
+    initial: Float[ndarray, "*members vertices 3"],
+    *,
+    steps: int,
+    step_seconds: float,
+    keep_factors: bool = False,
+    record: bool = True,
+    factor_memory: int = FACTOR_MEMORY,
+) -> Rollout:
+    """Drops a cloth, or a batch of cloths, from rest.
+
+    Args:
+        system: Cloth and support.
+        parameters: Material, of one cloth or of a batch.
+        initial: Shape in which the cloth is laid down [m]; springs and fixed vertices hold on to it.
+        steps: Number of steps.
+        step_seconds: Step h [s].
+        keep_factors: Keep each step's factor for the adjoint, within `factor_memory`.
+        record: Keep all states, as the adjoint needs them; otherwise the last one only.
+        factor_memory: Most memory for kept factors [bytes].
+
+    Returns:
+        The states.
+
+    Raises:
+        DrapeDiverged: The step matrix is not positive definite, or forces are no longer finite. For a batch it is
+            MembersDiverged, which says whose.
+    """
+    batch = initial.ndim == 3
+    p, laid = (parameters, initial) if batch else (parameters.batch(), initial[None])
+    positions = np.empty((steps + 1 if record else 2, *laid.shape))
+    velocities = np.zeros_like(positions)
+    positions[0] = laid
+    stepper, far = Stepper(system, p.mass, step_seconds, batch), too_far(laid)
+    factors: list[Factor | None] = []
+    kept, factor = 0, None
+    for step in range(steps):
+        here, there = (step, step + 1) if record else (step % 2, (step + 1) % 2)
+        state = system.evaluate(positions[here], laid, p, exact=False)
+        name = f"step {step + 1} of {steps}"
+        factor = stepper.step(name, state, velocities[here], velocities[there], positions[there], far, factor)
+        keep = keep_factors and kept + factor.nbytes <= factor_memory
+        factors.append(factor if keep else None)
+        if keep:
+            kept, factor = kept + factor.nbytes, None
+    if not record:
+        positions, velocities = (states[[steps % 2]] for states in (positions, velocities))
+    return Rollout(*(states if batch else states[:, 0] for states in (positions, velocities)), factors)
+
+
+def drop_adjoint(
+    system: DrapeSystem,
+    parameters: Parameters,
+    rollout: Rollout,
+    g_x: Float[ndarray, "*members vertices 3"],
+    *,
+    step_seconds: float,
+) -> tuple[ParameterGradient, Float[ndarray, "*members vertices 3"]]:
+    """Gradient of a function of the last positions to all parameters and to the initial shape.
+
+    Args:
+        system: As in `drop`.
+        parameters: As in `drop`.
+        rollout: What `drop` returned, with its states recorded.
+        g_x: Derivative to the last positions.
+        step_seconds: As in `drop`.
+
+    Returns:
+        Parameter gradient, and derivative to the initial shape (which also anchors springs and fixed vertices).
+    """
+    if len(rollout.positions) != len(rollout.factors) + 1:
+        raise SimulationError("the adjoint of a drop needs all its states; drop with record=True")
+    batch = g_x.ndim == 3
+    p = parameters if batch else parameters.batch()
+    positions, velocities = (states if batch else states[:, None] for states in (rollout.positions, rollout.velocities))
+    g_x = g_x.copy() if batch else g_x[None].copy()
+    gradient = ParameterGradient.zeros(system, len(g_x))
+    g_v, g_anchor, multiplier = np.zeros_like(g_x), np.zeros_like(g_x), np.zeros_like(g_x)
+    h, mass, free = step_seconds, p.mass, system.free
+    ones, stepper = np.ones_like(mass), Stepper(system, mass, h)
+    again: Factor | None = None
+    for step in reversed(range(len(rollout.factors))):
+        x, v, v_new = positions[step], velocities[step], velocities[step + 1]
+        factor = rollout.factors[step]
+        if factor is None:
+            factor = again = stepper.factor(system.evaluate(x, positions[0], p, exact=False), again)
+        right_hand_side(free, ones, h, g_v, g_x, stepper.right)
+        multiplier[:, free] = stepper.solve(factor)
+        if rollout.factors[step] is not None:  # a second adjoint of this rollout computes it again
+            rollout.factors[step] = None
+            system.linear.recycle(factor)
+        by_x, by_anchor = system.adjoint(x, multiplier, v_new, p, gradient, force_factor=h, stiffness_factor=h * h)
+        gradient.mass[:] += (multiplier * (v - v_new)).sum(-1)
+        g_v = mass[..., None] * multiplier
+        # velocity of fixed vertices is zero whatever the parameters; the springs' stiffness is constant
+        g_x += by_x
+        g_anchor += by_anchor
+    g_initial = g_x + g_anchor
+    return (gradient, g_initial) if batch else (gradient.member(0), g_initial[0])

@@ -1,0 +1,78 @@
+"""How a drape is simulated: law, way to the rest, support, laid-down and rest shape."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cusick_bench.sim.cloth.mesh import PLATE_RADIUS
+from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.errors import SimulationError
+
+GRAVITY = 9.8  # [m/s2], the published program's
+
+
+@dataclass(frozen=True)
+class DrapeSettings:
+    """How a drape is simulated.
+
+    Attributes:
+        law: `paper` (derives from an energy) or `published` (the published program's, quirks included).
+        mode: `drop` (implicit Euler from the laid-down cloth) or `equilibrium` (Newton to rest, from a drop's end or
+            from a given drape).
+        steps: Steps of a drop.
+        step_seconds: Step of a drop [s].
+        gravity: [m/s2].
+        plate_radius: [m].
+        support: `fixed` (plate vertices eliminated) or `springs` (held by 1 kN/m, as published; the plate's edge free).
+        laying_amplitude: Standard deviation of the height in which the cloth is laid down [m].
+        laying_length: Its correlation length [m].
+        rest_amplitude: Standard deviation of the rest shape's height [m].
+        rest_length: Its correlation length [m].
+        seed: Seed of the laid-down and the rest shape.
+        self_contact: Thickness within which the cloth keeps off itself [m], in mode `equilibrium` (needs the extra
+            `contact`); 0 lets folds pass through each other, as the paper does.
+        tolerance: Net force at which an equilibrium counts as reached, as a fraction of the weight.
+        iterations: Most Newton steps of an equilibrium.
+        backend: Linear solver.
+
+    Raises:
+        SimulationError: A value out of range.
+    """
+
+    law: Law = "paper"
+    mode: Literal["drop", "equilibrium"] = "drop"
+    steps: int = 100
+    step_seconds: float = 0.05
+    gravity: float = GRAVITY
+    plate_radius: float = PLATE_RADIUS
+    support: Literal["fixed", "springs"] = "fixed"
+    laying_amplitude: float = 1e-3
+    laying_length: float = 0.03
+    rest_amplitude: float = 0.0
+    rest_length: float = 0.03
+    seed: int = 0
+    self_contact: float = 0.0
+    tolerance: float = 1e-9
+    iterations: int = 500
+    backend: str = "auto"
+
+    def __post_init__(self) -> None:
+        for name, options in (("mode", ("drop", "equilibrium")), ("support", ("fixed", "springs"))):
+            if getattr(self, name) not in options:
+                raise SimulationError(f"{name} must be one of {', '.join(options)}, got {getattr(self, name)!r}")
+        for name in ("steps", "step_seconds", "gravity", "plate_radius", "tolerance", "iterations"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise SimulationError(f"{name} must be > 0 and finite, got {value}")
+        for name in ("laying", "rest"):
+            smooth_field(getattr(self, f"{name}_amplitude"), getattr(self, f"{name}_length"), np.random.default_rng(0))
+        if not (np.isfinite(self.self_contact) and self.self_contact >= 0):
+            raise SimulationError(f"self_contact must be >= 0 m and finite, got {self.self_contact}")
+        if self.self_contact > 0 and self.mode == "drop":
+            raise SimulationError("self-contact is for mode 'equilibrium', whose gradients know of it; got mode 'drop'")
+        if self.mode == "equilibrium" and self.law == "published":
+            raise SimulationError(
+                "law 'published' has no energy, so no equilibrium mode; use mode 'drop' or law 'paper'"
+            )

@@ -1,0 +1,4 @@
+"""The simulator in plain torch autograd: slow and readable, what the engines are checked and measured against.
+
+laws: `Reference`, forces of both laws; tables: how they read the stiffness tables; drop: `drop_reference`.
+"""

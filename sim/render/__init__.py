@@ -1,0 +1,5 @@
+"""From positions to pictures: cameras and differentiable silhouettes.
+
+camera: `ParallelCamera`, `PinholeCamera`; silhouette: `render`; coverage, outline: exact pixel coverage;
+soft_mask: the paper's renderer (DIB-R).
+"""

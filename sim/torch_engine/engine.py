@@ -1,0 +1,145 @@
+"""The torch engine behind `DrapeSimulator`: batches of drops on a GPU, or on the CPU with the GPU's code.
+
+    device "cpu"                 the compiled engine: every mode, the fastest on a CPU
+    device "cuda", "cuda:1", …   the torch engine there: mode `drop`, many cloths at once
+    device "cpu:torch"           the torch engine on the CPU: a check of the GPU's code where there is no GPU
+
+Both engines take the same steps and have the same exact adjoint. Positions and their graph stay on the device; what is
+copied to the host is one number a cloth: how it fared.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numpy import ndarray
+from torch import Tensor
+
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.outcome import DROP_AT_REST, flown_apart
+from cusick_bench.sim.torch_engine.drop import DroppedMembers, drop_members, free_memory, prepared
+from cusick_bench.sim.torch_engine.forces import BatchParameters
+from cusick_bench.sim.torch_engine.rollout import member_bytes
+
+COMPILED = "cpu"
+"""Device of the compiled engine."""
+
+TORCH_ON_CPU = "cpu:torch"
+"""Device of the torch engine on the CPU."""
+
+
+def torch_device(name: str) -> str | None:
+    """Torch's name of the device on which the torch engine is to run; None where the compiled engine is meant.
+
+    Args:
+        name: `cpu`, `cpu:torch`, `cuda` or `cuda:N`.
+
+    Raises:
+        SimulationError: Another name, or a GPU that is not there.
+    """
+    if name in (COMPILED, TORCH_ON_CPU):
+        return None if name == COMPILED else "cpu"
+    kind, _, number = name.partition(":")
+    if kind != "cuda" or (":" in name and not number.isdecimal()):
+        raise SimulationError(f"device must be {COMPILED}, {TORCH_ON_CPU}, cuda or cuda:N, got {name!r}")
+    if not torch.cuda.is_available():
+        raise SimulationError(
+            f"device {name!r} needs a CUDA GPU, and torch {torch.__version__} sees none; install a CUDA build of torch "
+            f"and look at nvidia-smi, or use device {COMPILED!r}"
+        )
+    if number and int(number) >= torch.cuda.device_count():
+        raise SimulationError(f"device must be one of the {torch.cuda.device_count()} GPUs, from cuda:0, got {name!r}")
+    return name
+
+
+@dataclass(frozen=True, eq=False)
+class TorchOutcome:
+    """What became of a batch on the torch engine, beside the positions; see `DrapeBatch`."""
+
+    failures: list[str | None]
+    residual: Float[ndarray, "members"]
+    iterations: Int[ndarray, "members"]
+    at_rest: float = DROP_AT_REST
+
+
+@dataclass(frozen=True, eq=False)
+class TorchEngine:
+    """Drops batches on one device.
+
+    Attributes:
+        system: Mesh, law and support.
+        settings: How the cloths are draped.
+        name: Of the device, as `torch_device` takes it.
+        memory_limit: Most memory of a batch [bytes]; None for most of what a GPU has left, or 4 GiB on the CPU.
+
+    Raises:
+        SimulationError: A device that is not there, or settings that only the compiled engine knows.
+    """
+
+    system: DrapeSystem
+    settings: DrapeSettings
+    name: str
+    memory_limit: int | None = None
+
+    def __post_init__(self) -> None:
+        if torch_device(self.name) is None:
+            raise SimulationError(f"device {self.name!r} is that of the compiled engine; use another for this one")
+        if self.settings.mode != "drop":
+            raise SimulationError(
+                f"device {self.name!r} drapes in mode 'drop' only, got mode {self.settings.mode!r}; use mode 'drop', "
+                f"with more steps for a cloth at rest, or device {COMPILED!r}"
+            )
+
+    def drape(self, p: BatchParameters, laid: Float[Tensor, "#members vertices 3"]) -> tuple[Tensor, TorchOutcome]:
+        """Positions (members, vertices, 3) on the device, with gradients, and what became of the cloths.
+
+        Args:
+            p: The cloths, on any device.
+            laid: Shapes in which they are laid down [m].
+        """
+        s = self.settings
+        dropped = drop_members(
+            self.system, p, laid, steps=s.steps, step_seconds=s.step_seconds, device=self.device, linear=self._linear,
+            memory_limit=self.memory_limit,
+        )  # fmt: skip
+        weight = s.gravity * p.mass.detach().sum(1)
+        return dropped.positions, self._outcome(dropped, weight.cpu().numpy())
+
+    @property
+    def device(self) -> str:
+        """Torch's name of the device."""
+        return self.name.removesuffix(":torch")
+
+    @property
+    def _linear(self) -> str:
+        return "multifrontal" if self.settings.backend == "auto" else self.settings.backend
+
+    def _outcome(self, dropped: DroppedMembers, weight: Float[ndarray, "#members"]) -> TorchOutcome:
+        good = dropped.good.cpu().numpy()
+        residual = np.where(good, dropped.force.cpu().numpy() / weight, np.nan)
+        failures = [
+            flown_apart(self.settings, force) if sound else self._reason(factored, steps)
+            for sound, factored, steps, force in zip(
+                good, dropped.factored.tolist(), dropped.steps.tolist(), residual.tolist(), strict=True
+            )
+        ]
+        return TorchOutcome(failures, residual, np.where(good, self.settings.steps, 0))
+
+    def _reason(self, factored: bool, steps: int) -> str:
+        """Why a member that took so many sound steps is lost."""
+        s = self.settings
+        step = f"step {min(steps + 1, s.steps)} of {s.steps}"
+        if not factored:
+            return f"{step}: the step matrix must be positive definite, and it is not; check the stiffness tables"
+        return (
+            f"{step}: the cloth flies apart; use a shorter step than {s.step_seconds} s or check stiffness and density"
+        )
+
+    def at_once(self) -> int:
+        """Cloths without gradients that drop together within the memory; a larger batch runs in groups."""
+        forces, linear = prepared(self.system, self.device, self._linear)
+        limit = free_memory(self.device) if self.memory_limit is None else self.memory_limit
+        return max(1, limit // sum(member_bytes(forces, linear, self.settings.steps, differentiate=False)))

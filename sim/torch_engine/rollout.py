@@ -1,0 +1,213 @@
+"""One group of drops, forward and back, and how a batch is split into groups that fit the memory.
+
+Per step: (M + h^2 K) v' = M v + h F, x' = x + h v'. Back: with g = g_v' + h g_x' and (M + h^2 K) lambda = g, the older
+gradients are g_v = M lambda and g_x = g_x' + dS/dx with S = h lambda . F - h^2 lambda . K v'; see `drop`.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass, fields
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.torch_engine.batched_solver import TorchFactor, TorchLinear
+from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
+
+_NUMBER = 8  # [bytes] of a float64
+_FORWARD_NUMBERS, _ADJOINT_NUMBERS = 140, 220  # alive at once per face and per hinge (measured: at most 122 and 201)
+_VECTORS = 12  # vertex fields alive at once
+_WORK = 1.5  # measured over computed memory of a factorisation at work: at most 1.4
+_FAR = 20.0  # a cloth that moves farther than so many times its size has blown up, as in `drop`
+
+
+@dataclass(frozen=True, eq=False)
+class BatchPlan:
+    """How a batch is run.
+
+    Attributes:
+        forces: Forces and stiffness.
+        linear: Linear solver.
+        steps: Number of steps.
+        h: Step [s].
+        groups: First and behind-last member of every group.
+        factor_memory: Memory left for kept factors [bytes].
+    """
+
+    forces: TorchForces
+    linear: TorchLinear
+    steps: int
+    h: float
+    groups: list[tuple[int, int]]
+    factor_memory: int
+
+    def factorise(self, blocks: Float[Tensor, "members slots 3 3"], mass: Tensor) -> TorchFactor:
+        """Factor of M + h^2 K; takes over `blocks`."""
+        blocks *= self.h**2
+        self.forces.add_diagonal(blocks, mass)
+        return self.linear.factorise(blocks)
+
+
+@dataclass(frozen=True, eq=False)
+class GroupRecord:
+    """What the adjoint needs of one group, and how its members fared.
+
+    Attributes:
+        states: Positions x_0 .. x_n [m]; x_0 alone where there will be no adjoint.
+        factors: Kept factors by step.
+        good: Who is well.
+        factored: Whose step matrices had a factor as long as they were well.
+        steps: Steps that each member took well.
+        force: Net force on the free vertices at the end, its Euclidean norm over all of them [N].
+    """
+
+    states: list[Float[Tensor, "members vertices 3"]]
+    factors: dict[int, TorchFactor]
+    good: Bool[Tensor, "members"]
+    factored: Bool[Tensor, "members"]
+    steps: Int[Tensor, "members"]
+    force: Float[Tensor, "members"]
+
+    @classmethod
+    def start(cls, x: Float[Tensor, "members vertices 3"]) -> "GroupRecord":
+        """Before the first step everybody is well."""
+        well = torch.ones(len(x), dtype=torch.bool, device=x.device)
+        return cls([x], {}, well, well.clone(), well.new_zeros(len(x), dtype=torch.int64), x.new_zeros(len(x)))
+
+    def update(self, factored: Bool[Tensor, "members"], near: Bool[Tensor, "members"]) -> None:
+        """Notes how a step went; who was lost before stays as it was."""
+        self.factored.logical_and_(factored | ~self.good)
+        self.good.logical_and_(factored & near)
+        self.steps.add_(self.good)
+
+
+def member_bytes(forces: TorchForces, linear: TorchLinear, steps: int, *, differentiate: bool) -> tuple[int, int]:
+    """Memory of one member: what is kept till the end, and what it takes besides while its group runs [bytes].
+
+    Args:
+        forces: Forces and stiffness.
+        linear: Linear solver.
+        steps: Number of steps.
+        differentiate: Whether there will be gradients.
+    """
+    system = forces.system
+    elements, field = len(system.elements.faces) + len(system.elements.hinges), 3 * _NUMBER * system.mesh.vertices
+    kept = field * (steps + 2 if differentiate else 1)
+    numbers = _ADJOINT_NUMBERS if differentiate else _FORWARD_NUMBERS
+    matrix = 9 * _NUMBER * len(linear.slots) + linear.factor_bytes
+    return kept, matrix + max(numbers * _NUMBER * elements, int(_WORK * linear.work_bytes)) + _VECTORS * field
+
+
+def plan_batch(
+    forces: TorchForces, linear: TorchLinear, members: int, *, steps: int, h: float, limit: int, differentiate: bool
+) -> BatchPlan:
+    """Splits a batch into groups of members that fit the memory.
+
+    Args:
+        forces: Forces and stiffness.
+        linear: Linear solver.
+        members: Number of cloths.
+        steps: Number of steps.
+        h: Step [s].
+        limit: Most memory to use [bytes].
+        differentiate: Whether there will be gradients.
+
+    Raises:
+        SimulationError: Not even a group of one fits.
+    """
+    kept, at_work = member_bytes(forces, linear, steps, differentiate=differentiate)
+    available = limit - members * kept
+    most = available // at_work
+    if most < 1:
+        raise SimulationError(
+            f"{members} drops of {forces.system.mesh.vertices} vertices and {steps} steps need at least "
+            f"{(members * kept + at_work) / 2**20:.0f} MiB, but memory_limit is {limit / 2**20:.0f} MiB; raise it, or "
+            "drop fewer cloths at a time"
+        )
+    count = math.ceil(members / most)
+    ends = [round(members * n / count) for n in range(count + 1)]
+    left = available - math.ceil(members / count) * at_work if differentiate and linear.keeps else 0
+    return BatchPlan(forces, linear, steps, h, list(itertools.pairwise(ends)), left)
+
+
+def rollout(
+    plan: BatchPlan, p: BatchParameters, anchor: Tensor, members: int, keep: int | None
+) -> tuple[Tensor, GroupRecord]:
+    """Drops one group of cloths from rest.
+
+    Args:
+        plan: How.
+        p: Its cloths.
+        anchor: Shapes in which they are laid down (members or 1, vertices, 3) [m].
+        members: How many.
+        keep: Number of factors to keep for the adjoint; None if there will be none, then no states are kept either.
+
+    Returns:
+        Last positions, NaN for members that blew up [m], and the record for the adjoint.
+    """
+    h, free = plan.h, plan.forces.free
+    x = anchor.expand(members, *anchor.shape[1:])
+    v = torch.zeros_like(x)
+    record, far = GroupRecord.start(x), _FAR * anchor.abs().amax((1, 2))
+    for step in range(plan.steps):
+        force, blocks = plan.forces.evaluate(x, anchor, p)
+        factor = plan.factorise(blocks, p.mass)
+        solved = factor.solve((p.mass[:, :, None] * v + h * force)[:, free])
+        v = torch.zeros_like(v).index_copy(1, free, solved)
+        x = x + h * v
+        record.update(factor.good, x.abs().amax((1, 2)) < far)  # NaN compares as false
+        if keep is not None:
+            record.states.append(x)
+            if step < keep:
+                record.factors[step] = factor
+        del factor  # or two are alive while the next is made
+    force, _ = plan.forces.evaluate(x, anchor, p)
+    record.force.copy_(torch.linalg.vector_norm(force[:, free].flatten(1), dim=1))
+    record.good.logical_and_(torch.isfinite(record.force))
+    return torch.where(record.good[:, None, None], x, torch.nan), record
+
+
+def adjoint(
+    plan: BatchPlan, p: BatchParameters, anchor: Tensor, record: GroupRecord, g_x: Tensor
+) -> tuple[BatchParameters, Tensor]:
+    """Walks one group back.
+
+    Args:
+        plan: As in `rollout`.
+        p: As in `rollout`.
+        anchor: As in `rollout`.
+        record: What `rollout` returned.
+        g_x: Derivative to the last positions.
+
+    Returns:
+        Gradient to the group's parameters, in their shapes, and to the anchor of every member.
+    """
+    h, free = plan.h, plan.forces.free
+    good = record.good[:, None, None]
+    flat = torch.as_tensor(plan.forces.system.mesh.flat, device=g_x.device)
+
+    def state(step: int) -> Tensor:  # members that blew up stand still, flat, and gather no gradient
+        return torch.where(good, record.states[max(step, 0)], flat)
+
+    gradient = BatchParameters(*(torch.zeros_like(getattr(p, field.name)) for field in fields(p)))
+    g_x = torch.where(good, g_x, 0.0)
+    g_v, g_anchor = torch.zeros_like(g_x), torch.zeros_like(g_x)
+    x, x_new = state(plan.steps - 1), state(plan.steps)
+    for step in reversed(range(plan.steps)):
+        x_old = state(step - 1)
+        v, v_new = (x - x_old) / h, (x_new - x) / h
+        factor = record.factors.get(step) or plan.factorise(plan.forces.evaluate(x, anchor, p)[1], p.mass)
+        solved = torch.where(good, factor.solve((g_v + h * g_x)[:, free]), 0.0)
+        del factor
+        multiplier = torch.zeros_like(g_x).index_copy(1, free, solved)
+        by_x, by_anchor, by = plan.forces.adjoint(x, multiplier, v_new, p, force_factor=h, stiffness_factor=h * h)
+        for field in fields(p):
+            getattr(gradient, field.name).add_(getattr(by, field.name))
+        by_mass = (multiplier * (v - v_new)).sum(2)
+        gradient.mass.add_(by_mass if len(p.mass) > 1 else by_mass.sum(0, keepdim=True))
+        g_v = p.mass[:, :, None] * multiplier
+        g_x, g_anchor = g_x + by_x, g_anchor + by_anchor
+        x_new, x = x, x_old
+    return gradient, g_x + g_anchor

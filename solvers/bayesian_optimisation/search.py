@@ -1,0 +1,55 @@
+"""Bayesian optimisation in a box: a Sobol design, then the point of largest log expected improvement, again and again.
+
+The loop that `vanilla-bo`, `rembo` and `hesbo` share.
+"""
+
+from collections.abc import Generator
+from itertools import islice
+
+import numpy as np
+
+from cusick_bench.solvers.base import SolverError
+from cusick_bench.solvers.bayesian_optimisation.gaussian_process import (
+    Hyperparameters,
+    fit,
+    local_torch,
+    most_promising,
+)
+from cusick_bench.solvers.black_box.box import Point, Points, Search
+from cusick_bench.solvers.black_box.sobol import sobol_points
+
+
+def bayesian_search(dimension: int, initial: int, generator: np.random.Generator) -> Search:
+    """Searches [-1, 1]^d.
+
+    Args:
+        dimension: d.
+        initial: Points of the Sobol design.
+        generator: Source of all randomness.
+    """
+    points, losses = yield from design(dimension, initial, generator)
+    last: Hyperparameters | None = None
+    while True:
+        with local_torch(int(generator.integers(2**31))):
+            surrogate = fit(points, losses, last=last)
+            last = surrogate.hyperparameters
+            point = most_promising(surrogate)
+        points = np.vstack([points, point])
+        losses.append((yield 2 * point - 1))
+
+
+def design(
+    dimension: int, count: int, generator: np.random.Generator
+) -> Generator[Point, float, tuple[Points, list[float]]]:
+    """Asks for the first points of a Sobol sequence; returns them, in the unit cube, and their losses."""
+    points = np.stack(list(islice(sobol_points(dimension, generator), count)))
+    losses = []
+    for point in points:
+        losses.append((yield 2 * point - 1))
+    return points, losses
+
+
+def check_initial(name: str, initial: int) -> None:
+    """Raises SolverError where a design is too small to fit a process to."""
+    if initial < 2:
+        raise SolverError(f"{name} needs at least 2 initial points to fit a process to, got initial={initial}")

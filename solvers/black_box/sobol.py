@@ -1,0 +1,54 @@
+"""Quasi-random search: a scrambled Sobol sequence in the box. What any cleverer method must beat.
+
+References:
+    Sobol, On the distribution of points in a cube, USSR Comput. Math. Math. Phys. 7(4), 1967. Owen, Scrambling
+    Sobol and Niederreiter-Xing points, J. Complexity 14(4), 1998.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch.quasirandom import SobolEngine
+
+from cusick_bench.solvers.black_box.box import BoxSolver, Point, Points, Search
+
+_MOST_COORDINATES = SobolEngine.MAXDIM  # that direction numbers exist for: 21,201
+
+
+def sobol_points(dimension: int, generator: np.random.Generator) -> Iterator[Point]:
+    """An endless scrambled Sobol sequence in the unit cube.
+
+    Coordinates for which there are no direction numbers are drawn independently; for the few points of a search in so
+    many coordinates that is no worse.
+    """
+    known = min(dimension, _MOST_COORDINATES)
+    engine = SobolEngine(known, scramble=True, seed=int(generator.integers(2**31)))
+    while True:
+        yield _with_rest(engine.draw(1, dtype=torch.float64).numpy(), dimension, generator)[0]
+
+
+def sobol_block(count: int, dimension: int, generator: np.random.Generator) -> Points:
+    """The first `count` points of such a sequence."""
+    known = min(dimension, _MOST_COORDINATES)
+    engine = SobolEngine(known, scramble=True, seed=int(generator.integers(2**31)))
+    return _with_rest(engine.draw(count, dtype=torch.float64).numpy(), dimension, generator)
+
+
+def _with_rest(known: Points, dimension: int, generator: np.random.Generator) -> Points:
+    return np.hstack([known, generator.random((len(known), dimension - known.shape[1]))])
+
+
+@dataclass(frozen=True)
+class Sobol(BoxSolver):
+    """The points of a scrambled Sobol sequence, one after the other."""
+
+    name: ClassVar[str] = "sobol"
+    summary: ClassVar[str] = "quasi-random search"
+    reference: ClassVar[str] = "Sobol 1967; Owen 1998"
+
+    def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        for point in sobol_points(dimension, generator):
+            yield 2 * point - 1

@@ -1,0 +1,223 @@
+"""Gradient fit of one stretch table a face and one bending table a hinge: 241,734 numbers on 2699 vertices.
+
+One silhouette does not determine as many numbers, so the fit is a regularised one: tau = tau_0 + (39 numbers that all
+elements share) + (smooth fields), with tau_0 the cloth whose bending level has the drape coefficient, and a Gaussian
+prior on both (`smooth_field`), whose white coordinates z minimise
+
+    J(z) = MODES E(tau(z)) / FLOOR + |z|^2 / 2,
+
+half the misfit of the silhouette's harmonics, each known as well as edges are drawn, plus minus the log prior. Every
+table moves on its own, but neighbours move together over the prior's length, and nothing moves unless the silhouette
+asks for it. E compares blurred silhouettes (`blurred_misfit`), since the pixels' squared error has a kink at every
+place where outlines meet. What the fit answers with is the cloth of the lowest loss on its way, whatever its J.
+
+A walk of Gauss-Newton steps (`gauss_newton`) goes down. The ground is rough: where a fold slips in or out, within
+1e-4 of a step in a limp cloth, the drape and J leap, and a search that takes only what is lower soon stands before a
+cliff. So every step is taken, up or down, and only the longest allowed one becomes shorter; from a failed drape the
+walk returns to its lowest point. Every few steps all state is saved, and a killed run goes on from there.
+
+References:
+    Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024 (the row HETER of Table 1).
+    Lindgren, Rue, Lindstroem, J. Royal Statistical Society B 73(4), 2011.
+    Schlenkrich, Griewank, Walther, Math. Programming 121, 2010.
+"""
+
+import contextlib
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.gradient.blurred_misfit import BlurredMisfit
+from cusick_bench.solvers.gradient.gauss_newton import Adjoints, damped_step
+from cusick_bench.solvers.gradient.smooth_field import StiffnessField
+from cusick_bench.solvers.incumbent import Incumbent
+from cusick_bench.solvers.level_search import match_bending_level
+
+FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px
+MODES = 20.0  # independent numbers in a silhouette, halved: harmonics 1 to 20, cosine and sine
+LAST = 0.1  # of the first radius, at the end of the walk
+RECOVERY = 1.25  # of a caution after a step that did not fail
+SAVED = 8  # steps between two savings
+
+PARTS = ("z", "residual", "product")  # of a point, in a saved state
+
+White = Float[np.ndarray, " white"]
+Residual = Float[np.ndarray, " kept"]
+
+
+class BlurredIncumbent(Incumbent):
+    """An incumbent of the problem's loss, whose gradients are those of the blurred misfit."""
+
+    def __init__(self, problem: DrapeProblem, blur: float) -> None:
+        super().__init__(problem)
+        self._misfit = BlurredMisfit(problem.train_image, blur)
+
+    def residual_and_product(self, tau: np.ndarray) -> tuple[Residual, np.ndarray] | None:
+        """Residual r of the blurred silhouette, and (dr/dtau)^T r; None where the drape fails."""
+        losses, gradients = self.problem.evaluate_and_gradient_batch(tau[None], self._misfit)
+        self._keep(tau, float(losses[0]))
+        return (self._misfit.residual, gradients[0] / 2) if np.isfinite(losses[0]) else None
+
+
+@dataclass(frozen=True)
+class Point:
+    """A cloth that was draped: its `residual` r, and the `product` (dr/dz)^T r."""
+
+    z: White
+    residual: Residual
+    product: White
+
+
+@dataclass(frozen=True)
+class RegularisedFit:
+    """J around a homogeneous cloth.
+
+    Attributes:
+        incumbent: Remembers the cloth of the lowest loss, whatever J.
+        field: How a cloth may deviate.
+        mean: tau_0.
+        weight: Of the misfit E.
+    """
+
+    incumbent: BlurredIncumbent
+    field: StiffnessField
+    mean: Float[np.ndarray, " parameters"]
+    weight: float = MODES / FLOOR
+
+    def look(self, z: White) -> Point | None:
+        """The cloth at z, None where its drape fails."""
+        seen = self.incumbent.residual_and_product(self.mean + self.field.deviation(z))
+        return None if seen is None else Point(z, seen[0], self.field.pulled_back(seen[1]))
+
+    def value(self, point: Point) -> float:
+        """J."""
+        return self.weight * float(point.residual @ point.residual) + 0.5 * float(point.z @ point.z)
+
+    def gradient(self, point: Point) -> White:
+        """Gradient of J."""
+        return 2 * self.weight * point.product + point.z
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Where the walk stands.
+
+    Attributes:
+        here: Where it is.
+        lowest: Where J was lowest.
+        adjoints: What the last points told of the Jacobian.
+        step: Number of the next step.
+        caution: Share of the radius that is used: less after failed drapes.
+    """
+
+    here: Point
+    lowest: Point
+    adjoints: Adjoints
+    step: int = 0
+    caution: float = 1.0
+
+    @classmethod
+    def at(cls, point: Point) -> "Walk":
+        """A walk that begins."""
+        return cls(point, point, Adjoints.of(point.residual, point.product))
+
+    def on(self, fit: RegularisedFit, radius: float) -> "Walk":
+        """The next step, wherever it leads; where the drape fails, back to the lowest point and shorter from there."""
+        gradient, length = fit.gradient(self.here), self.caution * radius
+        there = fit.look(self.here.z + damped_step(gradient, self.adjoints, weight=fit.weight, radius=length))
+        if there is None:  # the last point may stand on the brink: not on from there
+            return replace(self, here=self.lowest, step=self.step + 1, caution=self.caution / 2)
+        lowest = there if fit.value(there) < fit.value(self.lowest) else self.lowest
+        adjoints, caution = self.adjoints.and_of(there.residual, there.product), min(1.0, RECOVERY * self.caution)
+        return Walk(there, lowest, adjoints, self.step + 1, caution)
+
+
+@dataclass(frozen=True)
+class Heter(Solver):
+    """Smooth fields of stiffness around a homogeneous cloth.
+
+    Attributes:
+        search: Most drapes for the bending level.
+        steps: Of the walk, a gradient each.
+        radius: Longest first step [standard deviations of the prior].
+        blur: Width of the blur [px].
+        amplitude: Prior standard deviation of the fields [prior standard deviations of a cloth's mean].
+        length: Distance at which their correlation has fallen to 0.14 [m].
+    """
+
+    search: int = 8
+    steps: int = 160
+    radius: float = 1.0
+    blur: float = 2.0
+    amplitude: float = 0.5
+    length: float = 0.05
+    name: ClassVar[str] = "heter"
+    summary: ClassVar[str] = "gradient fit of one stretch table a face and one bending table a hinge, smooth fields"
+    reference: ClassVar[str] = "Gong, Mao, Wang, CVPR 2024, Table 1 HETER; Lindgren, Rue, Lindstroem 2011"
+    space: ClassVar[str | None] = "heter"
+    needs_gradient: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "blur"):
+            if not (math.isfinite(value := getattr(self, name)) and value > 0):
+                raise SolverError(f"heter's {name} must be > 0 and finite, got {value}; leave it out for the usual one")
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        incumbent, finished = BlurredIncumbent(problem, self.blur), False
+        with problem.meter.reserve(1), contextlib.suppress(BudgetExceeded):
+            finished = self._fit(problem, incumbent, progress)
+        return prediction_at(problem, incumbent.tau, finished=finished)
+
+    def _fit(self, problem: DrapeProblem, incumbent: BlurredIncumbent, progress: Progress) -> bool:
+        """Whether the walk came to its end."""
+        field = StiffnessField(problem.simulator.mesh, self.amplitude, self.length)
+        begun = self._restored(problem, incumbent, field) or self._begun(incumbent, field)
+        if begun is None:
+            return False
+        fit, walk = begun
+        while walk.step < self.steps:
+            if walk.step % SAVED == 0:
+                self._keep(problem, fit, walk)
+                progress(f"step {walk.step + 1}, loss {incumbent.loss:.4f}", problem.meter.share)
+            walk = walk.on(fit, self.radius * (1 - (1 - LAST) * walk.step / self.steps))
+        return True
+
+    def _begun(self, incumbent: BlurredIncumbent, field: StiffnessField) -> tuple[RegularisedFit, Walk] | None:
+        """From the bending level that has the drape coefficient; None where no level gives a drape."""
+        match_bending_level(incumbent, self.search)
+        fit, z = RegularisedFit(incumbent, field, incumbent.tau), np.zeros(field.dimension)
+        seen = fit.look(z)
+        return None if seen is None else (fit, Walk.at(seen))
+
+    def _restored(
+        self, problem: DrapeProblem, incumbent: BlurredIncumbent, field: StiffnessField
+    ) -> tuple[RegularisedFit, Walk] | None:
+        """What was saved last, None where nothing was."""
+        state = problem.restore()
+        if state is None:
+            return None
+        incumbent.tau, incumbent.loss = state["tau"], float(state["loss"])
+        here, lowest = (Point(*(state[f"{name}_{part}"] for part in PARTS)) for name in ("here", "lowest"))
+        adjoints = Adjoints(state["residuals"], state["products"])
+        walk = Walk(here, lowest, adjoints, int(state["step"]), float(state["caution"]))
+        return RegularisedFit(incumbent, field, state["mean"]), walk
+
+    @staticmethod
+    def _keep(problem: DrapeProblem, fit: RegularisedFit, walk: Walk) -> None:
+        """Saves what the next step begins with."""
+        points = {"here": walk.here, "lowest": walk.lowest}
+        problem.save(
+            **{f"{name}_{part}": getattr(point, part) for name, point in points.items() for part in PARTS},
+            tau=fit.incumbent.tau,
+            loss=np.array(fit.incumbent.loss),
+            mean=fit.mean,
+            residuals=walk.adjoints.residuals,
+            products=walk.adjoints.products,
+            step=np.array(walk.step),
+            caution=np.array(walk.caution),
+        )

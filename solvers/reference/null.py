@@ -1,0 +1,102 @@
+"""Reference rows without physics: what a number must be read against.
+
+A pixel MSE scores fold phase above all, so a featureless disc is hard to beat, and a best-of-N score rewards
+N. `null:rotation` and `null:random-phase` offer many draws; their best-of-N rows are assisted by an oracle
+(whoever picks the best draw has seen the held-out image), as is any other best-of-N row.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cusick_bench.datasets.profile import PIXELS_PER_METRE, profile_from_image
+from cusick_bench.problem import DrapeProblem
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError
+from cusick_bench.solvers.reference.silhouettes import SIZE, silhouette
+
+
+@dataclass(frozen=True)
+class Null(Solver):
+    """A predictor that runs no simulation."""
+
+    kind: ClassVar[str] = "null"
+
+
+@dataclass(frozen=True)
+class NullDisc(Null):
+    """A disc with the training silhouette's area."""
+
+    name: ClassVar[str] = "null:disc"
+    summary: ClassVar[str] = "disc with the training image's area"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        radius = np.sqrt(problem.train_image.sum() / np.pi) / PIXELS_PER_METRE
+        disc = silhouette(np.full(4, radius))
+        return Prediction(train_image=disc, draws=disc[None])
+
+
+@dataclass(frozen=True)
+class NullCopy(Null):
+    """The training silhouette, copied."""
+
+    name: ClassVar[str] = "null:copy"
+    summary: ClassVar[str] = "the training image, copied"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        return Prediction(train_image=problem.train_image, draws=problem.train_image[None])
+
+
+@dataclass(frozen=True)
+class NullRotation(Null):
+    """The training silhouette in every rotation.
+
+    Attributes:
+        draws: Number of rotations over the full turn.
+    """
+
+    draws: int = 360
+    name: ClassVar[str] = "null:rotation"
+    summary: ClassVar[str] = "the training image turned through 360 degrees; its best draw is oracle-assisted"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        profile = profile_from_image(problem.train_image)
+        angles = np.arange(_positive(self.draws)) * (360 / self.draws)
+        turned = (silhouette(profile.rotated(angle).radii) for angle in angles)
+        return Prediction(problem.train_image, _stack(turned, self.draws, progress))
+
+
+@dataclass(frozen=True)
+class NullRandomPhase(Null):
+    """Profiles with the training profile's Fourier amplitudes and random phases.
+
+    Attributes:
+        draws: Number of profiles. Compare with a method's best of as many draws only.
+    """
+
+    draws: int = 1000
+    name: ClassVar[str] = "null:random-phase"
+    summary: ClassVar[str] = "the training profile's Fourier amplitudes with random phases"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        radii = profile_from_image(problem.train_image).radii
+        amplitude = np.abs(np.fft.rfft(radii))
+        phase = generator.uniform(0, 2 * np.pi, (_positive(self.draws), len(amplitude)))
+        phase[:, 0] = 0  # the mean radius stays
+        profiles = np.fft.irfft(amplitude * np.exp(1j * phase), len(radii))
+        images = (silhouette(profile) for profile in profiles)
+        return Prediction(problem.train_image, _stack(images, self.draws, progress))
+
+
+def _positive(draws: int) -> int:
+    if draws < 1:
+        raise SolverError(f"draws must be >= 1, got {draws}")
+    return draws
+
+
+def _stack(images, count: int, progress: Progress) -> np.ndarray:
+    stack = np.empty((count, SIZE, SIZE), dtype=np.float32)
+    for index, image in enumerate(images):
+        stack[index] = image
+        progress("drawing silhouettes", (index + 1) / count)
+    return stack

@@ -1,0 +1,5 @@
+"""Variational inference: a Gaussian over stiffness, learned from one silhouette.
+
+bdp: the paper's, per element; bdp_field: over smooth random fields;
+gaussian_posterior, linearisation, predictive: their parts.
+"""

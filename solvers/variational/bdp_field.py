@@ -1,0 +1,215 @@
+"""A Bayesian fit whose draws move folds: variational inference over a cloth with smooth random fields.
+
+The parameters theta of the cloth (39 numbers of stiffness; traits; amplitude and correlation length of the fields of
+stiffness, laid shape and rest shape) get a Gaussian q. The weights w of the fields belong to the specimen: those of the
+next one are new, and those of the training specimen, whose fold phases say nothing of the next, are integrated out.
+What is left to learn from is what samples of one cloth have in common, the statistics s of
+`cusick_bench.problem.statistics`, which scatter over specimens about m(theta) = E_w s(theta, w). The negative ELBO
+KL(q || prior) - E_q log N(s_observed; m(theta), V) has its minimum in closed form once m is linear; rounds of drapes of
+cloths drawn from q, each of a specimen of its own, regress m and V where q lies (`solvers/linearisation.py`). Slopes of
+the drape coefficient, on which most hangs, are the median of its adjoints: the mean would be that of the few drapes on
+the brink of another fold, whose adjoints explode.
+
+No noise of measurement is added to V: fields and level have been given the spread that photographs of samples have. But
+what the simulator misses in the mean of fabrics is taken off s_observed, and its spread over fabrics added to V.
+A new sample is predicted by a new cloth from q with new weights; its drape coefficient has twice the variance between
+samples, once for what one sample leaves unknown of the cloth, once for its own.
+
+References:
+    Wood. Statistical inference for noisy nonlinear ecological dynamic systems. Nature 466, 2010. Ong, Nott, Tran,
+    Sisson, Drovandi. Variational Bayes with synthetic likelihood. Statistics and Computing 28, 2018. Gong, Mao, Wang.
+    Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Eq. 6-10. Kennedy, O'Hagan. Bayesian
+    calibration of computer models. JRSS B 63(3), 2001 (the discrepancy).
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.problem import BudgetExceeded, DrapeProblem, FieldSpace, laid_like
+from cusick_bench.problem.field_space import DISCREPANCY, FIELDS, Trait
+from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.sim.cloth.shape import fade_in
+from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.descent import rounds
+from cusick_bench.solvers.incumbent import Incumbent
+from cusick_bench.solvers.level_search import match_bending_level
+from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, PREDICTION, standard_normal
+from cusick_bench.solvers.variational.linearisation import PAIRS, LinearModel, Normal, linearise
+from cusick_bench.solvers.variational.predictive import predictive_draws, with_draws
+
+LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
+AREA = STATISTICS.index("area")
+_DISCREPANCY = [DISCREPANCY.get(name, Trait(0.0, 0.0)) for name in STATISTICS]
+DISCREPANT_BY = np.array([one.mean for one in _DISCREPANCY])
+DISCREPANT_SD = np.array([one.sd for one in _DISCREPANCY])
+
+
+@dataclass(frozen=True)
+class BdpField(Solver):
+    """Level search, variational inference over the cloth, fit of the training specimen, predictive draws.
+
+    Attributes:
+        draws: Posterior-predictive drapes, outside the budget.
+        first: Cloths drawn from the prior and draped, once the level of bending has been found.
+        rounds: Rounds of the inference after these.
+        cloths: Cloths drawn from q and draped in each, with an adjoint.
+        search: Most drapes for the bending level.
+        refinement: Gradients for Adam in a round of the fit of the training specimen, 0 for no fit.
+        rate: Its first step length [prior standard deviations].
+    """
+
+    draws: int = 200
+    first: int = 112
+    rounds: int = 4
+    cloths: int = 24
+    search: int = 8
+    refinement: int = 10
+    rate: float = 0.2
+    name: ClassVar[str] = "bdp-field"
+    summary: ClassVar[str] = "variational inference over smooth fields of stiffness, laid shape and rest shape"
+    reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Garcia-Fernandez 2015"
+    space: ClassVar[str | None] = "field"
+    needs_gradient: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name, least in (("draws", 1), ("first", 0), ("rounds", 0), ("cloths", 1), ("refinement", 0)):
+            if not getattr(self, name) >= least:
+                raise SolverError(f"{name} must be >= {least}, got {getattr(self, name)}")
+        if not self.rate > 0:
+            raise SolverError(f"rate must be > 0, got {self.rate}")
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        seed, finished = int(generator.integers(2**63)), False
+        incumbent, inference = Incumbent(problem), _Inference(problem, int(seed))
+        with problem.meter.reserve(1):
+            try:
+                inference.begin(match_bending_level(incumbent, self.search))
+                for number, cloths in enumerate([self.first, *[self.cloths] * self.rounds]):
+                    progress(f"inference, round {number} of {self.rounds}", problem.meter.share)
+                    inference.drape(cloths, adjoints=number > 0)
+                self._fit_specimen(incumbent, inference.q.mean)
+                finished = True
+            except BudgetExceeded:
+                pass
+        nearest = min(incumbent, inference.seen, key=lambda one: one.loss)  # a draw, where the fit found no time
+        best = prediction_at(problem, nearest.tau, finished=finished)
+        posterior = {"mean": inference.q.mean, "root": inference.q.root, "seed": np.array(seed)}
+        seen = predictive_draws(problem, lambda index: self.redraw(problem, posterior, index), self.draws, progress)
+        return with_draws(best, seen, posterior)
+
+    def redraw(
+        self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
+    ) -> Float[np.ndarray, " dimension"]:
+        q = Normal(posterior["mean"], posterior["root"])
+        return _specimen(q, standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension))
+
+    def _fit_specimen(self, incumbent: Incumbent, cloth: Float[np.ndarray, " cloth"]) -> None:
+        """Fits the training image: the inferred cloth, laid down with the folds of the image, then all at once."""
+        space = incumbent.problem.space
+        assert isinstance(space, FieldSpace)
+        tau = np.zeros(space.dimension)
+        tau[: len(cloth)] = cloth
+        tau[space.weights("laying")] = space.laid_like(_undulation(incumbent.problem))
+        incumbent.value(tau)
+        if self.refinement:
+            rounds(incumbent, steps=self.refinement, rate=self.rate, iterations=2 * self.refinement)
+
+
+@dataclass
+class _Inference:
+    """q, and the drapes it was learned from.
+
+    Attributes:
+        problem: Who drapes.
+        seed: Of the run.
+        q: What is known of the cloth.
+        seen: The drape that happened to be nearest to the training image.
+        cloths, statistics: The drapes so far.
+        slopes: Of the area, at those of them that have adjoints.
+    """
+
+    problem: DrapeProblem
+    seed: int
+    q: Normal = field(init=False)
+    seen: Incumbent = field(init=False)
+    cloths: list[np.ndarray] = field(default_factory=list)
+    statistics: list[np.ndarray] = field(default_factory=list)
+    slopes: list[np.ndarray] = field(default_factory=list)
+    _axis: np.ndarray | None = None
+    _tried: int = 0
+    _model: LinearModel | None = None
+
+    def __post_init__(self) -> None:
+        cloth = self.problem.space.specimen_level.start
+        self.q = Normal(np.zeros(cloth), np.eye(cloth))
+        self.seen = Incumbent(self.problem)
+
+    def begin(self, level: float) -> None:
+        """The prior, but for the level of bending, that a search has found.
+
+        Args:
+            level: Log factor on all bending stiffnesses of the prior median.
+        """
+        direction = self.problem.space.bending_level(math.e)[: len(self.q.mean)]
+        self._axis = direction / np.linalg.norm(direction)
+        narrowed = np.eye(len(direction)) - (1 - LEVEL_SD) * np.outer(self._axis, self._axis)
+        self.q = Normal(level * direction, narrowed)
+
+    def drape(self, count: int, *, adjoints: bool) -> None:
+        """Drapes specimens of cloths from q, learns from all so far; from some of them where the budget ends."""
+        try:
+            for _ in range(count):
+                tau = _specimen(self.q, standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension))
+                self._tried += 1
+                try:
+                    self._keep(tau, adjoints)
+                except DrapeDiverged:
+                    continue
+        finally:
+            self._learn()
+
+    def _keep(self, tau: Float[np.ndarray, " dimension"], adjoint: bool) -> None:
+        """Drapes one specimen."""
+        cloth = len(self.q.mean)
+        if adjoint:
+            seen, slope = self.seen.observe_slope(tau, lambda image: drape_statistics(image)[AREA])
+            self.slopes.append(slope[:cloth])
+        else:
+            seen = self.seen.observe(tau)
+        self.cloths.append(tau[:cloth])
+        self.statistics.append(drape_statistics(torch.as_tensor(seen.image)).numpy())
+
+    def _learn(self) -> None:
+        if len(self.cloths) < PAIRS * len(self.q.mean):
+            return
+        observed = drape_statistics(torch.as_tensor(self.problem.train_image)).numpy() - DISCREPANT_BY
+        cloths, statistics = np.stack(self.cloths), np.stack(self.statistics)
+        weights = np.ones(len(cloths)) if self._model is None else self._model.nearness(cloths, observed)
+        known = {AREA: np.median(self.slopes, axis=0)} if self.slopes else {}
+        self._model = linearise(cloths, statistics, weights, self._axis, known)
+        self.q = replace(self._model, scatter=self._model.scatter + np.diag(DISCREPANT_SD**2)).posterior(observed)
+
+
+def _specimen(q: Normal, noise: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " dimension"]:
+    """A cloth from q with new weights."""
+    cloth = len(q.mean)
+    return np.concatenate([q.draw(noise[:cloth]), noise[cloth:]])
+
+
+def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
+    """Heights that undulate as the training silhouette's folds do, with the laying field's median amplitude [m]."""
+    space = problem.space
+    radii = profile_from_image(problem.train_image).radii
+    height = laid_like(radii, space.mesh, plate_radius=space.plate_radius).numpy()[:, 2]
+    outside = fade_in(space.mesh, space.plate_radius)
+    along = np.hypot(*space.mesh.material.T) - space.plate_radius
+    folds = outside * (height - along * (outside * height @ along) / (outside * along @ along))
+    rms = math.sqrt(float((folds**2).sum() / outside.sum()))
+    return folds * FIELDS["laying"].amplitude / max(rms, 1e-9)

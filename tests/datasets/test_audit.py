@@ -1,0 +1,322 @@
+"""The audit: every kind of irregularity is named where it is planted, and nowhere else."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
+from typer.testing import CliRunner
+
+from cusick_bench.cli.data.data import app
+from cusick_bench.datasets import load
+from cusick_bench.datasets.audit.audit import audit
+from cusick_bench.datasets.irregularity import KINDS
+
+FABRIC = "data/Fabric 7"
+ALWAYS = {"space-in-path"}  # the layout's own `Fabric N`
+
+
+@pytest.fixture
+def _own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def lab(tmp_path, _own_cache) -> Path:
+    root = write_toy(tmp_path)
+    (root / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.0004\n")
+    return root
+
+
+def image(root: Path, sample: int, capture: int) -> Path:
+    return root / FABRIC / "silhouettes" / f"Fabric_7_Sample_{sample}_Capture_{capture}.png"
+
+
+def mesh(root: Path, sample: int, capture: int) -> Path:
+    return root / FABRIC / "meshes" / f"Fabric_7_Sample_{sample}_Capture_{capture}.obj"
+
+
+def found(root: Path, kind: str) -> list[str]:
+    return [item.path for item in audit(root).irregularities if item.kind == kind]
+
+
+def test_clean_folder_has_none(lab):
+    result = audit(lab)
+    assert (result.fabrics, result.samples, result.silhouettes, result.meshes) == (1, 3, 12, 12)
+    assert set(result.kinds) == ALWAYS
+    assert found(lab, "space-in-path") == [FABRIC]
+
+
+def _misspell(root: Path) -> str:
+    (root / FABRIC / "silhouettes").rename(root / FABRIC / "silouettes")
+    return f"{FABRIC}/silouettes"
+
+
+def _misname_fabric(root: Path) -> str:
+    mesh(root, 1, 1).rename(root / FABRIC / "meshes" / "Fabric_13_Sample_1_Capture_1.obj")
+    return f"{FABRIC}/meshes/Fabric_13_Sample_1_Capture_1.obj"
+
+
+def _misname_sample(root: Path) -> str:
+    home = root / FABRIC / "Sample 4" / "silhouettes"
+    home.mkdir(parents=True)
+    shutil.copy(image(root, 3, 1), home / "Fabric_7_Sample_5_Capture_1.png")
+    return f"{FABRIC}/Sample 4/silhouettes/Fabric_7_Sample_5_Capture_1.png"
+
+
+def _no_number(root: Path) -> str:
+    image(root, 1, 4).rename(root / FABRIC / "silhouettes" / "Fabric_7_Sample_1.png")
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_1.png"
+
+
+def _twice(root: Path) -> str:
+    Image.open(image(root, 1, 1)).convert("RGB").save(image(root, 1, 1).with_suffix(".bmp"))
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_1_Capture_1.png"  # the later name
+
+
+def _unused(root: Path) -> str:
+    (root / "notes").mkdir()
+    (root / "notes" / "diary.txt").write_text("it rained")
+    return "notes"
+
+
+def _missing_capture(root: Path) -> str:
+    image(root, 2, 4).unlink()
+    mesh(root, 2, 4).unlink()
+    return FABRIC
+
+
+def _extra_capture(root: Path) -> str:
+    write_image(image(root, 2, 5), draw(toy_profile(7, 2, 5)))
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_2_Capture_5.png"
+
+
+def _draw(sample: int, capture: int, change) -> "callable":  # pyright: ignore[reportGeneralTypeIssues]
+    def plant(root: Path) -> str:
+        write_image(image(root, sample, capture), change(draw(toy_profile(7, sample, capture))))
+        return f"{FABRIC}/silhouettes/Fabric_7_Sample_{sample}_Capture_{capture}.png"
+
+    return plant
+
+
+def _with(pixels: np.ndarray, rows: slice, columns: slice, value: float) -> np.ndarray:
+    changed = pixels.copy()
+    changed[rows, columns] = value
+    return changed
+
+
+def _colour(root: Path) -> str:
+    grey = np.asarray(Image.open(image(root, 1, 2)))
+    Image.fromarray(np.dstack([np.maximum(grey, 60), grey, grey])).save(image(root, 1, 2))
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_1_Capture_2.png"
+
+
+def _duplicate_image(root: Path) -> str:
+    shutil.copy(image(root, 1, 1), image(root, 1, 2))
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_1_Capture_2.png"
+
+
+def _shrink(pixels: np.ndarray) -> np.ndarray:
+    grey = Image.fromarray(np.round(255 * (1 - pixels)).astype(np.uint8))
+    small = np.asarray(grey.resize((150, 150)))
+    large = np.full((256, 256), 255, dtype=np.uint8)
+    large[53:203, 53:203] = small
+    return 1 - large / 255
+
+
+def _unlink_mesh(root: Path) -> str:
+    mesh(root, 3, 2).unlink()
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_3_Capture_2.png"
+
+
+def _lone_mesh(root: Path) -> str:
+    write_mesh(mesh(root, 3, 9), *surface(toy_profile(7, 3, 1)))
+    return f"{FABRIC}/meshes/Fabric_7_Sample_3_Capture_9.obj"
+
+
+def _topology(root: Path) -> str:
+    vertices, faces = surface(toy_profile(7, 2, 2))
+    write_mesh(mesh(root, 2, 2), np.vstack([vertices, vertices[-1]]), faces)
+    return f"{FABRIC}/meshes/Fabric_7_Sample_2_Capture_2.obj"
+
+
+def _millimetres(root: Path) -> str:
+    vertices, faces = surface(toy_profile(7, 2, 2))
+    write_mesh(mesh(root, 2, 2), 1000 * vertices, faces)
+    return f"{FABRIC}/meshes/Fabric_7_Sample_2_Capture_2.obj"
+
+
+def _turn(root: Path) -> str:
+    vertices, faces = surface(toy_profile(7, 2, 2))
+    write_mesh(mesh(root, 2, 2), vertices * [-1, -1, 1], faces)
+    return f"{FABRIC}/meshes/Fabric_7_Sample_2_Capture_2.obj"
+
+
+def _swap(root: Path) -> str:
+    mesh(root, 1, 3).write_bytes(mesh(root, 1, 1).read_bytes())
+    return f"{FABRIC}/meshes/Fabric_7_Sample_1_Capture_3.obj"
+
+
+def _foreign_mesh(root: Path) -> str:
+    write_mesh(mesh(root, 1, 1), *surface(toy_profile(9, 9, 1)))
+    return f"{FABRIC}/meshes/Fabric_7_Sample_1_Capture_1.obj"
+
+
+def _no_table(root: Path) -> str:
+    (root / "fabrics.csv").unlink()
+    return FABRIC
+
+
+def _table(line: str):
+    def plant(root: Path) -> str:
+        with (root / "fabrics.csv").open("a") as file:
+            file.write(line)
+        return "fabrics.csv"
+
+    return plant
+
+
+def _protocol(root: Path) -> str:
+    (root / "protocol.json").write_text('{"weather": "fine"}')
+    return "protocol.json"
+
+
+def _checksum(root: Path) -> str:
+    (root / "sha256.json").write_text(json.dumps({"fabrics.csv": "0" * 64}))
+    return "fabrics.csv"
+
+
+PLANTED = {
+    "folder-misspelt": _misspell,
+    "fabric-misnamed": _misname_fabric,
+    "sample-misnamed": _misname_sample,
+    "no-capture-number": _no_number,
+    "duplicate-name": _twice,
+    "unused-file": _unused,
+    "missing-capture": _missing_capture,
+    "extra-capture": _extra_capture,
+    "image-colour": _colour,
+    "specks": _draw(1, 2, lambda pixels: _with(pixels, slice(3, 6), slice(3, 6), 1)),
+    "hole": _draw(1, 2, lambda pixels: _with(pixels, slice(120, 124), slice(90, 94), 0)),
+    "touches-border": _draw(1, 2, lambda pixels: _with(pixels, slice(0, 128), slice(120, 136), 1)),
+    "off-centre": _draw(1, 2, lambda pixels: np.roll(pixels, 22, axis=0)),
+    "shrunken-image": _draw(1, 2, _shrink),
+    "radius-beyond-cloth": _draw(1, 2, lambda pixels: _with(pixels, slice(10, 128), slice(120, 136), 1)),
+    "duplicate-image": _duplicate_image,
+    "no-mesh": _unlink_mesh,
+    "no-silhouette": _lone_mesh,
+    "mesh-topology": _topology,
+    "mesh-units": _millimetres,
+    "mesh-rotated": _turn,
+    "mesh-other-capture": _swap,
+    "duplicate-mesh": _swap,
+    "mesh-matches-none": _foreign_mesh,
+    "density-missing": _no_table,
+    "thickness-missing": _no_table,
+    "fabrics-invalid": _table("8,-1,\n"),
+    "fabrics-unused": _table("8,0.3,\n"),
+    "protocol-unknown-key": _protocol,
+    "checksum": _checksum,
+}
+
+
+@pytest.mark.parametrize("kind", PLANTED)
+def test_planted_irregularity_is_named_where_it_is(lab, kind):
+    path = PLANTED[kind](lab)
+    assert found(lab, kind) == [path]
+
+
+@pytest.mark.usefixtures("_own_cache")
+def test_series_named_in_two_ways(tmp_path):
+    home = tmp_path / "data" / "Fabric 1 Observations"
+    for folder, image_word, numbers in (
+        ("Sample 1", "Obs", (1, 2)),
+        ("Sample_2", "Observation", (1, 2, 3)),
+        ("Sample_3", "Obs", (1, 2)),
+    ):
+        sample = int(folder[-1])
+        for number in numbers:
+            profile = toy_profile(1, sample, 1)
+            write_image(
+                home / folder / "silhouettes" / f"Fabric_1_Sample_{sample}_{image_word}_{number}.png", draw(profile)
+            )
+            write_mesh(home / folder / "meshes" / f"Fabric_1_Sample_{sample}_Obs_{number}.obj", *surface(profile))
+    assert found(tmp_path, "folder-inconsistent") == ["data/Fabric 1 Observations"]
+    assert found(tmp_path, "file-inconsistent") == [
+        "data/Fabric 1 Observations",
+        "data/Fabric 1 Observations/Sample_2",
+    ]
+    assert len(found(tmp_path, "extra-capture")) == 1
+    assert found(tmp_path, "side-unknown") == []
+
+
+@pytest.mark.usefixtures("_own_cache")
+def test_fabric_without_capture_numbers(tmp_path):
+    for sample in (1, 2):
+        write_image(
+            tmp_path / "data/Fabric 21/silhouettes" / f"Fabric_21_Sample_{sample}.png", draw(toy_profile(1, sample, 1))
+        )
+    assert found(tmp_path, "no-capture-number") == ["data/Fabric 21"]
+    assert found(tmp_path, "side-unknown") == ["data/Fabric 21"]
+    assert found(tmp_path, "no-mesh") == ["data/Fabric 21"]  # once, not per image
+    index = load(tmp_path).index
+    assert list(index["capture"]) == [1, 1]
+    assert list(index["side"]) == ["", ""]
+
+
+@pytest.mark.usefixtures("_own_cache")
+def test_named_sets(tmp_path):
+    root = write_toy(tmp_path, fabrics=(2,))
+    named = root / "bnn_image_gt" / "cotton_blue"
+    named.mkdir(parents=True)
+    home = root / "data/Fabric 2/silhouettes"
+    shutil.copy(home / "Fabric_2_Sample_1_Capture_1.png", named / "cotton_blue_sample_1_Upward_Drape_1.png")
+    Image.open(home / "Fabric_2_Sample_2_Capture_3.png").save(
+        named / "cotton_blue_sample_2_Downward_Drape_1.jpg", quality=90
+    )
+    write_image(named / "cotton_blue_sample_3_Upward_Drape_1_Obs_4.png", draw(toy_profile(9, 9, 1)))
+    assert found(root, "named-copy") == ["bnn_image_gt/cotton_blue/cotton_blue_sample_1_Upward_Drape_1.png"]
+    assert found(root, "named-near-copy") == ["bnn_image_gt/cotton_blue/cotton_blue_sample_2_Downward_Drape_1.jpg"]
+    assert found(root, "named-unmatched") == ["bnn_image_gt/cotton_blue/cotton_blue_sample_3_Upward_Drape_1_Obs_4.png"]
+    assert found(root, "mixed-faces") == found(root, "mixed-observations") == ["bnn_image_gt/cotton_blue"]
+    assert audit(root).silhouettes == 12  # copies are not counted
+    assert audit(root / "bnn_image_gt").silhouettes == 3
+
+
+def test_every_kind_is_documented_and_tested():
+    elsewhere = {
+        "space-in-path", "folder-inconsistent", "file-inconsistent", "outside-link", "no-permission", "side-unknown",
+        "mixed-faces", "mixed-observations", "unreadable-image", "image-too-large", "image-size", "empty-image",
+        "full-image", "inverted-image", "two-blobs", "named-copy", "named-near-copy", "named-unmatched",
+        "unreadable-mesh", "mesh-too-large", "protocol-invalid",
+    }  # fmt: skip
+    assert set(PLANTED) | elsewhere == set(KINDS)
+
+
+def test_command_prints_the_documented_keys(lab):
+    result = CliRunner().invoke(app, ["audit", str(lab), "--json"])
+    document = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert list(document) == ["fabrics", "samples", "silhouettes", "meshes", "irregularities"]
+    assert document["irregularities"] == [
+        {"path": FABRIC, "kind": "space-in-path", "detail": "folder name holds a space"}
+    ]
+    shown = CliRunner().invoke(app, ["audit", str(lab)])
+    assert "12 silhouettes" in shown.stdout
+    assert "space-in-path" in shown.stdout
+    missing = CliRunner().invoke(app, ["audit", str(lab / "nowhere")])
+    assert missing.exit_code == 2
+
+
+def test_command_shortens_long_lists_unless_asked(lab):
+    for sample in (1, 2, 3):
+        for capture in (1, 2, 3, 4):
+            mesh(lab, sample, capture).unlink()
+    write_mesh(mesh(lab, 1, 1), *surface(toy_profile(7, 1, 1)))
+    short, full = (CliRunner().invoke(app, ["audit", str(lab), *more]).stdout for more in ([], ["--all"]))
+    assert "8 more" in short
+    assert "more" not in full
+    assert full.count("silhouette without mesh") == 11

@@ -1,0 +1,252 @@
+"""Damaged, odd and hostile files: a clear error that says what, where and what to do; nothing else is lost."""
+
+import gzip
+import os
+import pickle
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from toy_cloths import draw, toy_profile, wavy_profile, write_image, write_toy
+
+from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.audit.audit import audit
+from cusick_bench.datasets.errors import BadImage, BadMesh, DataNotFound
+from cusick_bench.datasets.files.image import read_silhouette
+from cusick_bench.datasets.files.layout import inside_root, scan
+from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.profile import Profile
+
+DRAPE = draw(wavy_profile(7))
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+class Exploit:
+    """Unpickling this would leave a trace."""
+
+    def __reduce__(self):
+        return (os.mkdir, ("exploited",))
+
+
+def huge_png() -> bytes:
+    """A few hundred bytes that claim 30000 x 30000 pixels."""
+
+    def chunk(name: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+    header = struct.pack(">IIBBBBB", 30000, 30000, 8, 0, 0, 0, 0)
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"\0" * 100)) + chunk(b"IEND", b"")
+    )
+
+
+def with_blob(pixels: int) -> np.ndarray:
+    image = DRAPE.copy()
+    image[4 : 4 + pixels, 4 : 4 + pixels] = 1
+    return image
+
+
+BAD_IMAGES = {
+    "unreadable-image": b"this is no image",
+    "image-too-large": huge_png(),
+    "image-size": np.zeros((128, 128)),
+    "empty-image": np.zeros((256, 256)),
+    "full-image": np.ones((256, 256)),
+    "inverted-image": 1 - DRAPE,
+    "two-blobs": with_blob(20),
+}
+
+
+def write_any(path: Path, content: bytes | np.ndarray) -> None:
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        write_image(path, content)
+
+
+@pytest.mark.parametrize("kind", BAD_IMAGES)
+def test_bad_images_are_refused(tmp_path, kind):
+    path = tmp_path / "drape.png"
+    write_any(path, BAD_IMAGES[kind])
+    with pytest.raises(BadImage) as caught:
+        read_silhouette(path)
+    assert caught.value.kind == kind
+    assert str(path) in str(caught.value)
+    assert caught.value.remedy
+
+
+@pytest.mark.parametrize("content", [b"", pickle.dumps(Exploit()), b"\x89PNG\r\n\x1a\n", b"GIF89a" + b"\0" * 50])
+def test_hostile_images_are_only_unreadable(tmp_path, monkeypatch, content):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "drape.jpg"
+    path.write_bytes(content)
+    with pytest.raises(BadImage, match="cannot be decoded"):
+        read_silhouette(path)
+    assert not (tmp_path / "exploited").exists()
+
+
+def test_truncated_image(tmp_path):
+    path = tmp_path / "drape.png"
+    write_image(path, DRAPE)
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(BadImage) as caught:
+        read_silhouette(path)
+    assert caught.value.kind == "unreadable-image"
+
+
+def test_specks_are_forgiven_and_grey_colour_and_alpha_are_read_alike(tmp_path):
+    grey = np.round(255 * (1 - DRAPE)).astype(np.uint8)
+    plain = Image.fromarray(grey)
+    alpha = Image.fromarray(np.dstack([np.zeros_like(grey)] * 3 + [255 - grey]))  # black cloth on nothing
+    wide = Image.fromarray(grey.astype(np.uint16) * 257)
+    for name, image in (("grey", plain), ("rgb", plain.convert("RGB")), ("alpha", alpha), ("wide", wide)):
+        path = tmp_path / f"{name}.png"
+        image.save(path)
+        assert np.abs(read_silhouette(path) - DRAPE).max() < 0.004, name
+    write_image(tmp_path / "speck.png", with_blob(3))
+    assert read_silhouette(tmp_path / "speck.png")[5, 5] == 1
+
+
+BAD_MESHES = {
+    "no text": b"\x00\xff\xfe binary",
+    "no faces": b"v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+    "two corners": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n",
+    "missing vertex": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n",
+    "vertex zero": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n",
+    "word": b"v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "two coordinates": b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n",
+    "not finite": b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "pickle": pickle.dumps(Exploit()),
+}
+
+
+@pytest.mark.parametrize("fault", BAD_MESHES)
+def test_bad_meshes_are_refused(tmp_path, monkeypatch, fault):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "drape.obj"
+    path.write_bytes(BAD_MESHES[fault])
+    with pytest.raises(BadMesh) as caught:
+        read_mesh(path)
+    assert caught.value.kind == "unreadable-mesh"
+    assert str(path) in str(caught.value)
+    assert not (tmp_path / "exploited").exists()
+
+
+def test_huge_meshes_are_not_read(tmp_path, monkeypatch):
+    bomb = tmp_path / "drape.obj.gz"
+    bomb.write_bytes(gzip.compress(b"v 0 0 0\n" * 10_000_000))
+    assert bomb.stat().st_size < 1 << 20
+    with pytest.raises(BadMesh) as caught:
+        read_mesh(bomb)
+    assert caught.value.kind == "mesh-too-large"
+    (tmp_path / "broken.obj.gz").write_bytes(b"no gzip")
+    with pytest.raises(BadMesh, match="cannot be read"):
+        read_mesh(tmp_path / "broken.obj.gz")
+    sparse = tmp_path / "drape.obj"
+    with sparse.open("wb") as file:
+        file.truncate(1 << 33)
+    with pytest.raises(BadMesh, match="64 MiB"):
+        read_mesh(sparse)
+
+
+def test_obj_variants(tmp_path):
+    path = tmp_path / "square.obj"
+    path.write_text(
+        "# quad\no cloth\nv 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\nf 1/1 2/1 3/1 4//1\n"
+    )
+    mesh = read_mesh(path)
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.vertices[2].tolist() == [1, 1, 0]
+    path.write_text("v 0 0 0\r\nv 1 0 0\r\nv 1 1 0\r\nf -3 -2 -1\r\n")
+    assert read_mesh(path).faces.tolist() == [[0, 1, 2]]
+
+
+def test_one_bad_file_stops_nothing_but_its_own_sample(tmp_path):
+    root = write_toy(tmp_path)
+    silhouettes = root / "data/Fabric 7/silhouettes"
+    (silhouettes / "Fabric_7_Sample_1_Capture_2.png").write_bytes(b"junk")
+    (root / "data/Fabric 7/meshes/Fabric_7_Sample_2_Capture_1.obj").write_bytes(b"junk")
+    dataset = load(root)
+    assert len(dataset) == 12
+    assert "unreadable-image" in dataset.index.loc[1, "notes"]
+    with pytest.raises(BadImage):
+        dataset.sample(1)
+    sample = dataset.sample(4)
+    with pytest.raises(BadMesh):
+        _ = sample.mesh
+    assert dataset.sample(2).mesh is not None
+    with pytest.raises(DataError, match="cannot be decoded"):
+        load(root, strict=True)
+    kinds = audit(root).kinds
+    assert kinds["unreadable-image"] == kinds["unreadable-mesh"] == 1
+
+
+@pytest.mark.parametrize("kind", BAD_IMAGES)
+def test_audit_names_every_bad_image(tmp_path, kind):
+    root = write_toy(tmp_path, samples=2, meshes=False)
+    write_any(root / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png", BAD_IMAGES[kind])
+    found = [item for item in audit(root).irregularities if item.kind == kind]
+    assert [item.path for item in found] == ["data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png"]
+
+
+def test_missing_and_empty_folders(tmp_path):
+    for look in (load, audit):
+        with pytest.raises(DataNotFound, match=r"nowhere: no such folder .* give a folder, or one of synthetic"):
+            look(tmp_path / "nowhere")
+        with pytest.raises(DataNotFound, match="holds no silhouettes; expected"):
+            look(tmp_path)
+    file = tmp_path / "file"
+    file.write_text("x")
+    with pytest.raises(DataNotFound, match="is a file, not a folder"):
+        load(file)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_files_that_may_not_be_read(tmp_path):
+    root = write_toy(tmp_path)
+    path = root / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png"
+    path.chmod(0)
+    assert audit(root).kinds["no-permission"] == 1
+    with pytest.raises(BadImage, match="change its mode"):
+        load(root).sample(1)
+    (root / "data").chmod(0)
+    assert audit(root).kinds["no-permission"] == 1
+    (root / "data").chmod(0o755)
+
+
+def test_links_and_paths_out_of_the_folder_are_refused(tmp_path):
+    outside = write_toy(tmp_path / "outside")
+    root = write_toy(tmp_path / "lab")
+    silhouettes = root / "data/Fabric 7/silhouettes"
+    (silhouettes / "Fabric_7_Sample_9_Capture_1.png").symlink_to(
+        outside / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png"
+    )
+    (root / "data" / "Fabric 8").symlink_to(outside / "data" / "Fabric 7")
+    layout = scan(root)
+    assert len(layout.silhouettes) == 12
+    assert sorted(problem.kind for problem in layout.problems) == ["outside-link", "outside-link"]
+    for path in ("../outside/secret.png", "/etc/passwd", "data/../../outside/x.obj"):
+        with pytest.raises(DataError, match="must stay within"):
+            inside_root(layout.root, path)
+
+
+def test_errors_travel_between_processes():
+    error = BadImage("shows no cloth", where="a.png", remedy="take it again", kind="empty-image")
+    copy = pickle.loads(pickle.dumps(error))
+    assert str(copy) == str(error) == "a.png: shows no cloth; take it again"
+    assert (copy.kind, copy.where) == ("empty-image", "a.png")
+
+
+def test_a_cloth_beyond_the_image_ends_at_its_border(tmp_path):
+    root = write_toy(tmp_path, samples=1, meshes=False)
+    path = root / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png"
+    write_image(path, draw(Profile(toy_profile(7, 1, 1).radii + 0.065)))
+    assert audit(root).kinds["touches-border"] == 1
+    assert load(root).sample(0).profile.radii.max() <= 181 / 723

@@ -1,0 +1,325 @@
+"""Loading: layouts, corrections, tables, splits, repeats, what samples hold."""
+
+import gzip
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch.utils.data import DataLoader
+from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
+
+from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.profile import profile_from_mesh
+from cusick_bench.datasets.registry import REGISTRY
+
+PIXEL = 1 / 723
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def toy(tmp_path) -> Path:
+    return write_toy(tmp_path / "lab")
+
+
+def mesh_path(root: Path, sample: int, capture: int, fabric: int = 7) -> Path:
+    return root / f"data/Fabric {fabric}/meshes/Fabric_{fabric}_Sample_{sample}_Capture_{capture}.obj"
+
+
+def image_path(root: Path, sample: int, capture: int, fabric: int = 7) -> Path:
+    return root / f"data/Fabric {fabric}/silhouettes/Fabric_{fabric}_Sample_{sample}_Capture_{capture}.png"
+
+
+def write_turned(path: Path, profile, quarter_turns: int) -> None:
+    vertices, faces = surface(profile)
+    for _ in range(quarter_turns % 4):
+        vertices = vertices @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])
+    write_mesh(path, vertices, faces)
+
+
+def misfit(sample) -> float:
+    """Pixels between a sample's mesh and its image."""
+    outline = profile_from_mesh(np.asarray(sample.mesh.vertices), np.asarray(sample.mesh.faces))
+    return outline.rms(sample.profile) / PIXEL
+
+
+def test_index_and_samples(toy):
+    dataset = load(toy)
+    index = dataset.index
+    assert len(dataset) == len(index) == 12
+    assert dataset.cloths == ["fabric_7"]
+    assert list(index["side"]) == ["up", "up", "down", "down"] * 3
+    assert list(index["sample"]) == [1] * 4 + [2] * 4 + [3] * 4
+    assert (index["fabric"] == 7).all()
+    assert (index["observation"] == 0).all()
+    assert (index["mesh_rotation_deg"] == 0).all()
+    assert (index["notes"] == "").all()
+    assert index["areal_density"].isna().all()
+    assert index["thickness"].isna().all()
+    sample = dataset.sample(5)
+    assert sample.image.shape == (256, 256)
+    assert sample.image.dtype == torch.float64
+    assert sample.image[128, 128] == 1
+    assert sample.image[0, 0] == 0
+    assert sample.profile.rms(toy_profile(7, 2, 2)) < 0.15 * PIXEL
+    assert sample.row["capture"] == 2
+    assert misfit(sample) < 0.5
+
+
+def test_index_cannot_be_changed_from_outside(toy):
+    dataset = load(toy)
+    index = dataset.index
+    index.loc[0, "cloth"] = "other"
+    assert dataset.cloths == ["fabric_7"]
+    with pytest.raises(AttributeError):
+        dataset.name = "other"  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_works_with_torch_and_pickle(toy):
+    dataset = load(toy)
+    batch = next(iter(DataLoader(dataset, batch_size=4, generator=torch.Generator())))
+    assert batch["image"].shape == (4, 256, 256)
+    assert batch["cloth"] == ["fabric_7"] * 4
+    assert batch["capture"].tolist() == [1, 2, 3, 4]
+    copy = pickle.loads(pickle.dumps(dataset))
+    assert copy.content_hash == dataset.content_hash
+    assert torch.equal(copy[3]["image"], dataset[3]["image"])
+
+
+@pytest.mark.parametrize("root", [".", "data", "data/Fabric 7"])
+def test_any_level_of_the_layout_is_a_root(toy, root):
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    dataset = load(toy / root)
+    assert len(dataset) == 12
+    assert dataset.require_density(0) == 0.2
+    assert (dataset.index["mesh"] != "").all()
+    assert dataset.sample(0).mesh is not None
+
+
+@pytest.mark.parametrize("change", ["no-meshes", "fabric-at-root", "misspelt", "flat", "gz", "underscores"])
+def test_variants_of_the_layout(toy, change):
+    fabric = toy / "data" / "Fabric 7"
+    root = toy
+    if change == "no-meshes":
+        shutil.rmtree(fabric / "meshes")
+    elif change == "fabric-at-root":
+        fabric.rename(toy / "Fabric 7")
+    elif change == "misspelt":
+        (fabric / "silhouettes").rename(fabric / "silouettes")
+    elif change == "flat":
+        root = toy / "data" / "case"
+        fabric.rename(root)  # the fabric's number is only in the file names
+    elif change == "gz":
+        for path in (fabric / "meshes").iterdir():
+            Path(f"{path}.gz").write_bytes(gzip.compress(path.read_bytes()))
+            path.unlink()
+    else:
+        fabric.rename(toy / "data" / "Fabric_7")
+    dataset = load(root)
+    assert len(dataset) == 12
+    assert dataset.cloths == ["fabric_7"]
+    assert (dataset.index["mesh"] != "").all() == (change != "no-meshes")
+    assert (dataset.sample(0).mesh is None) == (change == "no-meshes")
+
+
+def test_observations_are_a_series_of_their_own(tmp_path):
+    root = write_toy(tmp_path)
+    for sample, folder, word in ((1, "Sample 1", "Obs"), (2, "Sample_2", "Observation")):
+        for observation in (1, 2, 3):
+            home = root / "data" / "Fabric 7 Observations" / folder
+            profile = toy_profile(7, sample, 1)
+            write_image(home / "silhouettes" / f"Fabric_7_Sample_{sample}_{word}_{observation}.png", draw(profile))
+            write_mesh(home / "meshes" / f"Fabric_7_Sample_{sample}_Obs_{observation}.obj", *surface(profile))
+    index = load(root).select(cloth="fabric_7_observations").index
+    assert list(index["observation"]) == [1, 2, 3] * 2
+    assert (index["mesh"] != "").all()
+    assert (index["side"] == "up").all()
+    assert load(root).repeat_pairs("fabric_7_observations") == []
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_turned_mesh_is_turned_back_and_noted(toy, turns):
+    write_turned(mesh_path(toy, 2, 1), toy_profile(7, 2, 1), turns)
+    corrected, plain = load(toy), load(toy, correct=False)
+    row = 4
+    assert corrected.index.loc[row, "mesh_rotation_deg"] == 360 - 90 * turns
+    assert "turned" in corrected.index.loc[row, "notes"]
+    assert misfit(corrected.sample(row)) < 0.5 < 4 < misfit(plain.sample(row))
+    assert (plain.index["mesh_rotation_deg"] == 0).all()
+    assert (corrected.index["mesh_rotation_deg"] != 0).sum() == 1
+    assert corrected.content_hash != plain.content_hash
+
+
+def test_meshes_of_another_capture_are_paired_again(toy):
+    up, down = mesh_path(toy, 1, 1), mesh_path(toy, 1, 3)
+    up_mesh = up.read_bytes()
+    up.write_bytes(down.read_bytes())
+    down.write_bytes(up_mesh)
+    corrected = load(toy)
+    assert corrected.index.loc[0, "mesh"].endswith("Sample_1_Capture_3.obj")
+    assert corrected.index.loc[2, "mesh"].endswith("Sample_1_Capture_1.obj")
+    assert "re-paired" in corrected.index.loc[0, "notes"]
+    assert all(misfit(corrected.sample(row)) < 0.5 for row in range(12))
+    assert load(toy, correct=False).index.loc[0, "mesh"].endswith("Sample_1_Capture_1.obj")
+    assert (corrected.index["side"] == load(toy, correct=False).index["side"]).all()  # one sample is no majority
+
+
+def test_a_mesh_of_another_drape_leaves_its_capture_without(toy):
+    down = mesh_path(toy, 1, 3)
+    down.write_bytes(mesh_path(toy, 1, 1).read_bytes())
+    index = load(toy).index
+    assert index.loc[2, "mesh"] == ""
+    assert "fits" in index.loc[2, "notes"]
+    assert index.loc[0, "mesh"].endswith("Sample_1_Capture_1.obj")
+
+
+def test_a_stray_mesh_is_given_once(toy):
+    mesh_path(toy, 1, 3).write_bytes(mesh_path(toy, 1, 1).read_bytes())
+    for capture in (1, 2):  # it fits both, which are alike
+        mesh_path(toy, 1, capture).unlink()
+    meshes = list(load(toy).index["mesh"][:3])
+    assert sorted(bool(mesh) for mesh in meshes) == [False, False, True]
+    assert meshes[2] == ""
+
+
+def test_faces_are_unknown_where_meshes_contradict_the_numbers(toy):
+    for sample in (1, 2, 3):
+        for low, high in ((1, 3), (2, 4)):
+            first, second = mesh_path(toy, sample, low), mesh_path(toy, sample, high)
+            content = first.read_bytes()
+            first.write_bytes(second.read_bytes())
+            second.write_bytes(content)
+    assert (load(toy).index["side"] == "").all()
+    assert (load(toy, correct=("pairing", "rotation")).index["side"] != "").all()
+
+
+def test_off_centre_image_is_moved_only_if_asked(toy):
+    path = image_path(toy, 1, 1)
+    write_image(path, draw(toy_profile(7, 1, 1), centre=(129.5, 105.5)))
+    plain, moved = load(toy), load(toy, correct=True)
+    assert "off-centre" in plain.index.loc[0, "notes"]
+    assert (plain.index["image_shift_rows_px"] == 0).all()
+    assert moved.index.loc[0, "image_shift_rows_px"] == pytest.approx(22, abs=3)
+    assert misfit(moved.sample(0)) < 3 < 8 < misfit(plain.sample(0))
+    assert plain.index.loc[0, "mesh"] != ""  # its mesh is recognised although the image is off-centre
+
+
+@pytest.fixture
+def with_named(tmp_path) -> Path:
+    """Fabric 2 and the named set made of it; sample 3's image is none of its captures."""
+    root = write_toy(tmp_path, fabrics=(2,))
+    named = root / "bnn_image_gt" / "cotton_blue"
+    named.mkdir(parents=True)
+    for sample in (1, 2):
+        shutil.copy(image_path(root, sample, 1, 2), named / f"cotton_blue_sample_{sample}_Upward_Drape_1.png")
+    write_image(named / "cotton_blue_sample_3_Upward_Drape_1.png", draw(toy_profile(9, 9, 1)))
+    write_turned(mesh_path(root, 2, 1, 2), toy_profile(2, 2, 1), 1)
+    return root
+
+
+def test_named_sets_take_meshes_and_repeats_of_their_fabric(with_named):
+    dataset = load(with_named)
+    index = dataset.index[dataset.index["cloth"] == "cotton_blue"]
+    assert list(index["fabric"]) == [2, 2, 2]
+    assert list(index["mesh"].str.slice(-24)) == ["2_Sample_1_Capture_1.obj", "2_Sample_2_Capture_1.obj", ""]
+    assert list(index["mesh_rotation_deg"]) == [0, 270, 0]
+    assert list(index["areal_density"]) == [0.192] * 3
+    rows = list(index.index)
+    assert index.loc[rows[0], "same_as"] == dataset.index.loc[0, "image"]
+    assert dataset.repeats(rows[0]) == [1]  # capture 2 of the same sample
+    assert dataset.repeats(rows[2]) == []
+    assert dataset.repeat_pairs("cotton_blue") == dataset.repeat_pairs("fabric_2") == [
+        (0, 1), (2, 3), (4, 5), (6, 7), (8, 9), (10, 11)
+    ]  # fmt: skip
+    assert dataset.select(cloth="cotton_blue").repeats(0) == []
+    assert load(with_named, correct=False).index.loc[rows[1], "mesh"] != ""
+
+
+def test_paper_split_takes_the_published_sample(with_named):
+    dataset = load(with_named)
+    (split,) = dataset.split("paper")
+    assert split.cloth == "cotton_blue"
+    assert [dataset.index.loc[row, "sample"] for row in split.train] == [2]
+    assert [dataset.index.loc[row, "sample"] for row in split.test] == [1, 3]
+    (other,) = dataset.split("paper", ["fabric_2"])
+    assert len(other.train) == 1
+    assert len(other.test) == 2
+    assert dataset.index.loc[other.train[0], "sample"] == 1
+
+
+def test_splits_elsewhere(toy):
+    dataset = load(toy)
+    (paper,) = dataset.split()
+    assert paper.train == (0,)
+    assert paper.test == (4, 8)
+    chosen = {dataset.split(generator=np.random.default_rng(seed))[0].train for seed in range(20)}
+    assert chosen == {(0,), (4,), (8,)}
+    folds = dataset.split("leave-one-sample-out")
+    assert [fold.test for fold in folds] == [(0, 1, 2, 3), (4, 5, 6, 7), (8, 9, 10, 11)]
+    assert all(set(fold.train) | set(fold.test) == set(range(12)) and len(fold.train) == 8 for fold in folds)
+    with pytest.raises(DataError, match="unknown split 'random'; use one of paper"):
+        dataset.split("random")
+    with pytest.raises(DataError, match="unknown cloth silk; use one of fabric_7"):
+        dataset.split("paper", ["silk"])
+    with pytest.raises(DataError, match="at least 2 samples"):
+        dataset.select(sample=1).split()
+
+
+def test_select(toy):
+    part = load(toy).select(sample=[1, 3], side="down")
+    assert list(part.index["sample"]) == [1, 1, 3, 3]
+    assert list(part.index.index) == [0, 1, 2, 3]
+    assert part.repeats(0) == [1]
+    with pytest.raises(DataError, match="unknown column 'colour'"):
+        part.select(colour="red")
+    with pytest.raises(DataError, match="cloths are fabric_7"):
+        part.select(cloth="silk")
+
+
+def test_content_hash_tells_other_data(toy):
+    before = load(toy).content_hash
+    assert load(toy).content_hash == before
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    with_density = load(toy).content_hash
+    assert with_density != before
+    write_image(image_path(toy, 3, 4), draw(toy_profile(7, 1, 4)))
+    assert load(toy).content_hash not in (before, with_density)
+
+
+def test_names(monkeypatch, toy):
+    assert set(REGISTRY) >= {"synthetic", "cusick"}
+    monkeypatch.delenv("CUSICK_DATA", raising=False)
+    with pytest.raises(DataError, match="set CUSICK_DATA"):
+        load("cusick")
+    monkeypatch.setenv("CUSICK_DATA", str(toy))
+    dataset = load("cusick")
+    assert dataset.name == "cusick"
+    assert (dataset.index["dataset"] == "cusick").all()
+    with pytest.raises(DataError, match="unknown correction colour; use some of pairing"):
+        load(toy, correct=("colour",))
+
+
+def test_measuring_survives_any_cache(toy, monkeypatch, tmp_path):
+    expected = load(toy).index
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(blocked))
+    assert load(toy).index.equals(expected)
+    cache = tmp_path / "cache"
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(cache))
+    assert load(toy).index.equals(expected)
+    stored = list(cache.rglob("*.npy"))
+    assert len(stored) == 24
+    with monkeypatch.context() as patch:
+        patch.setattr("cusick_bench.datasets.files.measure.read_mesh", None)  # nothing is measured twice
+        patch.setattr("cusick_bench.datasets.files.measure.inspect", None)
+        assert load(toy).index.equals(expected)
+    for path in stored:
+        path.write_bytes(b"garbage")
+    assert load(toy).index.equals(expected)

@@ -1,0 +1,112 @@
+"""Profiles and what is read from them, against shapes whose answer is known."""
+
+import numpy as np
+import pytest
+import torch
+from toy_cloths import draw, surface, wavy_profile
+
+from cusick_bench.datasets.profile import (
+    PIXELS_PER_METRE,
+    Profile,
+    amplitude_spectrum,
+    drape_coefficient,
+    fold_count,
+    profile_from_image,
+    profile_from_mesh,
+)
+from cusick_bench.sim.cloth.folds import ring_folds
+
+TENTH_OF_A_PIXEL = 0.1 / PIXELS_PER_METRE
+
+
+def disc(radius: float) -> Profile:
+    return Profile(np.full(720, radius))
+
+
+@pytest.mark.parametrize("folds", [3, 7, 12])
+def test_profile_of_a_drawn_shape_to_a_fraction_of_a_pixel(folds):
+    truth = wavy_profile(folds)
+    measured = profile_from_image(draw(truth))
+    assert measured.radii.shape == (720,)
+    assert measured.rms(truth) < TENTH_OF_A_PIXEL
+    assert np.abs(measured.radii - truth.radii).max() < 5 * TENTH_OF_A_PIXEL
+
+
+def test_angles_run_counter_clockwise_from_x_with_y_up():
+    image = np.zeros((256, 256))
+    image[60:196, 60:196] = 1.0
+    image[20:60, 126:130] = 1.0  # a flap towards the first row: +y
+    radii = profile_from_image(image).radii
+    assert np.argmax(radii) == pytest.approx(180, abs=3)  # 90 degrees
+    assert np.argmax(profile_from_image(image, image_y="down").radii) == pytest.approx(540, abs=3)
+
+
+def test_scale_centre_and_torch_images():
+    truth = wavy_profile(5, mean=0.1)
+    image = draw(truth, centre=(120.0, 131.0), scale=600.0)
+    measured = profile_from_image(torch.from_numpy(image), centre=(120.0, 131.0), pixels_per_metre=600.0)
+    assert measured.rms(truth) < TENTH_OF_A_PIXEL
+    assert profile_from_image(image, pixels_per_metre=600.0).rms(truth) > 10 * TENTH_OF_A_PIXEL
+
+
+def test_the_outermost_edge_counts_and_no_cloth_is_zero():
+    ring = draw(disc(0.14)) - draw(disc(0.13)) + draw(disc(0.10))
+    assert profile_from_image(ring).radii == pytest.approx(0.14, abs=TENTH_OF_A_PIXEL)
+    assert (profile_from_image(np.zeros((256, 256))).radii == 0).all()
+    assert profile_from_image(np.ones((256, 256))).radii.min() > 0.17
+
+
+def test_mesh_outline_equals_its_silhouette_and_turns_with_the_mesh():
+    truth = wavy_profile(7)
+    vertices, faces = surface(truth)
+    outline = profile_from_mesh(vertices, faces)
+    assert outline.radii[::4] == pytest.approx(truth.radii[::4], abs=1e-12)  # where the mesh has its corners
+    assert outline.rms(profile_from_image(draw(truth))) < 5 * TENTH_OF_A_PIXEL
+    quarter = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])  # rows: x -> y
+    turned = profile_from_mesh(vertices @ quarter, faces)
+    assert turned.rms(outline.rotated(90)) < 1e-12
+    assert turned.rms(outline.rotated(270)) > 1e-3
+
+
+def test_drape_coefficient_of_discs():
+    for radius, expected in ((0.15, 1.0), (0.09, 0.0), (0.12, (0.12**2 - 0.09**2) / (0.15**2 - 0.09**2))):
+        assert drape_coefficient(draw(disc(radius))) == pytest.approx(expected, abs=1e-3)
+    half = draw(disc(0.12), scale=361.5)
+    assert drape_coefficient(half, pixels_per_metre=361.5) == pytest.approx(expected, abs=3e-3)
+    assert drape_coefficient(draw(disc(0.12)), cloth_radius=0.12) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("folds", [2, 5, 8, 13])
+def test_folds_are_counted_whatever_their_phase(folds):
+    angles = disc(0.12).angles
+    for phase in np.linspace(0, 2 * np.pi, 7):
+        assert fold_count(Profile(0.12 + 0.004 * np.cos(folds * angles - phase))) == folds
+    ripple = 0.001 * np.cos(29 * angles)  # below the prominence
+    assert fold_count(Profile(0.12 + ripple)) == 0
+    assert fold_count(Profile(0.12 + 0.004 * np.cos(folds * angles) + 0.004 * np.cos(40 * angles))) == folds
+
+
+def test_spectrum_holds_the_amplitudes():
+    angles = disc(0.12).angles
+    spectrum = amplitude_spectrum(Profile(0.12 + 0.01 * np.cos(8 * angles - 1) + 0.003 * np.sin(2 * angles)), modes=10)
+    expected = np.zeros(11)
+    expected[[0, 2, 8]] = 0.12, 0.003, 0.01
+    assert spectrum == pytest.approx(expected, abs=1e-12)
+
+
+def test_folds_are_the_peaks_of_that_prominence():
+    """As scipy's find_peaks counts them on the circle cut open at its lowest point."""
+    from scipy.signal import find_peaks
+
+    generator = np.random.default_rng(0)
+    counts = []
+    for _ in range(300):
+        harmonics = np.zeros(181, complex)
+        harmonics[1:21] = generator.normal(size=(2, 20)).T @ [1, 1j] / generator.uniform(1, 20)
+        ring = np.fft.irfft(harmonics, 360)
+        prominence = generator.uniform(0.05, 4) * ring.std()
+        cut = np.roll(ring, -int(np.argmin(ring)))
+        expected = len(find_peaks(np.append(cut, cut[0]), prominence=prominence)[0])
+        assert ring_folds(ring, prominence=prominence, modes=20) == expected
+        counts.append(expected)
+    assert min(counts) < 3 < 10 < max(counts)

@@ -1,0 +1,183 @@
+"""Statistics per cloth against direct computation and planted effects; the `info` and `stats` commands."""
+
+import json
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toy_cloths import draw, toy_profile, write_image, write_toy
+from typer.testing import CliRunner
+
+from cusick_bench.cli.data.data import app
+from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
+from cusick_bench.datasets.stats import Difference, statistics
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def toy(tmp_path) -> Path:
+    return write_toy(tmp_path / "lab", fabrics=(7, 8), meshes=False)
+
+
+def test_image_differences_equal_direct_computation(toy):
+    dataset = load(toy)
+    seven, _ = statistics(dataset)
+    index = dataset.index
+    images = [dataset.image(row).numpy() for row in range(len(dataset))]
+    ladder = {"repeat": [], "flip": [], "other_sample": [], "other_fabric": []}
+    for i, j in combinations(range(len(dataset)), 2):
+        if index.loc[i, "fabric"] != index.loc[j, "fabric"]:
+            kind = "other_fabric"
+        elif index.loc[i, "sample"] != index.loc[j, "sample"]:
+            kind = "other_sample" if index.loc[i, "side"] == index.loc[j, "side"] else ""
+        else:
+            kind = "repeat" if index.loc[i, "side"] == index.loc[j, "side"] else "flip"
+        if kind and index.loc[i, "fabric"] == 7:
+            ladder[kind].append(((images[i] - images[j]) ** 2).mean())
+    for kind, values in ladder.items():
+        assert getattr(seven, f"mse_{kind}") == pytest.approx(np.mean(values), rel=1e-4), kind
+    assert seven.mse_repeat < 0.01 < seven.mse_other_sample
+    assert (seven.silhouettes, seven.samples, seven.units, seven.unusable) == (12, 3, 6, 0)
+
+
+def test_means_are_over_sample_and_face(toy):
+    extra = toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png"
+    extra.unlink()  # one unit has a single capture now: it must count as much as the others
+    dataset = load(toy).select(cloth="fabric_7")
+    (found,) = statistics(dataset)
+    units: dict[tuple[int, str], list[int]] = {}
+    for row, (sample, side) in enumerate(zip(dataset.index["sample"], dataset.index["side"], strict=True)):
+        units.setdefault((sample, side), []).append(row)
+    samples = {row: dataset.sample(row) for row in range(len(dataset))}
+    means = [np.mean([drape_coefficient(samples[row].image) for row in rows]) for rows in units.values()]
+    assert found.drape_coefficient == pytest.approx(np.mean(means), abs=1e-12)
+    assert found.drape_coefficient_sd == pytest.approx(np.std(means, ddof=1), abs=1e-12)
+    folds = [np.mean([fold_count(samples[row].profile) for row in rows]) for rows in units.values()]
+    assert found.folds == pytest.approx(np.mean(folds), abs=1e-12)
+    assert len(found.spectrum) == 17
+    assert int(np.argmax(found.spectrum[5:])) + 5 == 13  # the toy fabric's fold number
+
+
+def test_images_of_unknown_face_are_no_flips(toy):
+    before = statistics(load(toy), ["fabric_7"])[0].mse_flip
+    path = toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_5.png"
+    write_image(path, draw(toy_profile(9, 9, 1)))
+    assert statistics(load(toy), ["fabric_7"])[0].mse_flip == before
+
+
+def test_planted_face_difference(tmp_path):
+    root = write_toy(tmp_path, samples=4, meshes=False)
+    for sample in range(1, 5):
+        for capture, growth in ((1, 0.0), (2, 0.0), (3, 0.004), (4, 0.004)):
+            profile = Profile(toy_profile(7, sample, 1).radii + growth + 1e-4 * sample * (growth > 0))
+            path = root / f"data/Fabric 7/silhouettes/Fabric_7_Sample_{sample}_Capture_{capture}.png"
+            write_image(path, draw(profile))
+    (found,) = statistics(load(root))
+    mean_radius = np.mean([toy_profile(7, sample, 1).radii.mean() for sample in range(1, 5)])
+    expected = 2 * mean_radius * 0.00425 / (0.15**2 - 0.09**2)
+    assert found.down_minus_up.mean == pytest.approx(expected, rel=0.03)
+    assert found.down_minus_up.count == 4
+    assert found.down_minus_up.t > 10
+    assert found.drift == {}
+
+
+def test_planted_drift_over_time(tmp_path):
+    home = tmp_path / "data/Fabric 1 Observations"
+    for sample in (1, 2, 3):
+        for number, growth in ((1, 0.0), (2, -0.002), (3, -0.003)):
+            profile = Profile(toy_profile(1, sample, 1).radii + growth)
+            name = f"Fabric_1_Sample_{sample}_Obs_{number}.png"
+            write_image(home / f"Sample {sample}" / "silhouettes" / name, draw(profile))
+    (found,) = statistics(load(tmp_path))
+    assert list(found.drift) == [2, 3]
+    assert found.drift[3].mean < found.drift[2].mean < -0.02
+    assert found.drift[2].count == 3
+    assert found.units == 3
+    assert np.isnan(found.mse_repeat)
+
+
+def test_bad_images_are_counted_not_hidden(toy):
+    (toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png").write_bytes(b"junk")
+    found = statistics(load(toy), ["fabric_7"])
+    assert [(item.silhouettes, item.unusable) for item in found] == [(12, 1)]
+    assert np.isfinite(found[0].drape_coefficient)
+
+
+def test_difference():
+    known = Difference.of([1.0, 2.0, 3.0])
+    assert (known.mean, known.count) == (2.0, 3)
+    assert known.error == pytest.approx(1 / np.sqrt(3))
+    assert known.t == pytest.approx(2 * np.sqrt(3))
+    assert np.isnan(Difference.of([1.0]).error)
+    assert np.isnan(Difference.of([]).mean)
+
+
+def test_unknown_cloth(toy):
+    with pytest.raises(DataError, match="cloths are fabric_7, fabric_8"):
+        statistics(load(toy), ["fabric_7", "silk"])
+
+
+def test_stats_command(toy):
+    result = CliRunner().invoke(app, ["stats", str(toy), "--cloth", "fabric_8", "--json"])
+    (item,) = json.loads(result.stdout)["cloths"]
+    (expected,) = statistics(load(toy), ["fabric_8"])
+    assert item["cloth"] == "fabric_8"
+    assert item["drape_coefficient"] == expected.drape_coefficient
+    assert item["mse_other_fabric"] == expected.mse_other_fabric > 0
+    assert set(item["down_minus_up"]) == {"mean", "error", "t", "count"}
+    assert "fabric_8" in CliRunner().invoke(app, ["stats", str(toy)], env={"COLUMNS": "140"}).stdout
+    assert CliRunner().invoke(app, ["stats", str(toy), "--cloth", "silk"]).exit_code == 2
+
+
+def test_info_command(toy):
+    table = toy / "mine.csv"
+    table.write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.0004\n")
+    result = CliRunner().invoke(app, ["info", str(toy), "--fabrics-csv", str(table), "--json"])
+    document = json.loads(result.stdout)
+    assert document["silhouettes"] == 24
+    assert document["corrected"] == ["pairing", "rotation", "side"]
+    seven, eight = document["cloths"]
+    assert (seven["cloth"], seven["areal_density_kg_m2"], seven["thickness_m"]) == ("fabric_7", 0.2, 0.0004)
+    assert eight["areal_density_kg_m2"] is None
+    assert (seven["samples"], seven["silhouettes"], seven["meshes"], seven["repeat_pairs"]) == (3, 12, 0, 6)
+    assert seven["sides"] == {"up": 6, "down": 6}
+    plain = json.loads(CliRunner().invoke(app, ["info", str(toy), "--uncorrected", "--json"]).stdout)
+    assert plain["corrected"] == []
+    assert "fabric_7" in CliRunner().invoke(app, ["info", str(toy)]).stdout
+    table.write_text("fabric,areal_density_kg_m2\n7,-1\n")
+    assert CliRunner().invoke(app, ["info", str(toy), "--fabrics-csv", str(table)]).exit_code == 2
+
+
+def test_real_figures(real_data):
+    """The published facts of the release: drape coefficient and folds of the five cloths, repeats, faces, drift."""
+    dataset = load(real_data, correct=False)
+    wanted = {
+        "cotton_blue": (0.631, 0.029, 7.5),
+        "cotton_pink": (0.572, 0.030, 8.1),
+        "cotton_white": (0.434, 0.018, 8.9),
+        "viscose_white": (0.133, 0.009, 12.1),
+        "wool_red": (0.781, 0.021, 7.6),
+    }
+    if not set(wanted) <= set(dataset.cloths):
+        pytest.skip("the named sets are not in this part of the release")
+    part = dataset.select(cloth=[*wanted, "fabric_4", "fabric_1_observations"])
+    for item in statistics(part):
+        if item.cloth in wanted:
+            mean, spread, folds = wanted[item.cloth]
+            assert item.drape_coefficient == pytest.approx(mean, abs=0.0006)
+            assert item.drape_coefficient_sd == pytest.approx(spread, abs=0.0006)
+            assert item.folds == pytest.approx(folds, abs=0.06)
+            assert np.isnan(item.mse_flip)
+        elif item.cloth == "fabric_4":
+            assert 0.004 < item.mse_repeat < 0.009
+            assert item.down_minus_up.t > 5
+        else:
+            assert item.unusable == 1  # the shrunken image
+            assert item.drift[2].mean == pytest.approx(-0.047, abs=0.006)
+            assert item.drift[5].mean == pytest.approx(-0.066, abs=0.007)

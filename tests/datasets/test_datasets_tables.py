@@ -1,0 +1,175 @@
+"""Tables beside the data: densities, protocol, checksums; right ones are used, wrong ones are refused by line."""
+
+import hashlib
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toy_cloths import draw, toy_profile, write_image, write_toy
+
+from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.audit.audit import audit
+from cusick_bench.datasets.errors import BadTable
+from cusick_bench.datasets.files.checksums import verify_checksums
+from cusick_bench.datasets.files.fabrics import read_fabrics
+from cusick_bench.datasets.files.protocol import Protocol, read_protocol
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("CUSICK_BENCH_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture
+def toy(tmp_path) -> Path:
+    return write_toy(tmp_path / "lab")
+
+
+@pytest.mark.parametrize("key", ["7", "Fabric 7", "fabric_7"])
+def test_densities_come_from_the_users_table(toy, key):
+    (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2,thickness_m,maker\n{key},0.21,0.0004,Mill\n")
+    dataset = load(toy)
+    assert (dataset.index["areal_density"] == 0.21).all()
+    assert (dataset.index["thickness"] == 0.0004).all()
+    assert dataset.require_density(3) == 0.21
+    other = toy / "other.csv"
+    other.write_text(f"fabric,areal_density_kg_m2\n{key},0.3\n")
+    assert load(toy, fabrics_csv=other).require_density(0) == 0.3
+
+
+def test_published_densities_are_not_given_to_another_labs_fabric(tmp_path):
+    dataset = load(write_toy(tmp_path, fabrics=(2,)))
+    assert math.isnan(dataset.index.loc[0, "areal_density"])
+    with pytest.raises(DataError, match=r"areal density of fabric_2 must be > 0 kg/m2, got nan; .*fabrics\.csv"):
+        dataset.require_density(0)
+
+
+def test_protocol_changes_what_images_mean(toy):
+    profile = toy_profile(7, 1, 1)
+    image = draw(profile, size=128, centre=(60.0, 66.0), scale=360.0)
+    for path in (toy / "data" / "Fabric 7" / "silhouettes").iterdir():
+        write_image(path, 1 - image[::-1])  # light cloth, y down
+    (toy / "protocol.json").write_text(
+        json.dumps(
+            {
+                "image_size_px": 128,
+                "centre_px": [60, 127 - 66],
+                "px_per_m": 360,
+                "foreground": "light",
+                "image_y": "down",
+                "captures": {"1": "down", "2": "up"},
+                "humidity": 0.65,
+            }
+        )
+    )
+    dataset = load(toy)
+    assert dataset.protocol.extra == {"humidity": 0.65}
+    assert list(dataset.index["side"][:4]) == ["down", "up", "", ""]
+    sample = dataset.sample(0)
+    assert sample.image.shape == (128, 128)
+    assert sample.profile.rms(profile) < 0.2 / 360
+
+
+def test_shipped_set_is_checked_file_by_file(tmp_path):
+    (tmp_path / "a.txt").write_text("drape")
+    digest = "11c6c2f7d2ca5ea4a1b9f5dd11cf27f5"  # not even a SHA-256
+    (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": digest}))
+    with pytest.raises(DataError, match="bad entry"):
+        verify_checksums(tmp_path)
+    right = hashlib.sha256(b"drape").hexdigest()
+    (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": right}))
+    verify_checksums(tmp_path)
+    for name in ("../a.txt", "/etc/passwd", "..\\a.txt"):
+        (tmp_path / "sha256.json").write_text(json.dumps({name: right}))
+        with pytest.raises(DataError, match="bad entry"):
+            verify_checksums(tmp_path)
+    (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": right, "gone.txt": right}))
+    with pytest.raises(DataError, match=r"gone\.txt: is missing; reinstall"):
+        verify_checksums(tmp_path)
+    (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": right}))
+    (tmp_path / "a.txt").write_text("changed")
+    with pytest.raises(DataError, match="differs from its SHA-256"):
+        verify_checksums(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("fabric,areal_density_kg_m2\n7,-0.1\n", r"line 2: areal density must be a number > 0 kg/m2, got -0.1"),
+        ("fabric,areal_density_kg_m2\n6,0.2\n7,0\n", r"line 3: .*got 0"),
+        ("fabric,areal_density_kg_m2\n7,nan\n", r"line 2: .*got nan"),
+        ("fabric,areal_density_kg_m2\n7,inf\n", r"line 2: .*at most"),
+        ("fabric,areal_density_kg_m2\n7,light\n", r"line 2: .*got light"),
+        ("fabric,areal_density_kg_m2\n7,192\n", r"at most 5.0 kg/m2, got 192; give it in kg/m2"),
+        ("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.4\n", r"thickness must be at most 0.02 m"),
+        ("fabric,areal_density_kg_m2\n7,0.2\nFabric 7,0.3\n", r"line 3: .*given twice"),
+        ("fabric,areal_density_kg_m2\n7,0.2,0.3,0.4\n", r"4 fields for 2 columns"),
+        ("cloth,weight\n7,0.2\n", r"needs the columns fabric and areal_density_kg_m2"),
+        ("", r"needs the columns"),
+        ("\0\0\0", r"fabrics"),
+    ],
+)
+def test_bad_fabric_tables(tmp_path, text, complaint):
+    root = write_toy(tmp_path, samples=1)
+    (root / "fabrics.csv").write_text(text)
+    with pytest.raises(BadTable, match=complaint) as caught:
+        load(root)
+    assert "fabrics.csv" in str(caught.value)
+    assert audit(root).kinds["fabrics-invalid"] == 1  # reported, and the rest is looked at
+    assert audit(root).silhouettes == 4
+
+
+def test_fabric_table_forgives_blanks(tmp_path):
+    path = tmp_path / "fabrics.csv"
+    path.write_text("﻿fabric, areal_density_kg_m2 ,thickness_m\n\n7, 0.2 ,\n8,,0.0003\n", encoding="utf-8")
+    table = read_fabrics(path)
+    assert table["fabric_7"].areal_density == 0.2
+    assert np.isnan(table["fabric_7"].thickness)
+    assert np.isnan(table["fabric_8"].areal_density)
+
+
+@pytest.mark.parametrize(
+    ("document", "complaint"),
+    [
+        ({"px_per_m": -1}, "px_per_m must be > 0, got -1"),
+        ({"px_per_m": "723"}, "px_per_m must be a finite number"),
+        ({"px_per_m": True}, "finite number"),
+        ({"image_size_px": 10**9}, "image_size_px must be one whole number of pixels from 16 to 8192"),
+        ({"image_size_px": [256, 128]}, "images are square"),
+        ({"centre_px": [1]}, r"centre_px must be \[column, row\]"),
+        ({"projection": "fisheye"}, "projection must be one of parallel, pinhole"),
+        ({"captures": {"1": "left"}}, "captures must map"),
+        ({"captures": ["up"]}, "captures must map"),
+        ({"plate_radius_m": 0.2}, "plate_radius_m must be below cloth_radius_m"),
+        ([1, 2], "must hold one JSON object"),
+    ],
+)
+def test_bad_protocols(tmp_path, document, complaint):
+    root = write_toy(tmp_path, samples=1)
+    (root / "protocol.json").write_text(json.dumps(document))
+    with pytest.raises(BadTable, match=complaint):
+        load(root)
+    assert audit(root).kinds["protocol-invalid"] == 1
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[" * 100_000, '{"px_per_m": NaN}', '{"px_per_m": 1e999}', "{}" + " " * (2 << 20)]
+)
+def test_hostile_protocols(tmp_path, text):
+    path = tmp_path / "protocol.json"
+    path.write_text(text)
+    with pytest.raises(BadTable):
+        read_protocol(path)
+
+
+def test_protocol_defaults_and_spellings(tmp_path):
+    path = tmp_path / "protocol.json"
+    path.write_text('{"foreground": "1 - grey/255", "projection": "Perspective", "order": ["up", "down"], "room": 3}')
+    protocol = read_protocol(path)
+    assert (protocol.foreground, protocol.projection) == ("dark", "pinhole")
+    assert protocol.extra == {"room": 3}
+    assert protocol.order == '["up", "down"]'
+    assert Protocol().px_per_m == 723
+    assert Protocol().captures == {1: "up", 2: "up", 3: "down", 4: "down"}

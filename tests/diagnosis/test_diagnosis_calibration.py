@@ -1,0 +1,163 @@
+"""What keeps a diagnosis honest: noise and trust learned from known cases, what cannot be seen, what is in no list."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.diagnosis import calibrate as module
+from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, BaseModel
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import load
+from cusick_bench.diagnosis.calibrate import calibrate, log_score
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.evidence import (
+    LEAST_SIZE,
+    NONE,
+    UNKNOWN,
+    grid_at,
+    grids,
+    posterior,
+    unknown_evidence,
+)
+from cusick_bench.diagnosis.inference.fabric_evidence import Weighed
+from cusick_bench.diagnosis.inference.hypotheses import hypotheses
+from cusick_bench.diagnosis.inference.power import _expected
+from cusick_bench.diagnosis.inference.residual import Residual, against_base
+from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.sim.effects import registered
+
+
+@pytest.fixture(scope="module")
+def emulator() -> Emulator:
+    return load()[0]
+
+
+def fabric(emulator: Emulator, bending: float) -> Residual:
+    """A fabric that is what the atlas expects."""
+    theta = PRIOR_MEAN.copy()
+    theta[0] = bending
+    return against_base(emulator, _expected(emulator, theta, 12), start=theta, fixed=True)
+
+
+def weighed(generator: np.random.Generator, power: float) -> tuple[Weighed, str]:
+    """Evidences, and a truth that is drawn from the probabilities they make with a power."""
+    effects = {name: float(generator.normal(0, 4)) for name in ("creep", "threshold", "plate-tilt")}
+    one = Weighed(0.01, effects, float(generator.normal(-2, 2)), {})
+    probability = one.probability(power)
+    return one, str(generator.choice(list(probability), p=list(probability.values())))
+
+
+def test_calibration_finds_the_noise_and_the_power_that_made_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nulls are found up to a noise of their own; truths are drawn with half the evidence."""
+    generator = np.random.default_rng(4)
+    cases = [weighed(generator, 0.5) for _ in range(600)]
+    limits = dict.fromkeys((i for i, (_, truth) in enumerate(cases) if truth == NONE), 1.0)
+    for i in list(limits)[: int(0.3 * len(limits))]:
+        limits[i] = 1.25  # three in ten need as much
+
+    def examined(captures: int, emulator: None, inflation: float) -> Weighed:
+        one = cases[captures][0]
+        p = 0.5 if inflation > limits.get(captures, 0.0) - 1e-9 else 0.01
+        return Weighed(p, one.effects, one.unknown, one.best)
+
+    monkeypatch.setattr(module, "_examined", examined)
+    found = calibrate([(i, truth) for i, (_, truth) in enumerate(cases)], None)  # pyright: ignore[reportArgumentType]
+    assert found.inflation == pytest.approx(1.25)
+    assert found.tempering == pytest.approx(0.5, abs=0.11)
+    assert found.cases == 600
+    assert log_score(cases, found.tempering) <= log_score(cases, 1.0)
+
+
+@pytest.mark.parametrize(("detected", "place"), [(0, 0), (6, 0), (7, 1), (10, 1)])
+def test_the_level_holds_with_confidence(detected: int, place: int) -> None:
+    """Of 240 nulls 12 are the level; 6 are the most of which the upper bound of 95 % lies below it."""
+    needed = [1] * detected + [0] * (240 - detected)
+    assert module._at_level(needed) == module.INFLATIONS[place]
+
+
+def test_nulls_that_no_noise_explains_are_refused() -> None:
+    with pytest.raises(DiagnosisError, match="60 of 240 cases without effect"):
+        module._at_level([len(module.INFLATIONS)] * 60 + [0] * 180)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_processes_give_the_same_in_the_same_order(workers: int) -> None:
+    with module._mapping(workers) as over:
+        assert list(over(abs, range(-9, 9))) == [abs(number) for number in range(-9, 9)]
+
+
+def test_cases_without_their_labels_are_refused(tmp_path: Path) -> None:
+    found = CliRunner().invoke(app, ["atlas", "calibrate", str(tmp_path), "labels.json", str(tmp_path)])
+    assert found.exit_code == 2
+    assert "got 3 paths" in found.output
+
+
+def test_calibration_without_nulls_is_refused() -> None:
+    with pytest.raises(DiagnosisError, match="cases without effect, got 0"):
+        calibrate([], None)  # pyright: ignore[reportArgumentType]
+
+
+def test_effects_too_weak_to_see_take_no_part(emulator: Emulator) -> None:
+    """A limp cloth hides the turn of its grain, which it does not have; a stiff one shows more of everything."""
+    limp, stiff = (grids(emulator, fabric(emulator, level)) for level in (-9.0, -4.8))
+    names = [{grid.hypothesis.name for grid in made} for made in (limp, stiff)]
+    assert len(names[0]) < len(names[1])
+    for grid in (*limp, *stiff):
+        size = np.linalg.norm(grid.shift, axis=1)
+        assert np.isneginf(grid.log_prior[size < LEAST_SIZE]).all()
+        assert np.exp(grid.log_prior).sum() == pytest.approx(grid.hypothesis.prior)
+
+
+def test_what_undetectable_effects_leave_goes_to_none() -> None:
+    every = dict.fromkeys((name for name in registered() if name != "density-bias"), -2.0)
+    few = dict(list(every.items())[:5])
+    all_in, some_out = posterior(every, -2.0), posterior(few, -2.0)
+    assert sum(all_in.values()) == pytest.approx(1)
+    assert some_out[NONE] > all_in[NONE]
+    for found in (all_in, some_out):
+        assert found["rest-curvature"] / found[UNKNOWN] == pytest.approx(0.4 / len(registered()) / 0.08)
+
+
+def test_unknown_expects_what_effects_move_together(emulator: Emulator) -> None:
+    """A shift between two effects is likelier to come from an unlisted one than a shift in any direction."""
+    residual = fabric(emulator, -6.0)
+    made = grids(emulator, residual)
+    by_name = {grid.hypothesis.name: grid for grid in made}
+    halves = []
+    for name in ("perspective", "camera-offset"):
+        grid = by_name[name]
+        row = grid.shift[grid.best(np.linalg.norm(grid.shift, axis=1))]
+        halves.append(row / np.linalg.norm(row))
+    between = (halves[0] + halves[1]) / np.linalg.norm(halves[0] + halves[1])
+    anywhere = np.random.default_rng(3).standard_normal(len(between))
+    anywhere /= np.linalg.norm(anywhere)
+    assert unknown_evidence(8 * between, made) > unknown_evidence(8 * anywhere, made) + 3
+    assert unknown_evidence(0 * between, made) < 0
+    assert unknown_evidence(20 * anywhere, []) > 0, "without any effect every direction is as likely"
+
+
+def test_a_known_cause_can_be_refitted_where_it_is_weak(emulator: Emulator) -> None:
+    residual = fabric(emulator, LOW[0])
+    hypothesis = next(one for one in hypotheses(emulator) if one.name == "grain-skew")
+    assert np.isneginf(grid_at(emulator, hypothesis, residual, least=1e3).log_prior).all()
+    assert np.isfinite(grid_at(emulator, hypothesis, residual, least=0.0).log_prior).all()
+
+
+def test_discrepancy_depends_on_how_limp_the_cloth_is(emulator: Emulator) -> None:
+    limp, stiff = (emulator.wrong(np.array([level, 0, 0, 0, 5, 0, 0])) for level in (-9.8, -4.5))
+    folds = NAMES.index("fold_centroid")
+    assert limp[folds, folds] > 2 * stiff[folds, folds], "a coarse mesh gets the folds of limp cloth wrong"
+    for covariance in (limp, stiff):
+        assert np.linalg.eigvalsh(covariance).min() > -1e-9
+
+
+def test_other_laws_keep_bending_at_rest_and_shear() -> None:
+    plain, other = (BaseModel(120, other_laws=laws).samples(PRIOR_MEAN, 1, (5, 5))[0] for laws in (False, True))
+    assert np.allclose(other.material.bending[:, 0], plain.material.bending[:, 0])
+    assert np.allclose(other.material.bending[:, -1], plain.material.bending[:, -1])
+    assert np.isclose(other.material.stretch[0, 3], plain.material.stretch[0, 3])
+    assert (other.material.stretch[1:, 0] >= 0.8 * other.material.stretch[0, 0]).all()
+    assert not np.allclose(other.material.stretch, plain.material.stretch)

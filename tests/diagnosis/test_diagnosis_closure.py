@@ -1,0 +1,138 @@
+"""Base model and cause fitted by simulation, against a world whose answer is known: the atlas with a known error."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import load
+from cusick_bench.diagnosis.inference.evidence import Candidate
+from cusick_bench.diagnosis.inference.fabric_evidence import Data
+from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
+from cusick_bench.diagnosis.inference.residual import against_base, scatter_of
+from cusick_bench.diagnosis.measure.gap import fit_of
+from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.diagnosis.simulation import closure
+from cusick_bench.diagnosis.simulation.closure import Draping, closures
+from cusick_bench.diagnosis.simulation.samples import Simulated
+
+THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1])
+RADII = np.zeros((1, 2, 360))
+NOTHING = np.zeros(len(NAMES))
+
+
+@pytest.fixture(scope="module")
+def emulator() -> Emulator:
+    return load()[0]
+
+
+def drawn(
+    emulator: Emulator, theta: np.ndarray, causes: Sequence[Candidate], count: int, seed: int, error: np.ndarray
+) -> np.ndarray:
+    """Samples of a world that is the atlas, but for an error of its statistics [sd]."""
+    root, sd = np.linalg.cholesky(emulator.correlation), emulator.sd(theta)
+    noise = np.random.default_rng(seed).standard_normal((count, len(root))) @ root.T
+    moved = np.tile(error, 2)
+    for one in causes:
+        point = {name: np.array([value]) for name, value in one.value.items()}
+        moved = moved + shifts(emulator, one.hypothesis, theta, sd, 0.5, point).rows[0][: 2 * len(NAMES)]
+    return emulator.mean(theta) + ((noise + moved) * np.tile(sd, 2)).reshape(count, 2, -1)
+
+
+def world(emulator: Emulator, error: np.ndarray) -> Callable[..., Simulated]:
+    """Its simulator."""
+
+    def simulate(theta: np.ndarray, causes: Sequence[Candidate], samples: int, seed: tuple[int, ...], **_: object):
+        return Simulated(drawn(emulator, theta, causes, samples, sum(seed), error), RADII)
+
+    return simulate
+
+
+def hypothesis_of(emulator: Emulator, name: str) -> Hypothesis:
+    return next(one for one in hypotheses(emulator) if one.name == name)
+
+
+def fabric(emulator: Emulator, causes: Sequence[Candidate], error: np.ndarray) -> Data:
+    specimens = drawn(emulator, THETA, causes, 60, 77, error)
+    return Data(specimens, np.full((60, len(NAMES)), np.nan), 0.5)
+
+
+def residual_of(emulator: Emulator, data: Data):
+    return against_base(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
+
+
+def test_severity_between_the_grids_points_is_found(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plate that slips by 11.5 mm: the grid has 9.3 and 13.9; and the closure is that of the true severity."""
+    hypothesis = hypothesis_of(emulator, "plate-slip")
+    truth = Candidate(hypothesis, {"slide": 0.0115}, 0.0, 0.0, 0.0)
+    taken: list[float] = []
+    simulate = world(emulator, NOTHING)
+
+    def noted(theta: np.ndarray, causes: Sequence[Candidate], *rest: object, **named: object) -> Simulated:
+        taken.extend(one.value["slide"] for one in causes)
+        return simulate(theta, causes, *rest, **named)
+
+    monkeypatch.setattr(closure, "simulate", noted)
+    data = fabric(emulator, [truth], NOTHING)
+    residual, draping = residual_of(emulator, data), Draping(60)
+    kept = closures(emulator, data, residual, [(truth,)], draping, refit=False)[0].gap
+    taken.clear()
+    start = Candidate(hypothesis, {"slide": 0.002}, 0.0, 0.0, 0.0)
+    found = closures(emulator, data, residual, [(start,)], draping)[0].gap
+    assert taken[-1] == pytest.approx(0.0115, rel=0.15)
+    assert found is not None
+    assert kept is not None
+    assert found.closure == pytest.approx(kept.closure, abs=0.1)
+    assert found.closure > 0.8
+
+
+def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where drapes turn out softer than the atlas promises, the base model takes a stiffer cloth, its gap shrinks."""
+    sd = emulator.sd(THETA)
+    softer = (emulator.mean(THETA - np.array([0.5, 0, 0, 0, 0, 0, 0])) - emulator.mean(THETA)) / sd
+    monkeypatch.setattr(closure, "simulate", world(emulator, softer))
+    data = fabric(emulator, [], NOTHING)
+    residual = residual_of(emulator, data)
+    gaps = []
+    for rounds in (0, closure.ROUNDS):
+        monkeypatch.setattr(closure, "ROUNDS", rounds)
+        gap = closures(emulator, data, residual, [()], Draping(60))[0].gap
+        assert gap is not None
+        gaps.append(gap.base - gap.floor)
+    assert gaps[1] < 0.5 * gaps[0]
+
+
+def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each alternative has its closure; creep, of which the gap sees nothing, has none and adds nothing."""
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
+    creep = Candidate(hypothesis_of(emulator, "creep"), {"loss": 0.3}, 0.0, 0.0, 0.0)
+    data = fabric(emulator, [scale], NOTHING)
+    shares: list[float] = []
+    alternatives = [(), (scale,), (creep,), (scale, creep)]
+    alone, right, later, both = closures(
+        emulator, data, residual_of(emulator, data), alternatives, Draping(60), progress=shares.append
+    )
+    assert alone.gap is not None
+    assert right.gap is not None
+    assert later.gap is not None
+    assert alone.gap.base == right.gap.base == later.gap.base
+    assert np.isnan(alone.gap.closure)
+    assert np.isnan(later.gap.closure)
+    assert alone.effect is None
+    assert right.effect is not None
+    assert right.gap.closure > 0.6
+    assert both.gap is not None
+    assert both.gap.closure == right.gap.closure
+    assert shares == sorted(shares)
+    assert shares[-1] <= 1
+
+
+def test_distance_to_what_is_fitted() -> None:
+    generator = np.random.default_rng(1)
+    near, far = generator.standard_normal((2, 14, 2, len(NAMES)))
+    sd = np.ones(len(NAMES))
+    assert abs(fit_of(near, far, sd)) < 0.2 < fit_of(near, far + 1.0, sd)
+    assert fit_of(near[:1], far, sd) == np.inf

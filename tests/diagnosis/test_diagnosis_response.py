@@ -1,0 +1,56 @@
+"""Responses of effects, fitted to shifts whose law is known: from limp cloth, which hardly answers, to stiff."""
+
+import numpy as np
+import pytest
+
+from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
+from cusick_bench.diagnosis.atlas.regression_terms import scaled
+from cusick_bench.diagnosis.atlas.response import Changes, response
+from cusick_bench.diagnosis.atlas.response_check import _of_one
+from cusick_bench.diagnosis.measure.features import SPREADS
+from cusick_bench.diagnosis.measure.statistics import FREE, NAMES
+from cusick_bench.sim.effects import effect
+
+STEEP = 2.0  # the answer grows by e^4 = 55 from limp to stiff
+NOISE = 0.02
+
+
+def known(rows: int, *, odd: bool = False, seed: int = 0) -> Changes:
+    """Shifts exp(2 z0) s d, d fixed for all fabrics, with a little noise."""
+    generator = np.random.default_rng(seed)
+    theta = generator.uniform(LOW, HIGH, (rows, len(LOW)))
+    severity = np.exp(generator.uniform(np.log(0.7), np.log(6), rows)) * generator.choice([-1, 1], rows)
+    faces = np.column_stack([severity, -severity if odd else severity])
+    direction = np.zeros(len(NAMES))
+    direction[list(FREE)] = np.cos(np.arange(len(FREE)))
+    size = np.exp(STEEP * scaled(theta)[:, :1]) * faces
+    shift = size[..., None] * direction
+    shift[..., list(FREE)] += NOISE * generator.standard_normal((rows, 2, len(FREE)))
+    noise = np.where(np.isin(np.arange(len(NAMES)), FREE), NOISE**2, 0.0) * np.ones_like(shift)
+    return Changes(theta, faces, np.zeros((rows, 0)), shift, noise, np.zeros((rows, len(SPREADS))))
+
+
+@pytest.mark.parametrize("name", ["camera-scale", "face-asymmetry"])
+def test_limp_cloth_is_fitted_as_well_as_stiff(name: str) -> None:
+    """A polynomial through all fabrics is wrong by several times the limp ones' whole answer."""
+    found = known(200, odd=effect(name).face_odd)
+    assert _of_one(effect(name), found) == pytest.approx(np.zeros(3), abs=0.01)
+
+
+def test_what_no_fit_can_know_is_unexplained() -> None:
+    """Shifts that have nothing to do with the fabric: predicting them is worse than expecting none."""
+    found, generator = known(200), np.random.default_rng(1)
+    found.shift[:] = np.where(found.noise > 0, generator.standard_normal(found.shift.shape), 0.0)
+    shares = _of_one(effect("camera-scale"), found)
+    assert (shares > 0.9).all()
+
+
+def test_doubt_grows_with_the_answer_and_away_from_the_atlas() -> None:
+    found = known(200)
+    fitted = response(effect("camera-scale"), found)
+    middle = (LOW + HIGH) / 2
+    limp, stiff, corner = middle.copy(), middle.copy(), HIGH.copy()
+    limp[0], stiff[0] = LOW[0], HIGH[0]
+    moved, doubt = fitted.shift(np.stack([limp, stiff, corner]), np.ones(3), np.zeros((3, 0)))
+    assert np.linalg.norm(moved[1]) / np.linalg.norm(moved[0]) == pytest.approx(np.exp(2 * STEEP), rel=0.1)
+    assert doubt[0].mean() < doubt[1].mean() < doubt[2].mean()

@@ -1,0 +1,269 @@
+"""The regression gate: it sees a planted 5 % degradation, and cries wolf no more often than it says."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numba
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.gate import paired
+from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
+from cusick_bench.leaderboard.gate.check import Gate, check
+from cusick_bench.leaderboard.gate.paired import compare, holm
+from cusick_bench.problem import Budget
+from cusick_bench.runner import ProblemSettings, Source, plan, run
+from cusick_bench.runner.environment import code_version
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+CLOTHS = ("a", "b", "c", "d", "e")
+METRICS = ("train_mse", "test_mse")
+SOLVERS = ("sampler", "noisy", "exact")
+NOISE = {"sampler": 0.03, "noisy": 0.10, "exact": 0.0}  # of a metric, between seeds
+
+
+def cells(seeds, generator: np.random.Generator, worse: dict[str, float] | None = None) -> pd.DataFrame:
+    """A run whose solvers differ in how much seeds matter; cloths differ fivefold in difficulty."""
+    rows = []
+    for solver in SOLVERS:
+        for place, cloth in enumerate(CLOTHS):
+            for seed in seeds:
+                factor = (worse or {}).get(solver, 1.0)
+                values = {m: 0.01 * (1 + place) * factor * np.exp(NOISE[solver] * generator.normal()) for m in METRICS}
+                rows.append({"solver": solver, "cloth": cloth, "seed": seed, "status": "done", **values})
+    return pd.DataFrame(rows)
+
+
+def verdicts(outcome) -> dict[tuple[str, str], str]:
+    return {(finding.solver, finding.metric): finding.verdict for finding in outcome.findings}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fewer_permutations():
+    patch = pytest.MonkeyPatch()
+    patch.setattr(paired, "PERMUTATIONS", 2000)
+    yield
+    patch.undo()
+
+
+class TestStatistics:
+    @pytest.mark.parametrize(("old", "new"), [((0, 1, 2), (10, 11, 12)), ((0, 1), (0, 1)), ((0,), (7,))])
+    def test_reruns_pass_as_often_as_promised(self, old, new):
+        """120 reruns of the same code: at 5 % more than 13 alarms would come by chance once in 250 trials."""
+        generator = np.random.default_rng([1, len(old)])
+        alarms = sum(
+            bool(check(cells(new, generator), cells(old, generator), Gate(METRICS)).regressions) for _ in range(120)
+        )
+        assert alarms <= 13
+
+    @pytest.mark.parametrize("new", [(0, 1, 2), (10, 11, 12)])
+    def test_five_per_cent_are_seen_through_three_per_cent_of_noise(self, new):
+        generator = np.random.default_rng(2)
+        seen = 0
+        for _ in range(20):
+            outcome = check(cells(new, generator, {"sampler": 1.05}), cells((0, 1, 2), generator), Gate(METRICS))
+            seen += any(finding.solver == "sampler" for finding in outcome.regressions)
+        assert seen >= 18
+
+    def test_what_seeds_do_not_move_is_seen_at_once_and_blamed_alone(self):
+        generator = np.random.default_rng(3)
+        before, after = cells((0,), generator), cells((5,), generator, {"exact": 1.05})
+        found = check(after, before, Gate(METRICS)).regressions
+        assert {finding.solver for finding in found} == {"exact"}
+        assert {finding.metric for finding in found} == set(METRICS)
+        assert found[0].change.value == pytest.approx(0.05 / 1.025)
+
+    @pytest.mark.parametrize(("factor", "expected"), [(1.015, "unchanged"), (0.9, "unchanged"), (1.03, "regression")])
+    def test_small_changes_and_better_ones_are_none(self, factor, expected):
+        generator = np.random.default_rng(4)
+        outcome = check(cells((0,), generator, {"exact": factor}), cells((0,), generator), Gate(METRICS))
+        assert verdicts(outcome)["exact", "test_mse"] == expected
+
+    def test_repeated_seeds_that_change_nothing_count_once(self):
+        before = {("a", seed): 1.0 for seed in range(9)} | {("b", seed): 2.0 for seed in range(9)}
+        after = {(cloth, seed): value for cloth, value in (("a", 1.1), ("b", 1.9)) for seed in range(9)}
+        found = compare(before, after, level=0.01, generator=np.random.default_rng(0))
+        assert (found.units, found.test) == (2, "t")
+        assert found.p > 0.1
+
+    def test_permutations_are_exact_where_all_can_be_counted(self):
+        """Fourteen cloths all worse: one arrangement of 2^14 is as extreme."""
+        generator = np.random.default_rng(5)
+        before = {(str(cloth), 0): 1.0 for cloth in range(14)}
+        after = {(str(cloth), 0): 1.0 + generator.uniform(0.01, 0.1) for cloth in range(14)}
+        paired_p = compare(before, after, level=0.05, generator=generator).p
+        mixed = {cell: value if int(cell[0]) % 2 else 2 - value for cell, value in after.items()}
+        assert paired_p <= 2 / 2001
+        assert 0.05 < compare(before, mixed, level=0.05, generator=generator).p < 0.95
+
+    def test_holm_multiplies_by_what_is_left(self):
+        assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+        adjusted = holm([0.01, float("nan")])
+        assert adjusted[0] == pytest.approx(0.01)
+        assert np.isnan(adjusted[1])
+
+    def test_one_cell_decides_nothing_and_says_so(self):
+        before = pd.DataFrame([{"solver": "s", "cloth": "a", "seed": 0, "status": "done", "train_mse": 0.01}])
+        outcome = check(before.assign(train_mse=0.02), before, Gate(("train_mse",)))
+        assert verdicts(outcome) == {("s", "train_mse"): "undecided"}
+        assert any("Too few cells" in note for note in outcome.notes)
+
+
+class TestCells:
+    @pytest.fixture
+    def run(self) -> pd.DataFrame:
+        return cells((0, 1), np.random.default_rng(6))
+
+    def test_a_solver_that_is_gone_is_a_regression_and_a_new_one_is_none(self, run):
+        renamed = run.replace({"solver": {"exact": "exact2"}})
+        found = verdicts(check(renamed, run, Gate(METRICS)))
+        assert found["exact", "cells"] == "regression"
+        assert found["exact2", "cells"] == "new"
+
+    def test_a_missing_cloth_is_a_regression(self, run):
+        lost = run.loc[~((run["solver"] == "noisy") & (run["cloth"] == "c"))]
+        assert [finding.detail for finding in check(lost, run, Gate(METRICS)).regressions] == ["lacks c"]
+
+    def test_failures_are_a_regression_unless_they_were_as_common_before(self, run):
+        failed = run.copy()
+        failed.loc[0, ["status", *METRICS]] = ["failed", None, None]
+        (finding,) = check(failed, run, Gate(METRICS)).regressions
+        assert "1 of 10 cells failed, 0 of 10 in the baseline" in finding.detail
+        elsewhere = run.copy()
+        elsewhere.loc[1, ["status", *METRICS]] = ["failed", None, None]
+        assert not check(failed, elsewhere, Gate(METRICS)).regressions
+
+    def test_other_data_or_settings_cannot_be_compared(self, run):
+        old = run.assign(dataset_hash="abc", settings="one")
+        with pytest.raises(LeaderboardError, match="dataset hash abc, got xyz"):
+            check(old.assign(dataset_hash="xyz"), old, Gate(METRICS))
+        with pytest.raises(LeaderboardError, match=r"settings one, got two.*--write"):
+            check(old.assign(settings="two"), old, Gate(METRICS))
+
+    @pytest.mark.parametrize("metric", ["test_iou", "test_dc_cover_90", "train_dc_target", "test_fold_p", "draws"])
+    def test_metrics_of_which_more_may_be_better_are_refused(self, metric):
+        with pytest.raises(LeaderboardError, match="smaller is not better"):
+            Gate((metric,))
+
+
+CLOTHS_RUN = 4
+
+
+@pytest.fixture(scope="module")
+def lab(make_lab) -> Path:
+    """Small cloths of four stiffnesses, two samples each."""
+    return make_lab([0.7 * fabric for fabric in range(1, CLOTHS_RUN + 1)], samples=2)
+
+
+def solve(lab: Path, out: Path, seeds: list[int], solvers=("homo,search=2", "null:random-phase,draws=10")) -> Path:
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    settings = ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(4))
+    run(Source(str(lab)), plan(load(lab), solvers=list(solvers), seeds=seeds, settings=settings), out)
+    numba.set_num_threads(before)
+    return out
+
+
+@pytest.fixture(scope="module")
+def first(lab, tmp_path_factory) -> Path:
+    return solve(lab, tmp_path_factory.mktemp("first"), [0])
+
+
+class TestRun:
+    """The gate on runs of real solvers on small cloths."""
+
+    def test_a_rerun_with_another_seed_passes_and_five_per_cent_do_not(self, lab, first, tmp_path):
+        other = solve(lab, tmp_path / "other", [7])
+        baseline = read_cells(first)
+        assert not check(read_cells(other), baseline).regressions
+        for path in other.glob("cells/*/result.json"):
+            result = json.loads(path.read_text())
+            if result["solver"].startswith("homo"):
+                result["metrics"]["train_mse"] *= 1.05
+                path.write_text(json.dumps(result))
+        found = check(read_cells(other), baseline).regressions
+        assert [(finding.solver, finding.metric) for finding in found] == [("homo,search=2", "train_mse")]
+
+    def test_failures_now_are_regressions(self, first, tmp_path):
+        failing = Path(shutil.copytree(first, tmp_path / "failing"))
+        for path in failing.glob("cells/*/result.json"):
+            result = json.loads(path.read_text())
+            if (result["solver"], result["cloth"]) == ("homo,search=2", "fabric_2"):
+                path.write_text(json.dumps(result | {"status": "failed", "failure": "boom", "metrics": {}}))
+                (path.parent / "done").unlink()
+        (finding,) = check(read_cells(failing), read_cells(first)).regressions
+        assert (finding.solver, finding.metric) == ("homo,search=2", "cells")
+
+    def test_cells_of_older_code_in_the_same_folder_do_not_count(self, lab, tmp_path, monkeypatch):
+        monkeypatch.setattr("cusick_bench.runner.grid.code_version", lambda: "0.0+old")
+        folder = solve(lab, tmp_path / "both", [0], ["null:disc"])
+        monkeypatch.undo()
+        solve(lab, folder, [0], ["null:disc"])
+        assert len(list(folder.glob("cells/*"))) == 2 * CLOTHS_RUN
+        assert set(read_cells(folder)["code_version"]) == {code_version()}
+
+
+class TestCommand:
+    @pytest.fixture
+    def files(self, tmp_path) -> tuple[Path, Path]:
+        """A run and a baseline, as files of another project."""
+        table = cells((0, 1, 2), np.random.default_rng(7))
+        run = tmp_path / "run.json"
+        run.write_text(json.dumps({"cells": table.to_dict("records")}))
+        return run, tmp_path / "baseline.csv"
+
+    def check(self, *words) -> tuple[int, dict]:
+        result = CliRunner().invoke(app, ["check", *map(str, words), "--json"])
+        return result.exit_code, json.loads(result.stdout) if result.stdout else {"error": result.output}
+
+    def test_planted_degradation_ends_with_status_1_and_its_name(self, files, tmp_path):
+        run, baseline = files
+        assert self.check(run, "--against", baseline, "--write")[0] == 0
+        assert self.check(run, "--against", baseline)[0] == 0
+        worse = read_cells(run)
+        for metric in METRICS:
+            worse.loc[worse["solver"] == "sampler", metric] *= 1.05
+        write_baseline(worse, tmp_path / "worse.csv", [])
+        status, document = self.check(tmp_path / "worse.csv", "--against", baseline)
+        assert status == 1
+        assert {f["solver"] for f in document["findings"] if f["verdict"] == "regression"} == {"sampler"}
+        assert document["regressions"] == 2
+
+    def test_the_table_says_which(self, files, tmp_path):
+        run, baseline = files
+        write_baseline(read_cells(run).assign(train_mse=lambda t: t["train_mse"] / 2), baseline, ["command: none"])
+        assert baseline.read_text().startswith("# command: none\nsolver,cloth,seed,status,")
+        result = CliRunner().invoke(app, ["check", str(run), "--against", str(baseline)])
+        assert result.exit_code == 1
+        assert "3 regressions" in result.output
+        assert result.output.index("regression") < result.output.index("unchanged")
+
+    def test_bad_input_is_said(self, files, tmp_path):
+        run, baseline = files
+        for words, message in (
+            ((run, "--against", baseline), "no baseline at"),
+            ((tmp_path / "nothing", "--against", baseline), "no cells at"),
+            ((run, "--against", run, "--level", "0.7"), "level must lie between"),
+            ((run, "--against", run, "--metric", "test_unheard"), "must both hold test_unheard"),
+            ((run, "--against", tmp_path / "b.txt", "--write"), "must end in .csv"),
+        ):
+            result = CliRunner().invoke(app, ["check", *map(str, words)])
+            assert result.exit_code == 2
+            assert message in " ".join(result.output.split())
+
+    def test_a_leaderboard_is_no_table_of_cells(self, tmp_path):
+        (tmp_path / "board.csv").write_text("solver,rank,cloths,test_mse\nhomo,1,a b,0.05\n")
+        with pytest.raises(LeaderboardError, match="a line a solver, not a cell"):
+            read_cells(tmp_path / "board.csv")
+
+    def test_the_same_cell_twice_is_refused(self, files, tmp_path):
+        table = read_cells(files[0])
+        write_baseline(pd.concat([table, table.iloc[:1]]), tmp_path / "double.csv", [])
+        with pytest.raises(LeaderboardError, match="more than once"):
+            read_cells(tmp_path / "double.csv")

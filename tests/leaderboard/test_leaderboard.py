@@ -1,0 +1,368 @@
+"""Leaderboards on synthetic results whose truth is known, and on damaged folders."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cusick_bench.cli.results.leaderboard import leaderboard
+from cusick_bench.leaderboard import (
+    LeaderboardError,
+    csv,
+    difference,
+    estimate,
+    html_table,
+    interquartile_mean,
+    latex,
+    leaderboards,
+    load_cells,
+    markdown,
+    text_table,
+)
+from cusick_bench.leaderboard.bootstrap import mean
+
+app = typer.Typer()
+app.command()(leaderboard)
+
+CLOTHS = ("blue", "pink", "white", "viscose", "red")
+DIFFICULTY = dict(zip(CLOTHS, (0.03, 0.04, 0.05, 0.06, 0.07), strict=True))
+
+
+def write_cell(folder: Path, solver: str, cloth: str, seed: int = 0, **changes) -> Path:
+    cell = folder / "cells" / f"{solver}-{cloth}-{seed}".replace(":", "_")
+    cell.mkdir(parents=True)
+    metrics = {"train_mse": 0.01, "test_mse": 0.05, "test_mse_best": 0.05, "draws": 1, "floor_mse": 0.0064}
+    metrics |= {"test_hausdorff_m": 0.0316, "test_dc_error": 0.02, "test_folds_error": 0.5}
+    record = {
+        "solver": solver,
+        "kind": solver.split(":")[0] if ":" in solver else "solver",
+        "cloth": cloth,
+        "seed": seed,
+        "space": "homo",
+        "vertices": 2699,
+        "dataset": "cusick",
+        "dataset_hash": "abc",
+        "protocol": "paper",
+        "code_version": "1",
+        "settings": {"loss": "mse", "drape": {"steps": 100}},
+    }
+    record |= {key: value for key, value in changes.items() if key in (*record, "status", "failure")}
+    metrics |= {key: value for key, value in changes.items() if key not in (*record, "status", "failure", "done")}
+    (cell / "cell.json").write_text(json.dumps(record))
+    spent = {"forward_equivalents": 240, "wall_seconds": 61.5}
+    (cell / "result.json").write_text(json.dumps({"status": "done"} | record | {"spent": spent, "metrics": metrics}))
+    if changes.get("done", True) and record.get("status") != "failed":
+        (cell / "done").touch()
+    return cell
+
+
+def write_solver(folder: Path, solver: str, value: Callable[[str, int], float], seeds: int = 4, **changes) -> None:
+    for cloth in CLOTHS:
+        for seed in range(seeds):
+            write_cell(folder, solver, cloth, seed, test_mse=value(cloth, seed), **changes)
+
+
+@pytest.fixture
+def noise() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def only(folder: Path, **options):
+    (board,) = leaderboards(load_cells(folder), **options)
+    return board
+
+
+def ranks(board) -> dict[str, int | None]:
+    return {row.label: row.rank for row in board.rows}
+
+
+# -- statistics
+
+
+def test_interquartile_mean_drops_the_outer_quarters():
+    assert interquartile_mean(np.array([0.0, 1, 2, 3, 4, 5, 6, 1000])) == pytest.approx(3.5)
+    assert interquartile_mean(np.array([1.0, 2, 6])) == pytest.approx(3)
+
+
+def test_stratified_interval_holds_the_true_mean_as_often_as_it_says():
+    """Cloths differ tenfold in level, seeds by 0.01: only seeds are resampled, so the interval is narrow, and right."""
+    truth, hits, widths = 0.55, 0, []
+    for trial in range(100):
+        generator = np.random.default_rng(trial)
+        values = {(c, s): level + generator.normal(0, 0.01) for c, level in (("a", 0.1), ("b", 1.0)) for s in range(20)}
+        interval = estimate(values, mean, generator)
+        hits += interval.low <= truth <= interval.high
+        widths.append(interval.high - interval.low)
+    assert 88 <= hits <= 100
+    assert np.mean(widths) == pytest.approx(2 * 1.96 * 0.01 / np.sqrt(40), rel=0.1)
+
+
+def test_cloths_are_resampled_where_seeds_change_nothing(noise):
+    single = {(cloth, 0): level for cloth, level in DIFFICULTY.items()}
+    repeated = {(cloth, seed): level for cloth, level in DIFFICULTY.items() for seed in range(3)}
+    for values in (single, repeated):
+        interval = estimate(values, mean, np.random.default_rng(1))
+        spread = np.std(list(DIFFICULTY.values())) / np.sqrt(5)
+        assert interval.value == pytest.approx(0.05)
+        assert interval.high - interval.low == pytest.approx(2 * 1.96 * spread, rel=0.1)
+
+
+def test_pairing_cancels_what_a_cloth_does_to_both(noise):
+    first = {(cloth, 0): level + 0.002 + noise.normal(0, 1e-4) for cloth, level in DIFFICULTY.items()}
+    second = {(cloth, 0): level for cloth, level in DIFFICULTY.items()}
+    paired = difference(first, second, mean, noise)
+    assert paired.value == pytest.approx(0.002, abs=2e-4)
+    assert paired.high - paired.low < 5e-4 < estimate(first, mean, noise).high - estimate(first, mean, noise).low
+    assert paired.decided
+
+
+def test_difference_uses_shared_cells_and_stretches_a_single_seed(noise):
+    first = {("blue", 0): 1.0, ("blue", 1): 3.0, ("red", 0): 9.0, ("white", 5): 1.0}
+    second = {("blue", 0): 1.0, ("white", 5): 0.0, ("pink", 0): 7.0}
+    assert difference(first, second, mean, noise).value == pytest.approx((1 + 1) / 2)
+
+
+def test_too_few_cells_have_no_interval_and_decide_nothing(noise):
+    lonely = estimate({("blue", 0): 0.1}, mean, noise)
+    assert lonely.value == 0.1
+    assert np.isnan(lonely.low)
+    assert not lonely.decided
+
+
+# -- ranks
+
+
+def test_ties_are_grouped_and_real_differences_are_not(tmp_path, noise):
+    write_solver(tmp_path, "best", lambda cloth, seed: DIFFICULTY[cloth] - 0.010 + noise.normal(0, 0.001))
+    write_solver(tmp_path, "twin-a", lambda cloth, seed: DIFFICULTY[cloth] + noise.normal(0, 0.001))
+    write_solver(tmp_path, "twin-b", lambda cloth, seed: DIFFICULTY[cloth] + noise.normal(0, 0.001))
+    write_solver(tmp_path, "worst", lambda cloth, seed: DIFFICULTY[cloth] + 0.005 + noise.normal(0, 0.001))
+    assert ranks(only(tmp_path)) == {
+        "repeat of the same drape": None,
+        "best": 1,
+        "twin-a": 2,
+        "twin-b": 2,
+        "worst": 4,
+    }
+
+
+def test_equal_solvers_share_a_rank_nineteen_times_in_twenty():
+    apart = 0
+    for trial in range(100):
+        generator = np.random.default_rng(1000 + trial)
+        one, other = (
+            {(c, s): DIFFICULTY[c] + generator.normal(0, 0.01) for c in CLOTHS for s in range(8)} for _ in "ab"
+        )
+        apart += difference(one, other, mean, generator).decided
+    assert apart <= 14
+
+
+def test_null_rows_are_ranked_and_oracles_and_the_floor_are_not(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: DIFFICULTY[cloth] + 1e-3 * seed)
+    write_solver(tmp_path, "null:disc", lambda cloth, seed: DIFFICULTY[cloth] - 0.01, seeds=1)
+    write_solver(tmp_path, "oracle:mean", lambda cloth, seed: 0.02, seeds=1)
+    board = only(tmp_path)
+    assert ranks(board) == {"repeat of the same drape": None, "oracle:mean": None, "null:disc": 1, "homo": 2}
+    assert [row.kind for row in board.rows] == ["floor", "oracle", "null", "solver"]
+    assert board.rows[0].value("test_mse") == pytest.approx(0.0064)
+
+
+def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05 + 1e-4 * seed)
+    for cloth in CLOTHS[:3]:
+        write_cell(tmp_path, "easy", cloth, test_mse=0.001)
+    board = only(tmp_path)
+    assert ranks(board)["easy"] is None
+    assert ranks(board)["homo"] == 1
+    assert any("easy has no rank" in note and "viscose" in note for note in board.notes)
+
+
+@pytest.mark.parametrize(
+    ("by", "values", "order"),
+    [
+        ("test_dc_cover_90", {"sure": 0.35, "wide": 1.0, "right": 0.88}, ["right", "wide", "sure"]),
+        ("test_dc_cover_50", {"sure": 0.45, "wide": 0.8, "right": 0.52}, ["right", "sure", "wide"]),
+        ("test_fold_p", {"alike": 0.6, "rejected": 0.001, "near": 0.2}, ["alike", "near", "rejected"]),
+        ("test_iou", {"alike": 0.95, "far": 0.7, "near": 0.9}, ["alike", "near", "far"]),
+        ("test_energy_distance", {"alike": -0.1, "far": 2.0, "near": 0.9}, ["alike", "near", "far"]),
+    ],
+)
+def test_best_comes_first_whichever_way_a_metric_is_better(tmp_path, noise, by, values, order):
+    for name, value in values.items():
+        for cloth in CLOTHS:
+            write_cell(tmp_path, name, cloth, draws=50, **{by: value + noise.normal(0, 1e-3)})
+    board = only(tmp_path, by=by)
+    assert [row.solver for row in board.rows if row.rank] == order
+    assert [row.rank for row in board.rows if row.rank] == [1, 2, 3]
+
+
+def test_coverage_is_judged_by_its_mean_over_cells(tmp_path):
+    """Half of the cells at 80 % and half at 100 % cover 90 %; all of them at 84 % do not."""
+    for seed in range(8):
+        for cloth in CLOTHS:
+            write_cell(tmp_path, "either", cloth, seed, draws=50, test_dc_cover_90=0.8 + 0.2 * (seed % 2))
+            write_cell(tmp_path, "low", cloth, seed, draws=50, test_dc_cover_90=0.84)
+    assert ranks(only(tmp_path, by="test_dc_cover_90")) == {"either": 1, "low": 2, "repeat of the same drape": None}
+    assert "ranked by test_dc_cover_90, nearest 90 % first" in text_table(only(tmp_path, by="test_dc_cover_90")).title
+
+
+def test_what_is_neither_better_nor_worse_ranks_nobody(tmp_path):
+    write_cell(tmp_path, "homo", "blue", train_dc=0.4)
+    with pytest.raises(LeaderboardError, match="nobody is better or worse by 'train_dc'"):
+        only(tmp_path, by="train_dc")
+
+
+def test_mean_and_interquartile_mean_differ_by_an_outlier(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 1.0 if (cloth, seed) == ("red", 0) else 0.05)
+    assert only(tmp_path).rows[-1].value("test_mse") == pytest.approx(0.05 + 0.95 / 20)
+    assert only(tmp_path, statistic="iqm").rows[-1].value("test_mse") == pytest.approx(0.05)
+
+
+def test_the_same_seed_gives_the_same_board(tmp_path, noise):
+    write_solver(tmp_path, "homo", lambda cloth, seed: noise.normal(0.05, 0.01))
+    assert csv([only(tmp_path, seed=3)]) == csv([only(tmp_path, seed=3)])
+    assert csv([only(tmp_path, seed=3)]) != csv([only(tmp_path, seed=4)])
+
+
+def test_best_of_n_stands_beside_as_many_random_phase_draws(tmp_path):
+    write_solver(tmp_path, "bdp", lambda c, s: 0.06, draws=100, test_mse_best=0.038)
+    write_solver(
+        tmp_path,
+        "null:random-phase",
+        lambda c, s: 0.06,
+        1,
+        draws=1000,
+        test_mse_best=0.035,
+        test_mse_best_of_100=0.0395,
+    )
+    write_solver(tmp_path, "homo", lambda c, s: 0.07)
+    rows = {row.solver: row for row in only(tmp_path).rows}
+    assert rows["bdp"].matched_null == pytest.approx(0.0395)
+    assert rows["null:random-phase"].matched_null == pytest.approx(0.035)
+    assert np.isnan(rows["homo"].matched_null)
+    assert "| .0380 /100 | .0395 |" in markdown(only(tmp_path))
+
+
+def test_settings_that_differ_make_rows_of_their_own(tmp_path):
+    write_cell(tmp_path, "homo", "blue", 0)
+    write_cell(tmp_path, "homo", "blue", 1, vertices=1205, settings={"loss": "mse", "drape": {"steps": 20}})
+    assert set(ranks(only(tmp_path))) == {
+        "repeat of the same drape",
+        "homo (vertices=2699, drape.steps=100)",
+        "homo (vertices=1205, drape.steps=20)",
+    }
+
+
+def test_data_sets_are_never_mixed(tmp_path):
+    write_cell(tmp_path, "homo", "blue", 0)
+    write_cell(tmp_path, "homo", "fabric_9", 0, dataset="lab", dataset_hash="def")
+    assert [board.dataset for board in leaderboards(load_cells(tmp_path))] == ["cusick", "lab"]
+
+
+# -- damaged folders
+
+
+def test_failed_unfinished_and_damaged_cells_are_named_and_not_fatal(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05)
+    write_cell(tmp_path, "heter", "blue", status="failed", failure="DrapeDiverged: residual 0.3")
+    write_cell(tmp_path, "heter", "red", done=False)
+    (tmp_path / "cells" / "empty").mkdir()
+    (write_cell(tmp_path, "heter", "pink") / "result.json").write_text('{"solver": "heter", "ki')
+    (write_cell(tmp_path, "heter", "white") / "result.json").write_text("[1, 2]")
+    write_cell(tmp_path, "heter", "viscose", train_mse="good")
+    cells = load_cells(tmp_path)
+    assert sorted(cell.status for cell in cells.skipped) == ["damaged"] * 3 + ["failed"] + ["unfinished"] * 2
+    assert set(cells.table["solver"]) == {"homo"}
+    notes = " ".join(only(tmp_path).notes)
+    assert "residual 0.3" in notes
+    assert "heter on pink" in notes
+
+
+def test_failed_cells_of_a_row_are_counted(tmp_path):
+    write_cell(tmp_path, "homo", "blue")
+    write_cell(tmp_path, "homo", "red", status="failed", failure="diverged")
+    assert "| 1+1✗ |" in markdown(only(tmp_path))
+
+
+@pytest.mark.parametrize("make", [lambda f: None, lambda f: f.mkdir(), lambda f: (f / "cells").mkdir(parents=True)])
+def test_a_missing_or_empty_folder_gets_one_clear_error(tmp_path, make):
+    make(tmp_path / "runs")
+    with pytest.raises(LeaderboardError, match="cusick-bench run"):
+        load_cells(tmp_path / "runs")
+
+
+def test_a_folder_without_finished_cells_says_why(tmp_path):
+    write_cell(tmp_path, "homo", "blue", status="failed", failure="no density")
+    with pytest.raises(LeaderboardError, match="no density"):
+        load_cells(tmp_path)
+
+
+def test_unknown_metric_or_statistic_is_refused(tmp_path):
+    write_cell(tmp_path, "homo", "blue")
+    with pytest.raises(LeaderboardError, match="test_mse"):
+        only(tmp_path, by="beauty")
+    with pytest.raises(LeaderboardError, match="iqm"):
+        only(tmp_path, statistic="mode")
+
+
+# -- forms
+
+
+def test_table_fits_the_terminal_and_drops_rare_columns(tmp_path, noise):
+    write_solver(tmp_path, "homo", lambda cloth, seed: noise.normal(0.05, 0.01), draws=1000)
+    write_solver(tmp_path, "null:random-phase,draws=1000", lambda cloth, seed: 0.06, 1, draws=1000)
+    text = text_table(only(tmp_path))
+    assert text.within(120).columns == text.columns
+    narrow = text.within(70)
+    assert {"solver", "train", "test", "H", "DC err"} <= {column.head for column in narrow.columns}
+    assert len(narrow.columns) < len(text.columns)
+
+
+def test_scores_of_distributions_have_columns_where_rows_have_them(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05)
+    assert not {"energy", "CRPS", "cover"} & {column.head for column in text_table(only(tmp_path)).columns}
+    scores = {"test_energy_distance": 0.9123, "test_dc_crps": 0.0234, "test_dc_cover_90": 0.8}
+    write_solver(tmp_path, "bdp", lambda cloth, seed: 0.06, draws=100, **scores)
+    write_solver(tmp_path, "null:disc", lambda cloth, seed: 0.07, **(scores | {"test_dc_cover_90": 0.0}))
+    lines = {line.split("|")[2].strip(): line for line in markdown(only(tmp_path)).splitlines() if "|" in line}
+    assert "| energy dist. | CRPS points | cover 90 % |" in lines["solver"]
+    assert "| .91 | 2.3 | 80 |" in lines["bdp"]
+    assert "| .91 | 2.3 |  |" in lines["null:disc"], "one draw has no interval"
+    assert "|  |  |  |" in lines["homo"]
+
+
+def test_forms_escape_what_a_name_may_hold(tmp_path):
+    write_cell(tmp_path, "<b>&|_[red]", "blue")
+    board = only(tmp_path)
+    assert "&lt;b&gt;&amp;" in html_table(board)
+    assert "<b>" not in html_table(board) + markdown(board)
+    assert r"\|_" in markdown(board)
+    assert r"\&" in latex(board)
+
+
+def test_command_prints_json_and_writes_files(tmp_path, noise):
+    write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
+    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": ["/opt/bin/cusick-bench", "run"], "cores": 2}))
+    files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
+    arguments = [str(tmp_path / "runs"), "--json"]
+    outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])
+    assert outcome.exit_code == 0, outcome.output
+    rows = json.loads(outcome.stdout)["rows"]
+    assert rows[1]["solver"] == "homo"
+    assert rows[1]["test_mse"] == pytest.approx(0.05, abs=1e-3)
+    assert rows[1]["command"] == "cusick-bench run"
+    assert rows[1]["dataset_hash"] == "abc"
+    assert all("homo" in file.read_text() for file in files)
+    plain = CliRunner().invoke(app, [str(tmp_path / "runs")])
+    assert "61.5" in plain.stdout
+    assert "homo" in plain.stdout
+
+
+def test_command_refuses_with_status_2(tmp_path):
+    assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
+    write_cell(tmp_path, "homo", "blue")
+    assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2

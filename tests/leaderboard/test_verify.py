@@ -1,0 +1,285 @@
+"""Verification finds out what was changed after the run, and submitted rows say what they are."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.leaderboard import load_cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.verification.resimulate import cell_of, read_record, record_key, repeat, rescore
+from cusick_bench.leaderboard.verification.submit import altered, append, read_rows, rows_of
+from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
+from cusick_bench.problem import Budget
+from cusick_bench.runner import ProblemSettings, Source, plan, run
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+SOLVERS = ("homo,search=2", "null:disc", "null:random-phase,draws=12", "oracle:best-other")
+DROP = DrapeSettings(steps=20)
+
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(scope="module")
+def data(make_lab) -> Path:
+    return make_lab((2.0,))
+
+
+@pytest.fixture(scope="module")
+def dataset(data):
+    return load(data)
+
+
+def grid(data: Path, out: Path, solvers=SOLVERS, drape: DrapeSettings = DROP) -> Path:
+    settings = ProblemSettings(vertices=100, drape=drape, budget=Budget(6))
+    run(Source(str(data)), plan(load(data), solvers=list(solvers), settings=settings), out, command=["run", str(data)])
+    return out
+
+
+@pytest.fixture(scope="module")
+def finished(data, tmp_path_factory) -> Path:
+    return grid(data, tmp_path_factory.mktemp("run") / "out")
+
+
+@pytest.fixture
+def copy(finished, tmp_path) -> Path:
+    """A run to tamper with."""
+    return Path(shutil.copytree(finished, tmp_path / "copy"))
+
+
+def folder_of(run_folder: Path, solver: str) -> Path:
+    table = load_cells(run_folder).table
+    return table.loc[table["solver"].str.startswith(solver), "folder"].iloc[0]
+
+
+def change_arrays(folder: Path, **changes) -> None:
+    with np.load(folder / "prediction.npz") as archive:
+        arrays = dict(archive)
+    for name, change in changes.items():
+        arrays[name] = change(arrays[name])
+    np.savez_compressed(folder / "prediction.npz", **arrays)
+
+
+def change_json(path: Path, change) -> None:
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+
+
+class TestCells:
+    @pytest.mark.parametrize("solver", SOLVERS)
+    def test_an_honest_cell_is_verified(self, finished, dataset, solver):
+        found = verify_cell(folder_of(finished, solver), dataset)
+        assert (found.status, found.broken) == ("verified", [])
+        assert {"test_mse", "train_mse", "fit", "data"} <= {check.name for check in found.checks}
+
+    def test_an_equilibrium_is_verified_where_it_was_found(self, data, dataset, tmp_path):
+        folder = folder_of(grid(data, tmp_path / "rest", ["homo,search=3"], DrapeSettings(mode="equilibrium")), "homo")
+        found = verify_cell(folder, dataset)
+        assert (found.status, found.broken) == ("verified", [])
+        change_arrays(folder, vertices=lambda v: v * [1, 1, 0.98], draw_vertices=lambda v: v * [1, 1, 0.98])
+        assert "shape [m]" in {check.name for check in verify_cell(folder, dataset).broken}
+
+    def test_the_key_is_that_of_the_cell(self, finished, dataset):
+        for folder in load_cells(finished).table["folder"]:
+            record = read_record(folder)
+            assert record_key(record) == cell_of(record).key == folder.name
+
+    @pytest.mark.parametrize(
+        ("solver", "changes", "blamed"),
+        [
+            ("homo", {"tau": lambda tau: tau + 0.05}, "shape [m]"),
+            ("homo", {"bending": lambda bending: bending * 1.001}, "bending"),
+            ("homo", {"train_image": lambda image: np.roll(image, 1, axis=0)}, "fit"),
+            ("homo", {"draws": lambda draws: np.roll(draws, 1, axis=1)}, "draws"),
+            ("homo", {"train_target": lambda image: np.roll(image, 1, axis=0)}, "training image"),
+            ("null:random", {"draws": lambda draws: draws[::-1].copy()}, "draws"),
+            ("null:disc", {"train_image": lambda image: image * 0.9}, "fit"),
+        ],
+    )
+    def test_changed_arrays_are_found_out(self, copy, dataset, solver, changes, blamed):
+        folder = folder_of(copy, solver)
+        change_arrays(folder, **changes)
+        found = verify_cell(folder, dataset)
+        assert found.status == "differs"
+        assert blamed in {check.name for check in found.broken}
+
+    @pytest.mark.parametrize("solver", ["homo", "null:random", "oracle"])
+    @pytest.mark.parametrize("metric", ["test_mse", "test_hausdorff_m"])
+    def test_changed_metrics_are_found_out(self, copy, dataset, solver, metric):
+        folder = folder_of(copy, solver)
+        change_json(folder / "result.json", lambda result: result["metrics"].update({metric: 0.02}))
+        found = verify_cell(folder, dataset)
+        assert (found.status, [check.name for check in found.broken]) == ("differs", [metric])
+
+    def test_a_changed_question_is_found_out(self, copy, dataset):
+        folder = folder_of(copy, "null:disc")
+        change_json(folder / "result.json", lambda result: result.update(seed=7))
+        assert {check.name for check in verify_cell(folder, dataset).broken} == {"result's record"}
+        change_json(folder / "cell.json", lambda record: record.update(seed=7))
+        assert {check.name for check in verify_cell(folder, dataset).broken} == {"record"}
+
+    def test_other_data_do_not_verify(self, finished, data, tmp_path):
+        other = Path(shutil.copytree(data, tmp_path / "other"))
+        (other / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\nfabric_1,0.3,0.0004\n")
+        found = verify_cell(folder_of(finished, "homo"), load(other))
+        assert (found.status, [check.name for check in found.broken]) == ("differs", ["data"])
+
+    def test_other_code_is_said(self, finished, dataset, monkeypatch):
+        monkeypatch.setattr("cusick_bench.leaderboard.verification.verify.code_version", lambda: "9.9+changed")
+        found = verify_cell(folder_of(finished, "null:disc"), dataset)
+        assert found.status == "verified"
+        assert any("verified by 9.9+changed" in note for note in found.notes)
+
+    def test_draws_that_are_not_simulated_again_are_said_to_be(self, copy, dataset):
+        """A posterior's draws: their pictures are rendered and scored again."""
+        folder = folder_of(copy, "homo")
+        change_arrays(
+            folder,
+            draws=lambda draws: np.concatenate([draws, draws]),
+            draw_vertices=lambda shapes: np.concatenate([shapes, shapes]),
+        )
+        cell = cell_of(read_record(folder))
+        metrics = rescore(repeat(folder, cell, "solver", dataset), cell, dataset)
+        assert metrics["draws"] == 2
+        change_json(folder / "result.json", lambda result: result.update(metrics=metrics))
+        found = verify_cell(folder, dataset)
+        assert (found.status, found.broken) == ("verified", [])
+        assert any(
+            "2 draws were scored again" in note and "none of them was simulated again" in note for note in found.notes
+        )
+        change_arrays(folder, draws=lambda draws: np.stack([draws[0], np.roll(draws[1], 2, axis=0)]))
+        assert "pictures of draws" in {check.name for check in verify_cell(folder, dataset).broken}
+
+    def test_draws_of_a_posterior_are_drawn_again(self, data, dataset, tmp_path):
+        solver = "bdp,draws=3,steps=1,samples=2,search=2"
+        folder = folder_of(grid(data, tmp_path / "bdp", [solver]), "bdp")
+        found = verify_cell(folder, dataset, redrawn=2)
+        assert (found.status, found.broken) == ("verified", [])
+        assert any("3 draws were scored again; 2 of them" in note for note in found.notes)
+        assert max(check.difference for check in found.checks if check.name.startswith("test_")) < 1e-9
+        metrics = json.loads((folder / "result.json").read_text())["metrics"]
+        slightly = {name: 1.0001 * metrics[name] for name in ("test_energy_distance", "test_dc_crps")}
+        change_json(folder / "result.json", lambda result: result["metrics"].update(slightly))
+        assert {check.name for check in verify_cell(folder, dataset).broken} == set(slightly)
+        change_arrays(folder, posterior_mean=lambda mean: mean + 0.1)
+        assert "shapes of redraws [m]" in {check.name for check in verify_cell(folder, dataset).broken}
+
+    @pytest.mark.parametrize("damage", [b"", b"no archive", None])
+    def test_damage_is_no_crash(self, copy, dataset, damage):
+        path = folder_of(copy, "homo") / "prediction.npz"
+        path.unlink() if damage is None else path.write_bytes(damage)
+        found = verify_cell(path.parent, dataset)
+        assert found.status == "unreadable"
+        assert "prediction.npz" in found.notes[0]
+
+
+class TestCommand:
+    def test_verified_rows_are_kept_until_a_file_changes(self, copy, data):
+        words = ["verify", str(copy), "--data", str(data), "--solver", "null:disc", "--json"]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0
+        assert json.loads(result.stdout)["rows"] == [
+            {"solver": "null:disc", "status": "verified", "verified": 1, "cells": 1}
+        ]
+        folder = folder_of(copy, "null:disc")
+        assert verified_keys(copy) == {folder.name}
+        change_json(folder / "result.json", lambda result: result["metrics"].update(test_mse=0.01))
+        assert verified_keys(copy) == set()
+        result = CliRunner().invoke(app, ["verify", str(folder), "--data", str(data)])
+        assert result.exit_code == 1
+        assert "test_mse" in result.output
+
+    def test_unknown_solver_is_said(self, finished):
+        result = CliRunner().invoke(app, ["verify", str(finished), "--solver", "nobody"])
+        assert result.exit_code == 2
+        assert "holds no solver nobody" in " ".join(result.output.split())
+
+
+class TestSubmission:
+    def test_rows_say_what_it_takes_to_repeat_them(self, finished):
+        rows = rows_of(load_cells(finished), "synthetic")
+        assert {row["solver"] for row in rows} == set(SOLVERS)
+        for row in rows:
+            assert row["state"] == "reported"
+            assert row["budget"] == "6 drapes"
+            assert row["command"].startswith("run ")
+            assert all(row[name] for name in ("dataset_hash", "code_version", "hardware", "time", "settings"))
+
+    def test_submitting_again_doubles_nothing_and_brings_states_up_to_date(self, copy, dataset, tmp_path):
+        path = tmp_path / "board" / "synthetic.csv"
+        assert append(path, rows_of(load_cells(copy), "synthetic")) == {"added": 4, "replaced": 0, "unchanged": 0}
+        first = path.read_bytes()
+        assert append(path, rows_of(load_cells(copy), "synthetic")) == {"added": 0, "replaced": 0, "unchanged": 4}
+        assert path.read_bytes() == first
+        keep(copy, [verify_cell(folder_of(copy, "null:disc"), dataset)])
+        assert append(path, rows_of(load_cells(copy), "synthetic")) == {"added": 0, "replaced": 1, "unchanged": 3}
+        states = read_rows(path).set_index("solver")["state"]
+        assert states["null:disc"] == "verified"
+        assert set(states.drop("null:disc")) == {"reported"}
+
+    def test_rows_of_other_runs_stay(self, finished, data, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        append(path, rows_of(load_cells(finished), "synthetic"))
+        other = grid(data, tmp_path / "other", ["null:copy"], DrapeSettings(steps=21))
+        assert append(path, rows_of(load_cells(other), "synthetic"))["added"] == 1
+        assert len(read_rows(path)) == 5
+
+    def test_altered_numbers_are_found(self, finished, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        rows = rows_of(load_cells(finished), "synthetic")
+        append(path, rows)
+        lines = {line["row"]: line for line in read_rows(path).to_dict("records")}
+        assert [altered(lines[row["row"]], row) for row in rows] == [[]] * 4
+        lines[rows[0]["row"]]["test_mse"] = "0.001"
+        assert altered(lines[rows[0]["row"]], rows[0])[0].startswith("test_mse 0.001, the run has")
+
+    def test_verify_finds_an_altered_line(self, copy, data, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        append(path, rows_of(load_cells(copy), "synthetic"))
+        words = ["verify", str(copy), "--data", str(data), "--solver", "null:disc", "--table", str(path)]
+        assert CliRunner().invoke(app, words).exit_code == 0
+        table = read_rows(path)
+        table.loc[table["solver"] == "null:disc", "test_mse"] = "0.001"
+        table.to_csv(path, index=False)
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 1
+        assert "null:disc's line in the table was altered: test_mse 0.001" in " ".join(result.output.split())
+
+    def test_a_leaderboard_of_the_same_grid_becomes_the_tracks_file(self, finished, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        assert CliRunner().invoke(app, ["leaderboard", str(finished), "--out", str(path)]).exit_code == 0
+        words = ["submit", str(finished), "--track", "synthetic", "--out", str(path), "--json"]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.output
+        assert set(read_rows(path)["solver"]) == set(SOLVERS)
+        assert json.loads(CliRunner().invoke(app, words).stdout)["unchanged"] == len(SOLVERS)
+
+    def test_a_leaderboard_of_another_grid_is_left_alone(self, finished, data, tmp_path):
+        path = tmp_path / "synthetic.csv"
+        other = grid(data, tmp_path / "other", ["null:disc", "null:copy"])
+        CliRunner().invoke(app, ["leaderboard", str(other), "--out", str(path)])
+        before = path.read_bytes()
+        result = CliRunner().invoke(app, ["submit", str(finished), "--track", "synthetic", "--out", str(path)])
+        assert result.exit_code == 2
+        assert "1 lines of another grid" in " ".join(result.output.split())
+        assert "null:copy on fabric_1" in " ".join(result.output.split())
+        assert path.read_bytes() == before
+
+    def test_a_file_of_another_kind_is_left_alone(self, finished, tmp_path):
+        path = tmp_path / "other.csv"
+        pd.DataFrame({"solver": ["homo"]}).to_csv(path, index=False)
+        before = path.read_bytes()
+        result = CliRunner().invoke(app, ["submit", str(finished), "--track", "synthetic", "--out", str(path)])
+        assert result.exit_code == 2
+        assert "has no column 'row'" in " ".join(result.output.split())
+        assert path.read_bytes() == before
+        with pytest.raises(LeaderboardError, match="lower-case letters"):
+            rows_of(load_cells(finished), "../evil")

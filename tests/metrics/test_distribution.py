@@ -1,0 +1,486 @@
+"""Scores of distributions: minimised by the true one, fair to any number of draws, intervals that hold what they say.
+
+Distributions are simulated, so their truth is known; expectations are compared within four standard errors.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from scipy.stats import norm
+
+from cusick_bench.datasets import DrapeSample, load
+from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.metrics import (
+    DISTRIBUTION_METRICS,
+    LOCKED,
+    PHASE_FREE,
+    SCALES,
+    STATISTICS,
+    MetricError,
+    Shape,
+    coverage,
+    crps,
+    distribution_scores,
+    drape_statistics,
+    energy_distance,
+    energy_score,
+    expected_best,
+    fold_test,
+    hausdorff,
+    image_statistics,
+    learn,
+    profile_statistics,
+    ranks,
+    score,
+    standardised,
+    variability,
+    variability_rows,
+    variogram_score,
+)
+from cusick_bench.solvers.base import Prediction
+from cusick_bench.solvers.reference.silhouettes import silhouette
+
+ANGLES = 2 * np.pi * np.arange(720) / 720
+COARSE = 2 * np.pi * np.arange(72) / 72
+
+
+def wave(folds: int = 7, phase: float = 0.0, depth: float = 0.012, mean: float = 0.12) -> np.ndarray:
+    return mean + depth * np.cos(folds * ANGLES - phase)
+
+
+def statistic(radii: np.ndarray, name: str) -> float:
+    return float(profile_statistics(radii[None], np.zeros(1))[0, STATISTICS.index(name)])
+
+
+def assert_mean(values: list[float] | np.ndarray, expected: float) -> None:
+    """The mean of independent values is the expected one, as far as they can tell."""
+    error = np.std(values, ddof=1) / np.sqrt(len(values))
+    assert abs(np.mean(values) - expected) < 4 * error, (np.mean(values), expected, error)
+
+
+def assert_greater(one: list[float], other: list[float]) -> None:
+    """The expectation of the one exceeds that of the other, beyond chance."""
+    difference = np.array(one) - np.array(other)
+    assert difference.mean() > 4 * difference.std(ddof=1) / np.sqrt(len(difference))
+
+
+# -- statistics
+
+
+def test_statistics_of_a_wave_are_its_own():
+    radii = wave(8, phase=0.9, depth=0.01) + 0.003 * np.cos(2 * ANGLES - 0.5)
+    expected = {
+        "radius_mean_m": 0.12,
+        "amplitude_08_m": 0.01,
+        "amplitude_02_m": 0.003,
+        "amplitude_05_m": 0,
+        "locked_cos_02_m": 0.003 * np.cos(0.5),
+        "locked_sin_02_m": 0.003 * np.sin(0.5),
+        "locked_cos_01_m": 0,
+        "radius_q50_m": np.median(radii),
+        "radius_q05_m": np.percentile(radii, 5),
+        "folds": 8,
+    }
+    for name, value in expected.items():
+        assert statistic(radii, name) == pytest.approx(value, abs=1e-9), name
+
+
+def test_turning_a_drape_changes_locked_statistics_only():
+    generator = np.random.default_rng(0)
+    radii = 0.12 + sum(0.002 * np.cos(m * ANGLES - generator.uniform(0, 6)) for m in range(1, 14))
+    still, turned = profile_statistics(np.stack([radii, np.roll(radii, 90)]), np.array([0.4, 0.4]))
+    free = [STATISTICS.index(name) for name in PHASE_FREE]
+    np.testing.assert_allclose(turned[free], still[free], rtol=1e-9, atol=1e-12)
+    locked = dict(zip(LOCKED, turned[[STATISTICS.index(name) for name in LOCKED]], strict=True))
+    assert locked["locked_cos_02_m"] == pytest.approx(-statistic(radii, "locked_sin_02_m"))  # 45 deg are 90 in m = 2
+    assert locked["locked_sin_02_m"] == pytest.approx(statistic(radii, "locked_cos_02_m"))
+
+
+def test_skewness_tells_narrow_valleys_from_narrow_ridges_and_is_silent_on_discs():
+    ridges = 0.11 + 0.02 * np.exp(5 * (np.cos(8 * ANGLES) - 1))
+    assert statistic(ridges, "skewness") > 0.5
+    assert statistic(0.24 - ridges, "skewness") == pytest.approx(-statistic(ridges, "skewness"))
+    noise = np.random.default_rng(0).exponential(2e-5, 720)
+    assert abs(statistic(0.12 + noise, "skewness")) < 1e-3
+
+
+def test_statistics_of_images_are_those_of_their_profiles_in_any_number_format():
+    images = np.stack([silhouette(wave(7)), silhouette(wave(9, mean=0.115))])
+    measured = image_statistics(images)
+    assert measured.shape == (2, len(STATISTICS))
+    np.testing.assert_array_equal(measured[:, STATISTICS.index("folds")], [7, 9])
+    true = profile_statistics(np.stack([wave(7), wave(9, mean=0.115)]), measured[:, 0])
+    assert np.abs(standardised(measured - true)).max() < 0.15  # pixels, a tenth of the spread between samples
+    in_bytes = image_statistics(np.round(255 * images).astype(np.uint8))
+    assert np.abs(standardised(in_bytes - measured)).max() < 0.02
+
+
+def test_every_statistic_has_a_scale_and_standardising_chooses_columns():
+    assert list(SCALES) == list(STATISTICS)
+    values = np.arange(len(STATISTICS), dtype=float)[None]
+    np.testing.assert_allclose(standardised(values, ("folds",)), STATISTICS.index("folds") / SCALES["folds"])
+    assert standardised(values).shape == values.shape
+
+
+def test_statistics_refuse_what_is_no_profile():
+    with pytest.raises(MetricError, match="drape coefficients"):
+        profile_statistics(np.zeros((2, 720)), np.zeros(3))
+    with pytest.raises(MetricError, match="finite"):
+        profile_statistics(np.full((1, 720), np.nan), np.zeros(1))
+
+
+def test_scales_are_what_the_release_shows(real_data: Path):
+    dataset = load(str(real_data))
+    variances = []
+    for fabric in (1, 2, 3, 4, 5, 9):
+        own = (dataset.table["cloth"] == f"fabric_{fabric}") & (dataset.table["capture"] == 1)
+        drapes = [Shape(dataset.image(row)) for row in np.flatnonzero(own)]
+        variances.append(drape_statistics(drapes).var(0, ddof=1))
+    np.testing.assert_allclose(np.sqrt(np.mean(variances, axis=0)), list(SCALES.values()), rtol=0.055)
+
+
+# -- proper scores
+
+
+def test_energy_distance_of_equal_distributions_is_zero_on_average_and_of_shifted_ones_is_known():
+    generator = np.random.default_rng(1)
+    equal = [energy_distance(generator.normal(size=(7, 3)), generator.normal(size=(11, 3))) for _ in range(1500)]
+    assert_mean(equal, 0.0)
+    shift, draws = 1.5, [
+        energy_distance(generator.normal(1.5, 1, (8, 1)), generator.normal(0, 1, (6, 1))) for _ in range(1500)
+    ]  # fmt: skip
+    apart = shift * (2 * norm.cdf(shift / np.sqrt(2)) - 1) + 2 * np.sqrt(2) * norm.pdf(shift / np.sqrt(2))
+    assert_mean(draws, 2 * apart - 2 * 2 / np.sqrt(np.pi))
+
+
+def test_crps_is_the_closed_form_for_normal_forecasts():
+    generator = np.random.default_rng(2)
+    draws = generator.normal(size=4000)
+    for y in (-0.3, 0.0, 1.7):
+        exact = y * (2 * norm.cdf(y) - 1) + 2 * norm.pdf(y) - 1 / np.sqrt(np.pi)
+        assert crps(draws, np.array([y])) == pytest.approx(exact, abs=0.03)
+
+
+@pytest.mark.parametrize("scored", [energy_score, variogram_score])
+def test_scores_do_not_depend_on_the_number_of_draws(scored):
+    generator = np.random.default_rng(3)
+
+    def expectation(count: int) -> list[float]:
+        return [scored(generator.normal(size=(count, 8)), generator.normal(size=(2, 8))) for _ in range(1200)]
+
+    few, more, many = expectation(2), expectation(5), expectation(60)
+    for values in (few, more):
+        error = np.hypot(*(np.std(part) / np.sqrt(len(part)) for part in (values, many)))
+        assert abs(np.mean(values) - np.mean(many)) < 4 * error
+
+
+def test_a_single_draw_is_scored_by_its_distance():
+    draw, samples = np.full((1, 4), 0.2), np.array([[0.2, 0.2, 0.2, 0.2], [0.5, 0.5, 0.5, 0.5]])
+    assert energy_score(draw, samples) == pytest.approx(0.15)
+    assert crps(np.array([0.2]), np.array([0.1, 0.5])) == pytest.approx(0.2)
+    assert variogram_score(draw, samples) == pytest.approx(0)
+    assert energy_distance(draw, samples) == pytest.approx(2 * 0.15 - 0.3)
+    assert np.isnan(energy_distance(draw, samples[:1]))
+
+
+Drawer = Callable[[np.random.Generator, int], np.ndarray]
+
+
+def folded(mean: float = 0.12, spread: float = 0.005, depth: float = 0.01, turned: bool = True, folds=(7, 8)) -> Drawer:
+    """Profiles of a cloth: random mean and number of folds, and a phase that is random, or always 0."""
+
+    def draw(generator: np.random.Generator, count: int) -> np.ndarray:
+        level = generator.normal(mean, spread, (count, 1))
+        phase = generator.uniform(0, 2 * np.pi, (count, 1)) if turned else np.zeros((count, 1))
+        return level + depth * np.cos(generator.choice(folds, (count, 1)) * COARSE - phase)
+
+    return draw
+
+
+def unrelated(generator: np.random.Generator, count: int) -> np.ndarray:
+    """Radii with the marginal distribution of `folded()` at every angle, but independent of each other."""
+    return np.stack([folded()(generator, count)[:, column] for column in range(len(COARSE))], axis=1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [folded(mean=0.123), folded(spread=0.0005), folded(spread=0.012), folded(depth=0.006), folded(turned=False)],
+    ids=["shifted", "narrow", "wide", "shallow", "phase"],
+)
+def test_the_true_distribution_has_the_smallest_energy_score(wrong):
+    assert_greater(*_scores(energy_score, wrong, 900))
+
+
+@pytest.mark.parametrize(
+    "wrong", [folded(depth=0.007), folded(folds=(10, 11)), unrelated], ids=["shallow", "folds", "unrelated"]
+)
+def test_the_true_distribution_has_the_smallest_variogram_score(wrong):
+    assert_greater(*_scores(variogram_score, wrong, 60))
+
+
+def _scores(scored, wrong: Drawer, trials: int) -> tuple[list[float], list[float]]:
+    """Scores of wrong and of right draws against the same samples of the truth."""
+    generator, right = np.random.default_rng(4), folded()
+    wrongs, rights = [], []
+    for _ in range(trials):
+        samples = right(generator, 11)
+        wrongs.append(scored(wrong(generator, 30), samples))
+        rights.append(scored(right(generator, 30), samples))
+    return wrongs, rights
+
+
+def test_scores_refuse_what_cannot_be_compared():
+    for scored in (energy_score, energy_distance, variogram_score):
+        with pytest.raises(MetricError, match="one length"):
+            scored(np.zeros((3, 4)), np.zeros((3, 5)))
+        with pytest.raises(MetricError, match="at least one draw"):
+            scored(np.zeros((0, 4)), np.zeros((3, 4)))
+        with pytest.raises(MetricError, match="finite"):
+            scored(np.full((2, 4), np.nan), np.zeros((3, 4)))
+
+
+# -- calibration
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9])
+@pytest.mark.parametrize("count", [2, 6, 19, 200])
+def test_intervals_cover_a_further_draw_as_often_as_they_say(level, count):
+    generator = np.random.default_rng(5)
+    rates = [coverage(generator.normal(size=count), generator.normal(size=20), level) for _ in range(1500)]
+    assert np.mean(rates) == pytest.approx(level, abs=0.02)
+    if count >= 19:  # whatever the distribution
+        rates = [
+            coverage(generator.exponential(size=count), generator.exponential(size=20), level) for _ in range(1500)
+        ]
+        assert np.mean(rates) == pytest.approx(level, abs=0.02)
+
+
+def test_draws_that_vary_too_little_cover_too_little_and_a_single_one_nothing():
+    generator = np.random.default_rng(6)
+    samples = generator.normal(size=2000)
+    assert coverage(generator.normal(0, 0.3, 500), samples, 0.9) < 0.5
+    assert coverage(np.array([0.1]), samples, 0.9) == 0
+    with pytest.raises(MetricError, match="between 0 and 1"):
+        coverage(samples, samples, 90.0)
+
+
+def test_ranks_are_uniform_among_equals_and_lean_where_draws_are_shifted():
+    generator = np.random.default_rng(7)
+    found = ranks(generator.normal(size=99), generator.normal(size=4000))
+    assert 0 < found.min() < found.max() < 1
+    uniform = np.concatenate([ranks(generator.normal(size=9), generator.normal(size=1)) for _ in range(3000)])
+    assert np.bincount((10 * uniform).astype(int)).min() > 230
+    assert ranks(generator.normal(2, 1, 99), generator.normal(size=400)).mean() < 0.2
+    np.testing.assert_allclose(ranks(np.array([1.0, 2.0]), np.array([1.0])), [1 / 3])
+
+
+def test_fold_test_rejects_equal_distributions_one_time_in_twenty_and_others_often():
+    generator = np.random.default_rng(8)
+
+    def rejections(low: int, high: int) -> float:
+        outcomes = []
+        for _ in range(250):
+            drawn = generator.integers(6, 10, 200).astype(float)
+            seen = generator.integers(low, high, 11).astype(float)
+            outcomes.append(fold_test(drawn, seen, generator, permutations=199) < 0.05)
+        return float(np.mean(outcomes))
+
+    assert rejections(6, 10) < 0.09
+    assert rejections(7, 11) > 0.5  # shifted by one fold
+    assert rejections(7, 8) > 0.7  # right on average, without spread
+
+
+def test_fold_test_of_a_single_draw_asks_whether_all_have_its_number():
+    generator = np.random.default_rng(0)
+    assert fold_test(np.array([7.0]), np.full(11, 7.0), generator) == 1
+    assert fold_test(np.array([7.0]), np.array([7.0, 8.0]), generator) == 0
+
+
+# -- scores of drapes
+
+
+def shapes(count: int, seed: int, mean: float = 0.12, turned: bool = True) -> list[Shape]:
+    generator = np.random.default_rng(seed)
+    made = []
+    for _ in range(count):
+        phase = generator.uniform(0, 6) if turned else 0.0
+        made.append(Shape(silhouette(wave(int(generator.integers(6, 9)), phase, 0.01, generator.normal(mean, 0.002)))))
+    return made
+
+
+def test_draws_from_the_samples_own_distribution_pass_every_score():
+    tests = shapes(12, 1)
+    right, shifted = (distribution_scores(shapes(60, 2, mean), tests) for mean in (0.12, 0.127))
+    assert tuple(right) == DISTRIBUTION_METRICS
+    assert abs(right["test_energy_distance"]) < 0.3 < shifted["test_energy_distance"]
+    for name in ("test_energy_score", "test_dc_crps", "test_dc_rank_bias"):
+        assert right[name] < shifted[name], name
+    assert right["test_dc_cover_90"] > 0.6 > shifted["test_dc_cover_90"]
+    assert right["test_fold_p"] > 0.05
+    assert right == distribution_scores(shapes(60, 2), tests)
+
+
+def test_phase_is_seen_by_locked_statistics_alone():
+    """A cloth whose second harmonic lies along the warp in every sample, drawn at random angles."""
+
+    def elongated(count: int, turned: bool) -> list[Shape]:
+        generator = np.random.default_rng(9)
+        phases = generator.uniform(0, 6, (count, 2)) * (1, turned)
+        return [Shape(silhouette(wave(8, a, 0.008) + 0.004 * np.cos(2 * ANGLES - b))) for a, b in phases]
+
+    tests, draws = elongated(12, False), elongated(40, True)
+    scores = distribution_scores(draws, tests)
+    assert scores["test_energy_distance_locked"] > 1
+    assert scores["test_energy_distance_phase_free"] < 0.3
+
+
+def test_one_draw_has_every_score():
+    scores = distribution_scores(shapes(1, 3), shapes(5, 4))
+    assert all(np.isfinite(value) for value in scores.values())
+    assert scores["test_dc_cover_90"] == 0
+
+
+def test_paired_draws_are_scored_against_their_own_sample():
+    tests = shapes(5, 5)
+    scores = distribution_scores(tests, tests, paired=True)
+    assert scores["test_energy_score"] == scores["test_dc_crps"] == 0
+    assert scores["test_fold_p"] > 0.05
+    crossed = distribution_scores(tests[::-1], tests, paired=True)
+    assert crossed["test_energy_score"] > 1e-3
+
+
+def sample(shape: Shape) -> DrapeSample:
+    return DrapeSample(torch.from_numpy(shape.pixels), profile_from_image(shape.pixels), pd.Series(dtype=object), None)
+
+
+def test_best_hausdorff_of_n_is_that_of_n_draws(monkeypatch):
+    draws = shapes(23, 6)
+    tests = [*shapes(1, 7), draws[21]]  # the second is met by a draw that is in neither of two sets of ten
+    table = np.array([[hausdorff(draw.surface, test.surface) for test in tests] for draw in draws])
+    prediction = Prediction(draws[0].pixels, np.stack([draw.pixels for draw in draws]))
+
+    def scores() -> dict[str, float]:
+        return score(prediction, sample(tests[0]), [sample(test) for test in tests])
+
+    whole = scores()
+    assert whole["test_hausdorff_best_m"] == pytest.approx(table.min(0).mean(), abs=1e-4)
+    twenty = table[np.linspace(0, 22, 20).astype(int)]
+    assert whole["test_hausdorff_best_of_10_m"] == pytest.approx(expected_best(twenty, 10), abs=1e-4)
+    assert "test_hausdorff_best_of_100_m" not in whole
+    assert set(DISTRIBUTION_METRICS) <= set(whole)
+    module = import_module("cusick_bench.metrics.score")
+    monkeypatch.setattr(module, "_MEAN_DRAWS", 5)
+    monkeypatch.setattr(module, "SUBSETS", (5, 10, 23))
+    in_sets = scores()
+    sets = np.stack([table[:20:2].min(0), table[1:21:2].min(0)])
+    assert in_sets["test_hausdorff_best_of_10_m"] == pytest.approx(sets.mean(), abs=1e-4)
+    assert in_sets["test_hausdorff_best_of_23_m"] == in_sets["test_hausdorff_best_m"]
+    assert in_sets["test_hausdorff_best_m"] == pytest.approx(table.min(0).mean(), abs=1e-4)
+
+
+def test_nothing_held_out_leaves_every_score_of_distributions_open():
+    (only,) = shapes(1, 8)
+    nothing = score(Prediction(only.pixels, only.pixels[None]), sample(only), [])
+    assert np.isnan([nothing[name] for name in DISTRIBUTION_METRICS]).all()
+
+
+# -- classification
+
+
+def test_cloths_that_lie_apart_are_told_apart_and_equal_ones_are_not():
+    generator = np.random.default_rng(10)
+    names, samples = ["a"] * 12 + ["b"] * 12 + ["c"] * 12, list(range(12)) * 3
+
+    def share(offset: float) -> float:
+        cloths = generator.normal(size=(36, 6)) + offset * np.repeat([0, 1, 2], 12)[:, None]
+        return learn(cloths, names, samples)[1].accuracy
+
+    assert share(6.0) == pytest.approx(35 / 36)  # the one that lies furthest out is taken for none
+    assert np.mean([share(0.0) for _ in range(40)]) == pytest.approx(1 / 3, abs=0.08)
+
+
+def test_captures_of_a_sample_are_left_out_together():
+    """With three of the four captures at 10 still in, the fourth would be recognised."""
+    values = np.array([[0.0], [10.0], [10.0], [10.0], [10.0], [6.0], [6.1]])
+    confusion = learn(values, ["a"] * 5 + ["b"] * 2, [1, 2, 2, 2, 2, 1, 2])[1]
+    np.testing.assert_array_equal(confusion.counts.sum(1), [5, 2])
+    np.testing.assert_allclose(confusion.accuracies, [0, 1])
+    assert confusion.accuracy == 0.5
+
+
+def test_each_statistic_counts_in_units_of_its_spread_within_cloths():
+    values = np.array([[0.0, -100.0], [0.1, 100.0], [1.0, -100.0], [1.1, 140.0]])
+    judge, _ = learn(values, list("aabb"), [1, 2, 1, 2])
+    np.testing.assert_array_equal(judge.assign(np.array([[0.1, 60.0], [1.0, -60.0]])), [0, 1])
+    assert np.isnan(judge.confusion(np.zeros((0, 2)), []).accuracy)
+    assert judge.confusion(values, list("aabb")).accuracy == 1
+
+
+def test_what_is_like_no_cloth_is_taken_for_none():
+    generator = np.random.default_rng(11)
+    values = generator.normal(size=(200, 8)) + np.repeat([0.0, 9.0], 100)[:, None]
+    judge, confusion = learn(values, ["a"] * 100 + ["b"] * 100, list(range(200)))
+    assert confusion.strangers == pytest.approx(0.045)
+    fresh = judge.confusion(generator.normal(size=(2000, 8)), ["a"] * 2000)
+    assert fresh.strangers == pytest.approx(0.05, abs=0.025)
+    between = judge.confusion(np.full((3, 8), 4.0), ["a"] * 3)
+    np.testing.assert_array_equal(between.counts, [[0, 0, 3], [0, 0, 0]])
+    assert between.strangers == 1
+
+
+def test_classification_refuses_what_cannot_be_told_apart():
+    with pytest.raises(MetricError, match="2 cloths"):
+        learn(np.zeros((5, 2)), ["a"] * 5, list(range(5)))
+    with pytest.raises(MetricError, match="at least 2 samples"):
+        learn(np.arange(4.0)[:, None], list("aabb"), [1, 1, 1, 2])
+    judge, _ = learn(np.arange(4.0)[:, None], list("aabb"), [1, 2, 1, 2])
+    with pytest.raises(MetricError, match="unknown cloth c"):
+        judge.confusion(np.zeros((1, 1)), ["c"])
+
+
+# -- variability
+
+
+def test_variability_of_drapes_is_theirs():
+    """Discs of three sizes: no folds, and areas that are known."""
+    radii = np.array([0.110, 0.115, 0.120, 0.125])
+    images = np.stack([silhouette(np.full(4, radius)) for radius in radii])
+    found = variability(images)
+    assert found.drapes == 4
+    coefficients = (radii**2 - 0.09**2) / (0.15**2 - 0.09**2)
+    assert found.dc_sd.value == pytest.approx(coefficients.std(ddof=1), rel=0.02)
+    assert found.folds_sd.value == 0
+    areas = np.pi * (723 * radii) ** 2 / 256**2
+    gaps = np.abs(areas[:, None] - areas)[np.triu_indices(4, 1)]
+    assert found.pair_mse.value == pytest.approx(gaps.mean(), rel=0.08)  # pixels at the rims are half covered
+
+
+def test_variability_sees_folds_elsewhere_and_knows_its_error():
+    generator = np.random.default_rng(3)
+
+    def drapes(count):
+        return np.stack(
+            [silhouette(wave(int(generator.integers(6, 10)), generator.uniform(0, 6))) for _ in range(count)]
+        )
+
+    sets = [variability(drapes(8)) for _ in range(12)]
+    for name in ("pair_mse", "folds_sd"):
+        values = [getattr(one, name).value for one in sets]
+        claimed = np.mean([getattr(one, name).error for one in sets])
+        assert np.std(values, ddof=1) == pytest.approx(claimed, rel=0.7)
+    still = variability(np.stack([silhouette(wave(7, 0.01 * i)) for i in range(4)]))
+    assert still.pair_mse.value < 0.1 * sets[0].pair_mse.value
+
+
+def test_variability_rows_are_read_side_by_side():
+    images = np.stack([silhouette(wave(7, phase)) for phase in (0.0, 1.0, 2.0)])
+    one, other = variability_rows({"samples": images, "bytes": np.round(255 * images).astype(np.uint8)})
+    assert (one["drapes_of"], one["drapes"]) == ("samples", 3)
+    assert one["pair_mse"] == pytest.approx(other["pair_mse"], rel=0.01)
+    with pytest.raises(MetricError, match="3 drapes or more, got 2"):
+        variability(images[:2])

@@ -1,0 +1,187 @@
+"""Random fields: covariance, modes, and what they do to drapes."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from toy_problem import AREAL_DENSITY, toy_problem
+
+from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.problem import FieldSpace, StiffnessPrior
+from cusick_bench.problem.field_space import FIELDS, MODES, TRAITS
+from cusick_bench.problem.population import FABRICS, HIGH, LOW, Samples, fit_emulator, nearest_cloth
+from cusick_bench.problem.priors import STRETCH_REFERENCE
+from cusick_bench.problem.statistics import STATISTICS
+from cusick_bench.sim.cloth.matern import disc_modes, matern_root
+from cusick_bench.sim.cloth.mesh import disc_mesh
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(scope="module")
+def space() -> FieldSpace:
+    return FieldSpace(disc_mesh(200), StiffnessPrior("paper", AREAL_DENSITY))
+
+
+def _disc_points(radius: float, count: int) -> np.ndarray:
+    """Evenly spread points of a disc (a sunflower), of equal area each."""
+    index = np.arange(count) + 0.5
+    angle = index * math.pi * (3 - math.sqrt(5))
+    return (radius * np.sqrt(index / count) * np.stack([np.cos(angle), np.sin(angle)])).T
+
+
+class TestModes:
+    def test_are_orthonormal(self):
+        modes = disc_modes(60)
+        values = modes(_disc_points(modes.radius, 20_000))
+        gram = values.T @ values * (math.pi * modes.radius**2 / 20_000)
+        assert np.abs(gram - np.eye(60)).max() < 0.02
+
+    def test_are_eigenfunctions(self):
+        modes, step = disc_modes(40), 1e-4
+        points = _disc_points(0.9 * modes.radius, 50)
+        shifts = step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+        around = sum(modes(points + shift) for shift in shifts)
+        laplacian = (around - 4 * modes(points)) / step**2
+        expected = -(modes.wave_number**2) * modes(points)
+        assert laplacian == pytest.approx(expected, abs=2e-4 * np.abs(expected).max())
+
+    def test_none_of_the_lowest_is_missing(self):
+        """Weyl's law with its edge term: N(k) = (k R)^2 / 4 + k R / 2 for a free edge."""
+        modes = disc_modes(400)
+        reach = modes.wave_number[-1] * modes.radius
+        assert reach**2 / 4 + reach / 2 == pytest.approx(400, rel=0.03)
+
+    def test_covariance_is_matern(self):
+        """Smoothness 2: C(d) = (k d)^2 K_2(k d) / 2, k = 2 / length."""
+        from scipy.special import kv
+
+        modes, length = disc_modes(800), 0.04
+        root = matern_root(modes, torch.tensor(1.5), torch.tensor(length)).numpy()
+        distance = np.array([0.01, 0.02, 0.04, 0.06])
+        origin, points = np.array([[0.03, 0.01]]), np.array([0.03, 0.01]) + distance[:, None] * np.array([[0.6, 0.8]])
+        weighted = modes(origin) * root**2
+        correlation = (modes(points) @ weighted.T)[:, 0] / (modes(origin) @ weighted.T)[0, 0]
+        scaled = 2 * distance / length
+        assert correlation == pytest.approx(scaled**2 * kv(2, scaled) / 2, abs=0.03)
+
+    def test_amplitude_is_the_mean_variance(self):
+        modes = disc_modes(MODES)
+        root = matern_root(modes, torch.tensor(2.0), torch.tensor(0.03)).numpy()
+        variance = ((modes(_disc_points(modes.radius, 2_000)) * root) ** 2).sum(1)
+        assert variance.mean() == pytest.approx(4.0, rel=0.01)
+
+
+class TestSpace:
+    def test_median_is_a_cloth_of_median_traits_laid_flat(self, space):
+        cloth = space.specimen(torch.zeros(space.dimension, dtype=torch.float64))
+        stretch = STRETCH_REFERENCE * math.exp(TRAITS["stretch"].mean)
+        assert cloth.material.stretch.numpy() == pytest.approx(np.broadcast_to(stretch, (len(space.mesh.faces), 6, 4)))
+        assert cloth.initial.numpy() == pytest.approx(space.mesh.flat)
+        assert cloth.rest_angle.numpy() == pytest.approx(0.0, abs=1e-12)
+        factors = cloth.material.bending[0].log().numpy() - space.prior.bending_median
+        assert np.diff(factors, axis=1) == pytest.approx(TRAITS["hardening"].mean)
+        assert factors[:, 2] - TRAITS["bending"].mean == pytest.approx([0, TRAITS["bias"].mean, 0], abs=1e-12)
+
+    def test_traits_are_a_standard_deviation_of_theirs_away(self, space):
+        tau = torch.zeros(space.dimension, dtype=torch.float64)
+        tau[39:43] = torch.tensor([3.0, 1.0, -1.0, 2.0])
+        found = {name: space.trait(tau, name).item() for name in TRAITS}
+        sign = {"bending": 3, "stretch": 1, "hardening": -1, "bias": 2}
+        assert found == pytest.approx({name: prior.mean + sign[name] * prior.sd for name, prior in TRAITS.items()})
+
+    def test_level_is_the_most_probable_cloth_of_that_stiffness(self, space):
+        """All bending stiffnesses rise alike, by trait and table together: any other share is less probable."""
+        zero, level = (torch.as_tensor(tau) for tau in (np.zeros(space.dimension), space.bending_level(3.0)))
+        ratio = space.specimen(level).material.bending / space.specimen(zero).material.bending
+        assert ratio.numpy() == pytest.approx(3.0)
+        own, trait = space.prior.bending_level(3.0), math.log(3.0) / TRAITS["bending"].sd
+        for share in np.linspace(0, 1, 11):
+            assert share**2 * own @ own + (1 - share) ** 2 * trait**2 >= float(level @ level) - 1e-12
+        assert float(space.bending_level(1.0) @ space.bending_level(1.0)) == 0
+
+    def test_specimens_of_a_cloth_differ_in_level(self, space):
+        """The mean over the cloth of log stiffness, beside what the field itself has of it."""
+        draws = torch.from_numpy(np.random.default_rng(5).standard_normal((400, space.dimension)))
+        draws[:, : space.specimen_level.start] = 0
+        means = torch.stack([space.field(tau, "stiffness").mean() for tau in draws])
+        assert FIELDS["stiffness"].level == pytest.approx(means.std().item(), rel=0.25)
+
+    def test_fields_have_their_prior_amplitudes(self, space):
+        generator = np.random.default_rng(0)
+        draws = torch.from_numpy(generator.standard_normal((200, space.dimension)))
+        draws[:, : space.specimen_level.start] = 0
+        for name, prior in FIELDS.items():
+            values = torch.stack([space.field(tau, name) for tau in draws])
+            expected = math.hypot(prior.amplitude, prior.level)
+            assert values.square().mean().sqrt().item() == pytest.approx(expected, rel=0.15)
+
+    def test_the_same_weights_are_the_same_field_on_every_mesh(self, space):
+        other = FieldSpace(disc_mesh(400), space.prior)
+        tau = torch.from_numpy(np.random.default_rng(1).standard_normal(space.dimension))
+        laying = FIELDS["laying"]
+        tau[space.length("laying")] = math.log(0.04 / laying.length) / laying.length_sd  # longer than edges
+        nearest = np.linalg.norm(space.mesh.material[:, None] - other.mesh.material, axis=-1).argmin(0)
+        coarse, fine = space.field(tau, "laying")[nearest], other.field(tau, "laying")
+        assert np.corrcoef(coarse, fine)[0, 1] > 0.9
+
+    def test_the_plate_is_flat(self, space):
+        tau = torch.from_numpy(np.random.default_rng(2).standard_normal(space.dimension))
+        held = np.hypot(*space.mesh.material.T) <= space.plate_radius
+        laid = space.specimen(tau).initial
+        assert (laid[held, 2] == 0).all()
+        assert laid[~held, 2].abs().max() > 1e-4
+
+    def test_laid_like_undulates_as_asked(self, space):
+        angle = np.arctan2(space.mesh.material[:, 1], space.mesh.material[:, 0])
+        wanted = FIELDS["laying"].amplitude * np.cos(7 * angle)
+        tau = torch.zeros(space.dimension, dtype=torch.float64)
+        tau[space.weights("laying")] = torch.from_numpy(space.laid_like(wanted))
+        outside = np.hypot(*space.mesh.material.T) > space.plate_radius + 0.01
+        assert np.corrcoef(space.field(tau, "laying")[outside], wanted[outside])[0, 1] > 0.97
+
+    def test_gradient_equals_central_differences(self):
+        problem = toy_problem(space="field", vertices=80)
+        generator = np.random.default_rng(3)
+        tau, direction = (generator.standard_normal(problem.dimension) for _ in range(2))
+        tau = 0.5 * tau + problem.space.bending_level(3.0)  # a limp cloth's folds would run away on so coarse a mesh
+        _, gradient = problem.evaluate_and_gradient(tau)
+        step = 1e-7
+        rise = problem.evaluate(tau + step * direction) - problem.evaluate(tau - step * direction)
+        assert gradient @ direction == pytest.approx(rise / (2 * step), rel=1e-4)
+
+
+class TestPopulation:
+    def test_fabrics_are_placed_at_the_cloth_they_are_of(self):
+        """Statistics linear in the five numbers, but for noise: the emulator finds them, and the fabric its place."""
+        generator = np.random.default_rng(6)
+        slope = generator.standard_normal((5, len(STATISTICS)))
+        cloths = LOW + (HIGH - LOW) * generator.random((200, 5))
+        emulator = fit_emulator(cloths, cloths @ slope + 0.01 * generator.standard_normal((200, len(STATISTICS))))
+        assert np.diag(emulator.scatter) == pytest.approx(1e-4, rel=0.4)
+        true = np.array([-1.0, -0.5, 0.5, 0.2, -4.0])
+        assert emulator(true)[0] == pytest.approx(true @ slope, abs=0.02)
+        samples = true @ slope + 0.01 * generator.standard_normal((12, len(STATISTICS)))
+        assert nearest_cloth(emulator, Samples("any", samples)) == pytest.approx(true, abs=0.05)
+
+    def test_no_fabric_of_the_tables_is_among_them(self):
+        assert not set(FABRICS) & {"fabric_2", "fabric_3", "fabric_4", "fabric_5", "fabric_1_observations", *CLOTHS}
+
+
+def test_fields_move_folds_and_stiffness_of_single_elements_does_not():
+    """Mean squared difference between draws of one cloth: several times larger with fields."""
+    from cusick_bench.metrics import mse_pairs
+
+    spread = {}
+    for name in ("field", "heter"):
+        problem = toy_problem(space=name, vertices=297)
+        start = problem.space.bending_level(3.0)
+        noise = 0.2 * np.random.default_rng(4).standard_normal((8, problem.dimension))
+        if name == "field":  # the specimen alone differs
+            noise /= 0.2
+            noise[:, : problem.space.specimen_level.start] = 0
+        images = np.stack([seen.image for seen in problem.draw_batch(start + noise) if seen is not None])
+        pairs = mse_pairs(images, images)
+        spread[name] = pairs[~np.eye(len(images), dtype=bool)].mean()
+    assert spread["field"] > 5 * spread["heter"]

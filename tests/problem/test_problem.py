@@ -1,0 +1,481 @@
+"""The problem: priors and spaces, losses, metering, budgets, and memory that survives a kill."""
+
+import math
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from toy_problem import toy_problem
+
+from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.problem import (
+    LOSSES,
+    SPACES,
+    Budget,
+    BudgetExceeded,
+    DrapeProblem,
+    HeterogeneousSpace,
+    HomogeneousSpace,
+    Journal,
+    ProblemError,
+    StiffnessPrior,
+)
+from cusick_bench.problem.laying import laid_like
+from cusick_bench.problem.losses import radius_profile
+from cusick_bench.problem.priors import (
+    BENDING_INTERCEPT,
+    BENDING_RESIDUAL_COVARIANCE,
+    BENDING_SLOPE,
+    derive_bending_prior,
+)
+from cusick_bench.sim import outcome
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.solvers.reference.silhouettes import silhouette
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture
+def generator() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+def _flowery(phase: float) -> np.ndarray:
+    angle = np.arange(720) * (2 * np.pi / 720)
+    return silhouette(0.12 + 0.01 * np.cos(8 * angle + phase))
+
+
+class TestPrior:
+    def test_median_is_the_regression_on_density(self):
+        table = StiffnessPrior("paper", 0.15).bending(torch.zeros(15, dtype=torch.float64))
+        assert table.numpy() == pytest.approx(np.exp(np.repeat(BENDING_INTERCEPT[:, None], 5, 1)))
+        heavier = StiffnessPrior("paper", 0.30).bending(torch.zeros(15, dtype=torch.float64))
+        assert (heavier / table).numpy()[:, 0] == pytest.approx(2**BENDING_SLOPE)
+
+    def test_published_law_gets_four_times_the_table(self):
+        zero = torch.zeros(15, dtype=torch.float64)
+        ratio = StiffnessPrior("published", 0.2).bending(zero) / StiffnessPrior("paper", 0.2).bending(zero)
+        assert ratio.numpy() == pytest.approx(4.0)
+
+    def test_draws_have_the_fabrics_covariance(self, generator):
+        prior = StiffnessPrior("paper", 0.2)
+        draws = prior.bending(torch.as_tensor(generator.standard_normal((20_000, 15)))).log().numpy()
+        rows = draws.mean(-1)
+        expected = BENDING_RESIDUAL_COVARIANCE + np.eye(3) * 0.2**2 / 5
+        assert np.cov(rows.T) == pytest.approx(expected, abs=0.03)
+
+    def test_every_table_is_admissible(self, generator):
+        prior = StiffnessPrior("paper", 0.2)
+        c11, c12, c22, c33 = prior.stretch(torch.as_tensor(4 * generator.standard_normal((500, 24)))).unbind(-1)
+        for diagonal in (c11, c22, c33):
+            assert (diagonal > 0).all()
+        assert (c12.abs() < (c11 * c22).sqrt() * (1 + 1e-12)).all()
+        assert (prior.bending(torch.as_tensor(4 * generator.standard_normal((500, 15)))) > 0).all()
+
+    def test_tau_of_a_table_inverts_the_table_of_tau(self, generator):
+        prior, tau = StiffnessPrior("paper", 0.1), generator.standard_normal(15)
+        assert prior.bending_tau(prior.bending(torch.as_tensor(tau)).numpy()) == pytest.approx(tau)
+
+    def test_level_scales_every_stiffness(self):
+        prior = StiffnessPrior("paper", 0.1)
+        zero = torch.zeros(15, dtype=torch.float64)
+        ratio = prior.bending(torch.as_tensor(prior.bending_level(2.5))) / prior.bending(zero)
+        assert ratio.numpy() == pytest.approx(2.5)
+
+    @pytest.mark.parametrize("density", [0.0, -0.1, math.nan])
+    def test_density_must_be_positive(self, density):
+        with pytest.raises(ProblemError, match=r"must be > 0 kg/m2.*fabrics\.csv"):
+            _ = StiffnessPrior("paper", density).bending_median
+
+    def test_unknown_law(self):
+        with pytest.raises(ProblemError, match="unknown material law 'hooke'"):
+            StiffnessPrior("hooke", 0.1)
+
+    def test_constants_follow_from_the_fabric_table(self, real_data: Path):
+        table = real_data.parent / "priors" / "fabrics618.csv"
+        if not table.exists():
+            pytest.skip(f"no fabric table at {table}")
+        derived = derive_bending_prior(table)
+        assert derived["intercept"] == pytest.approx(BENDING_INTERCEPT, abs=1e-4)
+        assert derived["slope"] == pytest.approx(BENDING_SLOPE, abs=1e-4)
+        assert derived["covariance"] == pytest.approx(BENDING_RESIDUAL_COVARIANCE, abs=1e-4)
+
+
+class TestSpaces:
+    @pytest.mark.parametrize("name", SPACES)
+    def test_contract(self, name, generator):
+        mesh = disc_mesh(80)
+        space = SPACES[name](mesh, StiffnessPrior("paper", 0.2))
+        lower, upper = space.bounds
+        tau = space.sample_prior(generator)
+        assert tau.shape == lower.shape == upper.shape == (space.dimension,)
+        assert (lower < upper).all()
+        parameters = torch.as_tensor(tau).requires_grad_()
+        cloth = space.specimen(parameters)
+        cloth.material.check_fits(mesh)
+        total = cloth.material.stretch.sum() + cloth.material.bending.sum()
+        for shape in (cloth.initial, cloth.rest_angle):
+            total = total if shape is None else total + shape.square().sum()
+        total.backward()
+        assert parameters.grad is not None
+        assert (parameters.grad != 0).all(), "a parameter without any effect"
+        level = space.specimen(torch.as_tensor(space.bending_level(2.0))).material.bending
+        median = space.specimen(torch.zeros(space.dimension, dtype=torch.float64)).material.bending
+        assert (level / median).numpy() == pytest.approx(2.0)
+
+    def test_sizes_at_paper_size(self):
+        mesh = disc_mesh(2699)
+        prior = StiffnessPrior("paper", 0.2)
+        assert HomogeneousSpace(mesh, prior).dimension == 39
+        assert HeterogeneousSpace(mesh, prior).dimension == 24 * len(mesh.faces) + 15 * len(mesh.hinges)
+
+    def test_equal_elements_drape_like_a_homogeneous_cloth(self, generator):
+        homo, heter = toy_problem(), toy_problem(space="heter")
+        tau, mesh = 0.3 * homo.sample_prior(generator), homo.simulator.mesh
+        parts = np.tile(tau[:24], len(mesh.faces)), np.tile(tau[24:], len(mesh.hinges))
+        assert heter.evaluate(np.concatenate(parts)) == pytest.approx(homo.evaluate(tau), rel=1e-9)
+
+
+class TestLosses:
+    @pytest.mark.parametrize("name", LOSSES)
+    def test_zero_only_at_the_target(self, name):
+        image, other = torch.as_tensor(_flowery(0.0)), torch.as_tensor(_flowery(0.4))
+        assert LOSSES[name](image, image).item() == 0
+        assert LOSSES[name](other, image).item() > 1e-3
+
+    def test_mse_is_the_pixels(self):
+        ones = torch.ones(256, 256, dtype=torch.float64)
+        assert LOSSES["mse"](0.5 * ones, ones).item() == pytest.approx(0.25)
+
+    def test_profile_reads_radii(self):
+        image = torch.as_tensor(silhouette(np.full(720, 0.11)))
+        assert radius_profile(image).numpy() == pytest.approx(0.11, abs=2e-4)
+        wider = torch.as_tensor(silhouette(np.full(720, 0.116)))
+        assert LOSSES["profile"](wider, image).item() == pytest.approx(0.01, rel=0.02)
+
+
+class TestLaying:
+    def test_follows_the_silhouette_without_stretching_generators(self):
+        mesh = disc_mesh(600)
+        laid = laid_like(profile_from_image(_flowery(0.0)).radii, mesh).numpy()
+        rest, radius = np.hypot(*mesh.material.T), np.hypot(*laid[:, :2].T)
+        on_plate = rest <= 0.09
+        assert laid[on_plate, 2] == pytest.approx(0, abs=1e-12)
+        slant = np.hypot(radius - 0.09, laid[:, 2])[~on_plate]
+        assert slant == pytest.approx(rest[~on_plate] - 0.09, abs=1e-9)
+        rim = mesh.boundary
+        angle = np.arctan2(mesh.material[rim, 1], mesh.material[rim, 0])
+        assert np.corrcoef(np.cos(8 * angle), laid[rim, 2])[0, 1] > 0.99, "rim must be high where it stands out"
+
+
+class TestEvaluation:
+    def test_gradient_is_the_derivative(self, generator):
+        problem = toy_problem(budget=Budget())
+        tau = problem.space.bending_level(2.0)
+        direction = generator.standard_normal(problem.dimension)
+        direction /= np.linalg.norm(direction)
+        loss, gradient = problem.evaluate_and_gradient(tau)
+        step = 1e-5 * direction
+        numeric = (problem.evaluate(tau + step) - problem.evaluate(tau - step)) / 2e-5
+        assert gradient @ direction == pytest.approx(numeric, rel=1e-4)
+        assert loss == pytest.approx(problem.evaluate(tau), rel=1e-12)
+
+    def test_truth_fits_best(self):
+        problem = toy_problem(bending=3.0, budget=Budget())
+        losses = [problem.evaluate(problem.space.bending_level(factor)) for factor in (0.5, 1.0, 3.0, 9.0)]
+        assert np.argmin(losses) == 2
+
+    def test_observation_is_what_the_loss_is_of(self):
+        problem = toy_problem()
+        tau = problem.space.bending_level(2.0)
+        seen = problem.observe(tau)
+        assert np.square(seen.image - problem.train_image).mean() == pytest.approx(seen.loss, rel=1e-12)
+        assert seen.vertices.shape == (problem.simulator.mesh.vertices, 3)
+        assert problem.evaluate(tau) == seen.loss
+        assert (problem.image(tau) == seen.image).all()
+        assert (problem.drape(tau) == seen.vertices).all()
+
+    def test_slope_is_that_of_what_is_seen_and_is_remembered(self, tmp_path):
+        """Of the covered area, against central differences; a resumed run gets the same without draping."""
+
+        def area(image):
+            return image.mean()
+
+        problem = toy_problem(mode="equilibrium", budget=Budget(), folder=tmp_path)
+        tau, direction = problem.space.bending_level(2.0), problem.space.bending_level(math.e)
+        seen, slope = problem.observe_slope(tau, area)
+        assert (problem.meter.gradient, problem.meter.forward_equivalents) == (1, 2)
+        ahead, behind = (problem.image(tau + step * direction).mean() for step in (1e-3, -1e-3))
+        assert slope @ direction == pytest.approx((ahead - behind) / 2e-3, rel=0.02)
+        again, same = toy_problem(mode="equilibrium", budget=Budget(), folder=tmp_path).observe_slope(tau, area)
+        assert (again.image == seen.image).all()
+        assert (same == slope).all()
+        with pytest.raises(BudgetExceeded):
+            toy_problem(budget=Budget(1)).observe_slope(tau, area)
+
+    def test_equilibrium_follows_its_branch(self, monkeypatch):
+        problem = toy_problem(mode="equilibrium", budget=Budget())
+        problem.evaluate(problem.space.bending_level(2.0))
+        near = torch.as_tensor(problem.space.bending_level(2.05))[None]
+        cold = replace(problem, follow=False).simulate(near)
+        monkeypatch.setattr(outcome, "drop", None)  # a warm start drops nothing
+        warm = problem.simulate(near)
+        assert warm.iterations[0] <= max(cold.iterations[0], 8)
+        assert warm.vertices == pytest.approx(cold.vertices, abs=1e-6)
+
+    @pytest.mark.parametrize("bad", [np.nan, np.inf])
+    def test_parameters_must_be_finite(self, bad):
+        problem = toy_problem()
+        tau = np.zeros(39)
+        tau[5] = bad
+        with pytest.raises(ProblemError, match=r"finite, got .* at index 5"):
+            problem.evaluate(tau)
+        assert problem.meter.forward == 0
+
+    def test_parameters_must_have_the_right_number(self):
+        with pytest.raises(ProblemError, match=r"takes 39 numbers, got shape \(3,\)"):
+            toy_problem().evaluate(np.zeros(3))
+
+    def test_failed_drape_is_a_loss_of_infinity_and_paid_for(self, fail_drapes):
+        problem = toy_problem()
+        fail_drapes(lambda count: True)
+        assert problem.evaluate(np.zeros(39)) == math.inf
+        loss, gradient = problem.evaluate_and_gradient(np.zeros(39))
+        assert loss == math.inf
+        assert (gradient == 0).all()
+        with pytest.raises(DrapeDiverged, match="planted"):
+            problem.observe(np.zeros(39))
+        assert (problem.meter.failed, problem.meter.forward_equivalents) == (3, 4)
+        assert problem.meter.trace[0].failure == "planted"
+
+    def test_errors_of_set_up_are_no_failed_drapes(self):
+        problem = toy_problem()
+        other = disc_mesh(90)
+        wrong = DrapeProblem(problem.train_image, problem.simulator, HeterogeneousSpace(other, problem.space.prior))
+        with pytest.raises(ValueError, match="the mesh has"):
+            wrong.evaluate(np.zeros(wrong.dimension))
+
+    def test_unknown_loss_and_odd_image(self):
+        problem = toy_problem()
+        with pytest.raises(ProblemError, match="unknown loss 'l1'"):
+            DrapeProblem(problem.train_image, problem.simulator, problem.space, loss="l1")
+        with pytest.raises(ProblemError, match="256 x 256"):
+            DrapeProblem(np.zeros((64, 64)), problem.simulator, problem.space)
+
+
+class TestBudget:
+    def test_meter_counts(self):
+        problem = toy_problem(budget=Budget())
+        tau = np.zeros(39)
+        problem.evaluate(tau)
+        problem.evaluate_and_gradient(tau)
+        problem.image(tau)
+        meter = problem.meter
+        assert (meter.forward, meter.gradient, meter.forward_equivalents) == (3, 1, 4)
+        assert meter.simulated_seconds == pytest.approx(3 * 20 * 0.05)
+        assert [entry.kind for entry in meter.trace] == ["loss", "gradient", "drape"]
+        assert 0 < meter.trace[0].wall_seconds <= meter.trace[-1].wall_seconds <= meter.wall_seconds
+
+    @pytest.mark.parametrize("limit", [1, 2, 3, 4, 7])
+    def test_forward_equivalents_are_never_exceeded(self, limit, generator):
+        problem = toy_problem(budget=Budget(limit))
+        calls = [problem.evaluate, problem.evaluate_and_gradient, problem.image]
+
+        def spend() -> None:
+            for _ in range(100):
+                calls[generator.integers(3)](np.zeros(39))
+
+        with pytest.raises(BudgetExceeded, match="raise --budget"):
+            spend()
+        assert limit - 1 <= problem.meter.forward_equivalents <= limit
+
+    def test_time_is_kept_from_experience(self):
+        problem = toy_problem(budget=Budget(seconds=0.25))
+
+        def spend() -> None:
+            while True:
+                problem.evaluate(np.zeros(39))
+
+        with pytest.raises(BudgetExceeded, match="raise --seconds"):
+            spend()
+        trace = problem.meter.trace
+        assert trace[-1].wall_seconds < 0.25 + max(entry.seconds for entry in trace)
+
+    def test_reserve_is_kept_back_and_given_free(self):
+        problem = toy_problem(budget=Budget(3))
+        with problem.meter.reserve(1):
+            problem.evaluate(np.zeros(39))
+            problem.evaluate(np.zeros(39))
+            with pytest.raises(BudgetExceeded):
+                problem.evaluate(np.zeros(39))
+        problem.image(np.zeros(39))
+        assert problem.meter.forward_equivalents == 3
+
+    def test_a_drape_kept_back_is_granted_however_late_it_is(self):
+        problem = toy_problem(budget=Budget(seconds=0.05))
+        with problem.meter.reserve(1), suppress(BudgetExceeded):
+            while True:
+                problem.evaluate(np.zeros(39))
+        time.sleep(0.05)
+        problem.observe(np.zeros(39))
+        with pytest.raises(BudgetExceeded):
+            problem.observe(np.zeros(39))
+
+    @pytest.mark.parametrize("options", [{"forward_equivalents": 0}, {"seconds": -1.0}, {"seconds": math.nan}])
+    def test_budget_must_be_positive(self, options):
+        with pytest.raises(ProblemError, match="must be > 0"):
+            Budget(**options)
+
+    def test_best_loss_never_rises(self, generator):
+        problem = toy_problem(budget=Budget(8))
+        for _ in range(8):
+            problem.evaluate(problem.sample_prior(generator))
+        best = [entry.best_loss for entry in problem.meter.trace]
+        assert best == list(np.minimum.accumulate([entry.loss for entry in problem.meter.trace]))
+
+
+def _walk(problem: DrapeProblem, steps: int) -> list[float]:
+    """A small deterministic optimiser that uses every kind of call."""
+    tau, numbers = problem.space.bending_level(1.5), []
+    for _ in range(steps):
+        loss, gradient = problem.evaluate_and_gradient(tau)
+        tau = tau - 2.0 * gradient
+        numbers += [loss, problem.evaluate(tau), float(problem.image(tau).sum())]
+    return numbers
+
+
+class TestJournal:
+    @pytest.mark.parametrize("mode", ["drop", "equilibrium"])
+    def test_resumed_numbers_are_those_of_an_undisturbed_run(self, tmp_path, mode):
+        def make(folder):
+            return toy_problem(mode=mode, budget=Budget(100), folder=folder)
+
+        expected = _walk(make(tmp_path / "whole"), 3)
+        _walk(make(tmp_path / "killed"), 1)
+        resumed = make(tmp_path / "killed")
+        assert _walk(resumed, 3) == expected
+        whole = make(tmp_path / "whole")
+        _walk(whole, 3)
+        assert whole.meter.forward_equivalents == resumed.meter.forward_equivalents
+
+    def test_replay_computes_nothing(self, tmp_path, monkeypatch):
+        expected = _walk(toy_problem(folder=tmp_path), 2)
+        again = toy_problem(folder=tmp_path)
+        monkeypatch.setattr(type(again.simulator), "drape_batch", None)
+        assert _walk(again, 2) == expected
+
+    @pytest.mark.parametrize("cut", [1, 40, 300, 3000])
+    def test_a_torn_end_is_dropped(self, tmp_path, cut):
+        problem = toy_problem(folder=tmp_path)
+        expected = _walk(problem, 2)
+        problem.journal.close()
+        for name in ("trace.jsonl", "state.bin"):
+            path = tmp_path / name
+            path.write_bytes(path.read_bytes()[:-cut])
+            assert _walk(toy_problem(folder=tmp_path), 2) == expected, f"after {name} lost {cut} bytes"
+
+    def test_another_runs_journal_is_refused(self, tmp_path):
+        toy_problem(folder=tmp_path).evaluate(np.zeros(39))
+        with pytest.raises(ProblemError, match="delete that folder"):
+            toy_problem(folder=tmp_path).evaluate(np.ones(39))
+
+    def test_wall_clock_goes_on_where_it_stopped(self, tmp_path):
+        first = toy_problem(folder=tmp_path)
+        first.evaluate(np.zeros(39))
+        second = toy_problem(folder=tmp_path)
+        second.evaluate(np.zeros(39))
+        assert second.meter.trace == first.meter.trace
+        assert second.meter.wall_seconds >= first.meter.trace[-1].wall_seconds
+
+    def test_what_an_earlier_run_had_time_for_is_not_refused(self, tmp_path):
+        toy_problem(folder=tmp_path).evaluate(np.zeros(39))
+        late = toy_problem(folder=tmp_path, budget=Budget(seconds=1e-9))
+        late.evaluate(np.zeros(39))
+        with pytest.raises(BudgetExceeded):
+            late.evaluate(np.ones(39))
+
+    def test_failures_are_replayed(self, tmp_path, fail_drapes):
+        fail_drapes(lambda count: count == 1)
+        assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf
+        assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf
+        assert toy_problem().evaluate(np.zeros(39)) < 1
+
+    def test_own_state_restores_meter_and_branch(self, tmp_path):
+        first = toy_problem(mode="equilibrium", folder=tmp_path)
+        tau = first.space.bending_level(2.0)
+        first.evaluate(tau)
+        first.save(step=np.array(1))
+        first.evaluate(0.9 * tau)  # lost: the kill comes before the next save
+        second = toy_problem(mode="equilibrium", folder=tmp_path)
+        state = second.restore()
+        assert state is not None
+        assert state["step"] == 1
+        assert second.meter.trace == first.meter.trace[:1]
+        assert second.evaluate(0.9 * tau) == first.meter.trace[1].loss
+        assert len(Journal(tmp_path)._past) == 2
+
+    def test_without_saved_state_a_solver_starts_afresh(self, tmp_path):
+        toy_problem(folder=tmp_path).evaluate(np.zeros(39))
+        problem = toy_problem(folder=tmp_path)
+        assert problem.restore() is None
+        problem.evaluate(np.ones(39))
+        assert problem.meter.forward == 1
+
+
+class TestBatches:
+    """Several vectors at once are the same as one by one."""
+
+    TAUS = np.random.default_rng(0).normal(size=(5, 39))
+
+    @pytest.mark.parametrize("mode", ["drop", "equilibrium"])
+    def test_same_numbers_and_costs_as_one_by_one(self, mode):
+        together, alone = (toy_problem(budget=Budget(), mode=mode) for _ in range(2))
+        if mode == "equilibrium":  # a batch starts from one branch; one by one, each improvement moves it
+            together, alone = replace(together, follow=False), replace(alone, follow=False)
+        losses, gradients = together.evaluate_and_gradient_batch(self.TAUS)
+        singles = [alone.evaluate_and_gradient(tau) for tau in self.TAUS]
+        assert (losses == [loss for loss, _ in singles]).all()
+        assert gradients == pytest.approx(np.stack([gradient for _, gradient in singles]), rel=1e-12)
+        assert together.meter.forward_equivalents == alone.meter.forward_equivalents == 10
+        assert [entry.best_loss for entry in together.meter.trace] == [entry.best_loss for entry in alone.meter.trace]
+
+    def test_a_batch_beyond_the_budget_is_refused_whole(self):
+        problem = toy_problem(budget=Budget(9))
+        with pytest.raises(BudgetExceeded, match=r"5 evaluations \(gradient\) cost 10"):
+            problem.evaluate_and_gradient_batch(self.TAUS)
+        assert problem.meter.forward == 0
+
+    def test_draws_are_counted_and_free(self):
+        problem = toy_problem(budget=Budget(1))
+        seen = problem.draw_batch(self.TAUS)
+        assert problem.meter.forward == 5
+        assert problem.meter.forward_equivalents == 0
+        assert seen[2] is not None
+        assert (seen[2].image == toy_problem().image(self.TAUS[2])).all()
+
+    def test_a_batch_that_was_killed_half_way_goes_on(self, tmp_path):
+        whole = toy_problem(budget=Budget()).evaluate_batch(self.TAUS)
+        killed = toy_problem(budget=Budget(), folder=tmp_path)
+
+        def kill(evaluation):
+            if killed.meter.forward == 2:
+                raise KeyboardInterrupt
+
+        killed.meter.observers.append(kill)
+        with pytest.raises(KeyboardInterrupt):
+            killed.evaluate_batch(self.TAUS)
+        resumed = toy_problem(budget=Budget(), folder=tmp_path)
+        assert (resumed.evaluate_batch(self.TAUS) == whole).all()
+        assert resumed.meter.forward == 5
+
+    def test_jumps_to_other_folds_are_counted(self):
+        problem = toy_problem(mode="equilibrium", budget=Budget(), vertices=200)
+        for level in (0.2, 0.21, 1.0, 5.0, 30.0):
+            problem.evaluate(problem.space.bending_level(level))
+        assert 0 < problem.meter.jumped < 5
+        assert not problem.meter.trace[1].jumped

@@ -1,0 +1,74 @@
+"""The spread of draws beside that of samples, on draws whose spread is known."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finished_cell import CLOTHS, held_out_images, write_cell
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.leaderboard import load_cells
+from cusick_bench.report.figures.fold_variability import ALL, SAMPLES, fold_variability, variability_table
+
+
+@pytest.fixture
+def run(tmp_path, toy_dataset) -> Path:
+    """A solver whose draws are the samples turned by 90 degrees, one whose draws are all alike, and some with few."""
+    for cloth in CLOTHS:
+        samples = held_out_images(toy_dataset, cloth)
+        write_cell(tmp_path, toy_dataset, "turned", cloth, np.rot90(samples, axes=(1, 2)))
+        write_cell(tmp_path, toy_dataset, "still", cloth, np.repeat(samples[:1], 5, axis=0))
+        write_cell(tmp_path, toy_dataset, "single", cloth, samples[:1])
+        write_cell(tmp_path, toy_dataset, "oracle:best-other", cloth, samples)
+    return tmp_path
+
+
+class TestFoldVariability:
+    def rows(self, run: Path, toy_dataset: DrapeDataset) -> dict[tuple[str, str], dict]:
+        return {(row["cloth"], row["drapes_of"]): row for row in fold_variability(load_cells(run), toy_dataset)}
+
+    def test_draws_that_vary_as_samples_do_have_their_spread_and_others_do_not(self, run, toy_dataset):
+        rows = self.rows(run, toy_dataset)
+        assert {name for _, name in rows} == {SAMPLES, "turned", "still"}, "no oracle, nobody with a single draw"
+        for cloth in (*CLOTHS, ALL):
+            turned, still, samples = rows[cloth, "turned"], rows[cloth, "still"], rows[cloth, SAMPLES]
+            assert turned["pair_mse"] == pytest.approx(samples["pair_mse"], rel=1e-9)
+            assert turned["pair_mse_ratio"] == pytest.approx(1, rel=1e-9)
+            assert turned["dc_sd_ratio"] == pytest.approx(1, rel=1e-6)
+            assert 0 < turned["pair_mse_ratio_error"] < 1
+            assert still["pair_mse_ratio"] == pytest.approx(0, abs=1e-12)
+
+    def test_the_ratio_of_all_cloths_is_that_of_the_means(self, run, toy_dataset):
+        rows = self.rows(run, toy_dataset)
+        one, other = (rows[cloth, SAMPLES] for cloth in CLOTHS)
+        mean = rows[ALL, SAMPLES]
+        assert mean["pair_mse"] == pytest.approx((one["pair_mse"] + other["pair_mse"]) / 2)
+        assert mean["pair_mse_error"] == pytest.approx(np.hypot(one["pair_mse_error"], other["pair_mse_error"]) / 2)
+
+    def test_a_solver_that_lacks_a_cloth_is_read_against_the_cloths_that_it_has(self, run, toy_dataset):
+        samples = held_out_images(toy_dataset, CLOTHS[1])
+        write_cell(run, toy_dataset, "half", CLOTHS[1], np.rot90(samples, axes=(1, 2)))
+        row = self.rows(run, toy_dataset)[ALL, "half"]
+        assert row["pair_mse_ratio"] == pytest.approx(1, rel=1e-9)
+
+    def test_the_table_begins_with_the_means(self, run, toy_dataset):
+        table = variability_table(fold_variability(load_cells(run), toy_dataset))
+        assert [entry[:2] for entry in table.entries[:3]] == [(ALL, SAMPLES), (ALL, "still"), (ALL, "turned")]
+        ratio = [column.head for column in table.columns].index("ratio")
+        assert table.entries[0][ratio] == ""
+        assert table.entries[2][ratio].startswith("1.00 ±")
+
+
+def test_table_1_writes_the_variability_of_its_draws(toy_data, tmp_path):
+    words = ["--vertices", "100", "--steps", "20", "--budget", "4", "--draws", "8", "--solver", "null:random-phase"]
+    words += ["--solver", "null:disc", "--json"]
+    result = CliRunner().invoke(app, ["paper", "table-1", "--data", str(toy_data), "--out", str(tmp_path), *words])
+    assert result.exit_code == 0, result.output
+    rows = json.loads((tmp_path / "table-1-variability.json").read_text())["rows"]
+    assert {row["drapes_of"] for row in rows} == {SAMPLES, "null:random-phase,draws=8"}
+    assert json.loads(result.stdout)["variability"] == rows
+    assert len((tmp_path / "table-1-variability.csv").read_text().splitlines()) == 1 + len(rows)
+    assert "| samples |" in (tmp_path / "table-1-variability.md").read_text()

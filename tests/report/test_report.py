@@ -1,0 +1,275 @@
+"""The report: valid, self-contained, holding the numbers and pictures, and robust against damaged cells."""
+
+import base64
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from html_page import Page
+from PIL import Image
+from typer.testing import CliRunner
+
+from cusick_bench.cli.results.report import report
+from cusick_bench.leaderboard import leaderboards, load_cells
+from cusick_bench.metrics import ruled_surface
+from cusick_bench.report import View, cloth_colour, render_drape, write_report
+from cusick_bench.report.cell_view import load_cell_view, read_trace
+from cusick_bench.report.drawing.axes import frame, framed, level
+from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
+from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
+from cusick_bench.solvers.reference.silhouettes import silhouette
+
+ANGLES = 2 * np.pi * np.arange(720) / 720
+
+
+@pytest.fixture(autouse=True)
+def _coarse_scenes(monkeypatch):
+    """Most tests do not look at the drape closely."""
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SUPERSAMPLING", 1)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SHADOW_SIZE", 300)
+
+
+def radii(folds: int = 7) -> np.ndarray:
+    return 0.12 + 0.012 * np.cos(folds * ANGLES)
+
+
+def write_cell(folder: Path, solver: str, cloth: str = "cotton_blue", seed: int = 0, *, draws: int = 1) -> Path:
+    cell = folder / "cells" / f"{solver.strip('<>')}-{cloth}-{seed}".replace(":", "_")
+    cell.mkdir(parents=True)
+    null = ":" in solver
+    record = {"solver": solver, "kind": "null" if null else "solver", "cloth": cloth, "seed": seed, "test": [0, 1]}
+    record |= {"dataset": "lab", "dataset_hash": "abc", "protocol": "paper", "settings": {}}
+    metrics = {"train_mse": 0.01234, "test_mse": 0.05678, "draws": draws, "train_dc": 0.631, "train_dc_target": 0.642}
+    metrics |= {"test_hausdorff_m": 0.0316, "train_folds": 7, "train_folds_target": 8}
+    spent = {"forward_equivalents": 0 if null else 240, "wall_seconds": 61.5}
+    (cell / "cell.json").write_text(json.dumps(record))
+    (cell / "result.json").write_text(json.dumps(record | {"status": "done", "metrics": metrics, "spent": spent}))
+    mesh = ruled_surface(radii(8)[::6], strips=3)
+    arrays = {} if null else {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.faces)}
+    fit = silhouette(radii(8)).astype(np.float32)
+    images = {"train_image": fit, "train_target": silhouette(radii(7)).astype(np.float32)}
+    offered = np.repeat(np.round(255 * fit).astype(np.uint8)[None], draws, axis=0)
+    np.savez_compressed(cell / "prediction.npz", draws=offered, **images, **arrays)
+    steps = [{"forward_equivalents": 2 * i, "best_loss": 0.1 / i} for i in range(1, 40)]
+    (cell / "trace.jsonl").write_text("\n".join(json.dumps(step) for step in steps) + '\n{"forward_eq')
+    (cell / "done").touch()
+    return cell
+
+
+def make(folder: Path, **options) -> Page:
+    cells = load_cells(folder)
+    write_report(cells, leaderboards(cells), folder / "report.html", **options)
+    return Page((folder / "report.html").read_text(encoding="utf-8"))
+
+
+# -- the page
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Page:
+    folder = tmp_path_factory.mktemp("runs")
+    write_cell(folder, "homo")
+    write_cell(folder, "homo", seed=1)
+    write_cell(folder, "null:random-phase", draws=8)
+    write_cell(folder, "homo", "viscose_white")
+    (folder / "run.json").write_text(json.dumps({"command": ["cusick-bench", "run", "--data", "lab"], "cores": 2}))
+    unseen = {"cotton_blue": np.stack([radii(6), radii(9)])}
+    return make(folder, unseen=unseen, pictures=folder / "pictures")
+
+
+def test_page_holds_the_numbers(page):
+    for expected in (".0123", ".0568", "31.6 mm", "63.1 %", "real 64.2", "240 drapes", "seed 0 shown, of 2", "real 8"):
+        assert expected in page.text, expected
+    assert "cusick-bench run --data lab" in page.text
+
+
+def test_page_is_self_contained_and_has_no_scripts(page):
+    assert page.asks_for() == []
+
+
+@pytest.mark.parametrize(
+    "alien",
+    [
+        '<script src="x.js"></script>',
+        "<p onclick='f()'></p>",
+        '<img src="https://host/a.png">',
+        '<a href="https://host"></a>',
+        "<style>p { background: url(a.png) }</style>",
+        '<p style="background: url(a.png)"></p>',
+        "<style>@import 'a.css'</style>",
+    ],
+)
+def test_what_is_not_self_contained_is_noticed(alien):
+    assert Page(f"<body>{alien}</body>").asks_for()
+    assert Page('<body><img src="data:image/png;base64,AA"><a href="#top"></a></body>').asks_for() == []
+
+
+def test_every_picture_is_a_png_with_words_for_those_who_cannot_see_it(page):
+    pictures = page.all("img")
+    # Two cloths with a real drape each, three cards with four pictures each, one sheet of draws.
+    assert len(pictures) == 2 + 3 * 4 + 1
+    for picture in pictures:
+        assert len(picture["alt"] or "") > 10
+        image = Image.open(io.BytesIO(base64.b64decode((picture["src"] or "").split(",", 1)[1])))
+        assert image.format == "PNG"
+        assert image.getextrema()[3][1] > 0
+    graphs = page.all("svg")
+    assert len(graphs) == 3 + 2
+    assert any("7 folds" in (graph["aria-label"] or "") for graph in graphs)
+
+
+def test_links_lead_to_sections(page):
+    anchors = {attributes.get("id") for _, attributes in page.tags}
+    assert {(link["href"] or "").lstrip("#") for link in page.all("a")} <= anchors
+
+
+def test_page_is_small(tmp_path):
+    write_cell(tmp_path, "homo")
+    make(tmp_path)
+    assert (tmp_path / "report.html").stat().st_size < 5e6 / 15
+
+
+def test_names_are_escaped(tmp_path):
+    write_cell(tmp_path, "<script>alert(1)</script>".replace("/", ""), "<img>")
+    page = make(tmp_path)
+    assert not page.all("script")
+    assert "<img>" in page.text
+
+
+def test_a_damaged_prediction_gets_its_card_without_pictures(tmp_path):
+    write_cell(tmp_path, "homo")
+    (write_cell(tmp_path, "heter") / "prediction.npz").write_bytes(b"not a zip")
+    (write_cell(tmp_path, "bdp") / "prediction.npz").unlink()
+    with np.load(write_cell(tmp_path, "hesbo") / "prediction.npz") as archive:
+        arrays = dict(archive) | {"vertices": np.array([{"pickled": 1}], dtype=object)}
+    np.savez(tmp_path / "cells" / "hesbo-cotton_blue-0" / "prediction.npz", **arrays)
+    page = make(tmp_path)
+    assert sum("cannot read" in words for words in page.words) == 3
+    assert len(page.all("img")) == 1 + 4
+
+
+def test_pictures_are_written_as_files(tmp_path):
+    write_cell(tmp_path, "homo")
+    make(tmp_path, pictures=tmp_path / "pictures")
+    (file,) = (tmp_path / "pictures").iterdir()
+    assert file.name == "cotton_blue_homo.png"
+    width, height = Image.open(file).size
+    assert width > 3 * height
+
+
+def test_command_writes_the_page_and_says_where(tmp_path):
+    app = typer.Typer()
+    app.command()(report)
+    write_cell(tmp_path, "homo")
+    outcome = CliRunner().invoke(app, [str(tmp_path), "--json"])
+    assert outcome.exit_code == 0, outcome.output
+    assert json.loads(outcome.stdout)["report"] == str(tmp_path / "report.html")
+    assert "no band" in outcome.stderr
+    assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "page.pdf")]).exit_code == 2
+    assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
+
+
+# -- pictures and graphs
+
+
+def test_difference_is_blue_where_only_simulated_and_orange_where_only_real():
+    simulated, real = np.zeros((4, 4)), np.zeros((4, 4))
+    simulated[0, 0] = real[1, 1] = real[2, 2] = simulated[2, 2] = 1
+    picture = difference_picture(simulated, real)
+    assert tuple(picture[0, 0]) == (*ONLY_SIMULATED, 255)
+    assert tuple(picture[1, 1]) == (*ONLY_REAL, 255)
+    assert picture[2, 2, 3] > 0
+    assert picture[3, 3, 3] == 0
+
+
+def test_contact_sheet_fills_rows_of_three():
+    sheet = contact_sheet(np.ones((4, 8, 8)))
+    assert sheet.shape == (8, 12, 4)
+    assert (sheet[:4, :, 3] == 255).all()
+    assert (sheet[4:, 4:, 3] == 0).all()
+
+
+def test_drape_is_drawn_lit_from_above_with_its_shadow_beside():
+    mesh = ruled_surface(radii(), strips=6)
+    view = View(width=160, height=105)
+    picture = render_drape(np.asarray(mesh.vertices), np.asarray(mesh.faces), cloth_colour("wool_red"), view)
+    assert picture.shape == (105, 160, 4)
+    cloth = (picture[..., 3] == 255) & (picture[..., 0] > 1.5 * picture[..., 2].astype(float))
+    assert 0.15 < cloth.mean() < 0.6
+    rows, columns = np.nonzero(cloth)
+    assert abs(columns.mean() - 80) < 8
+    brightness = picture[..., 0].astype(float)
+    plate = brightness[cloth & (np.arange(105)[:, None] < np.percentile(rows, 40))]
+    assert plate.mean() > brightness[cloth & (np.arange(105)[:, None] > np.percentile(rows, 80))].mean()
+    shadow = (picture[..., 3] > 20) & (picture[..., 3] < 120) & (picture[..., :3].max(-1) == 0)
+    assert shadow.any()
+    assert picture[0, 0, 3] == 0
+
+
+def test_a_fan_over_the_plate_is_as_flat_as_it_is():
+    """The public meshes are one fan and one strip: normals averaged at the plate's edge would make it a dome."""
+    fan = ruled_surface(np.full(720, 0.11))
+    view = View(elevation=85.0, target=0.0, width=120, height=120, fov=22.0)
+    picture = render_drape(np.asarray(fan.vertices), np.asarray(fan.faces), (0.5, 0.5, 0.5), view)
+    row, column = np.mgrid[:120, :120]
+    plate = picture[np.hypot(row - 59.5, column - 59.5) < 25, 0]
+    assert np.ptp(plate) <= 1
+
+
+def test_nearer_cloth_hides_what_is_behind_it():
+    """Two sheets facing the eye: the nearer, smaller one is seen in front of the farther one, in either order."""
+    square = np.array([[0.0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]])
+    leaning = square + np.outer(square[:, 2], [0.5, 0, 0])
+    vertices = np.vstack([0.08 * square, 0.04 * leaning + np.array([0.05, 0, 0])])
+    vertices[:, 2] += 0.1
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    view = View(azimuth=0.0, elevation=1.0, target=0.1, width=80, height=80)
+    pictures = [render_drape(vertices, order, (1.0, 1.0, 1.0), view) for order in (faces, faces[::-1])]
+    np.testing.assert_array_equal(*pictures)
+    alone = render_drape(vertices, faces[:2], (1.0, 1.0, 1.0), view)
+    assert (alone[..., :3] != pictures[0][..., :3]).any()
+
+
+def test_profile_graph_draws_both_lines_and_the_band():
+    graph = profile_graph(radii(), radii(8), np.stack([radii(6), radii(9)]), "two <drapes>")
+    assert graph.count("<polyline") == 2
+    assert graph.count("<polygon") == 1
+    assert "two &lt;drapes&gt;" in graph
+    assert "<polygon" not in profile_graph(radii(), radii(8), None, "no band")
+
+
+def test_ticks_stand_where_their_values_are_and_levels_stay_inside():
+    panel = framed(300, 200, (0.0, 360.0), (90.0, 150.0))
+    drawn = Page("".join(frame(panel, "angle", "<radius>", (0, 180), (120,), y_words=lambda tick: f"{tick} mm")))
+    assert drawn.words == ["0", "180", "120 mm", "angle", "<radius>"]
+    left, middle = (float(text["x"] or "") for text in drawn.all("text")[:2])
+    assert (left, middle) == pytest.approx((panel.left, (panel.left + panel.right) / 2), abs=0.1)
+    (across,) = (line for line in drawn.all("line") if line["class"] == "grid")
+    assert float(across["y1"] or "") == pytest.approx((panel.top + panel.bottom) / 2, abs=0.1)
+    assert len(level(panel, 150.0, "flat cloth")) == 2
+    assert level(panel, 151.0, "flat cloth") == []
+
+
+def test_trace_graph_needs_two_evaluations():
+    assert trace_graph(np.zeros((0, 2)), "none") == ""
+    assert trace_graph(np.array([[1.0, 0.1]]), "one") == ""
+    assert "polyline" in trace_graph(np.array([[1.0, 0.1], [2.0, 0.1]]), "constant")
+
+
+def test_cut_and_odd_trace_lines_are_passed_over(tmp_path):
+    path = tmp_path / "trace.jsonl"
+    path.write_text(
+        '{"forward_equivalents": 1, "best_loss": null}\n{"forward_equivalents": 2, "best_loss": 0.5}\n[]\n{"fo'
+    )
+    np.testing.assert_array_equal(read_trace(path), [[2, 0.5]])
+    assert read_trace(tmp_path / "absent").shape == (0, 2)
+
+
+def test_a_prediction_without_mesh_is_shown_as_ruled_surface(tmp_path):
+    view = load_cell_view(write_cell(tmp_path, "null:disc"))
+    assert not view.simulated
+    assert np.hypot(*view.vertices[:, :2].T).max() == pytest.approx(0.132, abs=1e-3)
+    assert load_cell_view(write_cell(tmp_path, "homo")).simulated

@@ -1,0 +1,369 @@
+"""The runner: cells, resumption after a kill, failures that stay where they are, and faults of the disk."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.problem import Budget, ProblemError
+from cusick_bench.runner import (
+    Cell,
+    ProblemSettings,
+    ProgressBars,
+    RunnerError,
+    Source,
+    Store,
+    load_prediction,
+    plan,
+    run,
+    run_cell,
+    shard,
+)
+from cusick_bench.runner import cell as cell_module
+from cusick_bench.runner.environment import code_version
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.errors import CusickError
+from cusick_bench.solvers.gradient.homo import Homo
+
+DENSITY = 0.2  # [kg/m2], of every cloth that make_lab makes
+SMALL = ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(8))
+
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(scope="module")
+def data(make_lab) -> Path:
+    """Two cloths with three samples each; the second has no areal density."""
+    return make_lab((2.0, 4.0), weighed=1)
+
+
+@pytest.fixture(scope="module")
+def dataset(data):
+    return load(data)
+
+
+def _run(data: Path, out: Path, solvers: list[str], **options) -> tuple[list[Cell], list[dict]]:
+    planned = {"cloths": ["fabric_1"], "settings": SMALL} | {
+        key: options.pop(key) for key in ("cloths", "seeds", "settings") if key in options
+    }
+    cells = plan(load(data), solvers=solvers, **planned)
+    return cells, run(Source(str(data)), cells, out, **options)
+
+
+def _numbers(folder: Path) -> dict:
+    """What must not depend on how often a run was killed: all but times."""
+    result = json.loads((folder / "result.json").read_text())
+    spent = {name: value for name, value in result["spent"].items() if name != "wall_seconds"}
+    losses = [json.loads(line)["loss"] for line in (folder / "trace.jsonl").read_text().splitlines()]
+    return {"metrics": result["metrics"], "spent": spent, "losses": losses}
+
+
+class TestGrid:
+    def test_every_solver_meets_every_cloth_and_seed(self, dataset):
+        cells = plan(dataset, solvers=["homo", "null:disc"], cloths=["fabric_1"], seeds=[0, 1], settings=SMALL)
+        assert len({cell.key for cell in cells}) == len(cells) == 4
+        assert {(cell.solver, cell.seed) for cell in cells} == {
+            (solver, seed) for solver in ("homo", "null:disc") for seed in (0, 1)
+        }
+        assert all(len(cell.train) == 1 and len(cell.test) == 2 for cell in cells)
+
+    def test_key_follows_whatever_decides_the_numbers(self, dataset, monkeypatch):
+        def key(solver="homo", seed=0, settings=SMALL, cloth="fabric_1"):
+            return plan(dataset, solvers=[solver], cloths=[cloth], seeds=[seed], settings=settings)[0].key
+
+        others = {
+            key(solver="homo,search=3"),
+            key(seed=1),
+            key(settings=ProblemSettings(vertices=120, drape=DrapeSettings(steps=20), budget=Budget(8))),
+            key(settings=ProblemSettings(vertices=100, drape=DrapeSettings(steps=21), budget=Budget(8))),
+            key(settings=ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(9))),
+        }
+        assert key() == key()
+        assert len(others | {key()}) == 6
+        before = key()
+        monkeypatch.setattr("cusick_bench.runner.grid.code_version", lambda: "9.9+changed")
+        assert key() != before
+
+    def test_shards_are_the_whole_once(self, dataset):
+        cells = plan(dataset, solvers=["null:disc", "null:copy"], seeds=[0, 1, 2], settings=SMALL)
+        parts = [shard(cells, f"{part}/4") for part in (1, 2, 3, 4)]
+        assert sorted(cell.key for part in parts for cell in part) == sorted(cell.key for cell in cells)
+        assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+    @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "-1/2", ""])
+    def test_shard_must_be_a_fraction(self, text):
+        with pytest.raises(RunnerError, match="i/n"):
+            shard([], text)
+
+    def test_density_is_needed_before_anything_is_simulated(self, dataset):
+        with pytest.raises(CusickError, match=r"areal density.*fabric_2.*fabrics\.csv"):
+            plan(dataset, solvers=["null:disc", "homo"], cloths=["fabric_2"], settings=SMALL)
+        assert plan(dataset, solvers=["null:disc"], cloths=["fabric_2"], settings=SMALL)
+
+    def test_errors_before_the_start(self, dataset):
+        with pytest.raises(CusickError, match="unknown cloth"):
+            plan(dataset, solvers=["homo"], cloths=["silk"])
+        with pytest.raises(CusickError, match="unknown solver"):
+            plan(dataset, solvers=["hobo"])
+        with pytest.raises(RunnerError, match="no solver given"):
+            plan(dataset, solvers=[])
+        with pytest.raises(ProblemError, match="unknown space 'cubic'"):
+            ProblemSettings(space="cubic")
+
+
+class TestCells:
+    def test_folder_holds_what_was_asked_done_and_found(self, data, tmp_path):
+        (cell,), (result,) = _run(data, tmp_path, ["homo"], command=["cusick-bench", "run"])
+        folder = tmp_path / "cells" / cell.key
+        names = {"cell.json", "trace.jsonl", "state.bin", "prediction.npz", "result.json", "done"}
+        assert names <= {path.name for path in folder.iterdir()}
+        assert not list(folder.glob("*.part"))
+        assert result["status"] == "done"
+        assert result["spent"]["forward_equivalents"] <= 8
+        assert result["budget"] == {"forward_equivalents": 8, "seconds": None}
+        arrays = load_prediction(folder)
+        assert arrays["draws"].dtype == np.uint8
+        assert arrays["stretch"].shape == (6, 4)
+        assert arrays["bending"].shape == (3, 5)
+        assert arrays["density"] == pytest.approx(DENSITY)
+        squared = np.square(arrays["train_image"] - arrays["train_target"], dtype=np.float64).mean()
+        assert result["metrics"]["train_mse"] == pytest.approx(squared, rel=1e-4)
+        losses = [json.loads(line)["best_loss"] for line in (folder / "trace.jsonl").read_text().splitlines()]
+        assert result["metrics"]["train_mse"] == pytest.approx(losses[-1], rel=1e-6)
+        record = json.loads((tmp_path / "run.json").read_text())
+        assert record["command"] == ["cusick-bench", "run"]
+        assert record["dataset_hash"] == load(data).content_hash
+
+    def test_finished_cells_are_not_touched_again(self, data, tmp_path, monkeypatch):
+        (cell,), first = _run(data, tmp_path, ["null:disc"])
+        stamp = (tmp_path / "cells" / cell.key / "result.json").stat().st_mtime_ns
+        monkeypatch.setattr("cusick_bench.runner.execute.run_cell", None)
+        _, again = _run(data, tmp_path, ["null:disc"])
+        assert again == json.loads(json.dumps(again)) == [json.loads(json.dumps(first[0]))]
+        assert (tmp_path / "cells" / cell.key / "result.json").stat().st_mtime_ns == stamp
+        assert len(json.loads((tmp_path / "run.json").read_text())["history"]) == 1
+
+    def test_one_failure_stays_alone_and_is_tried_again(self, data, tmp_path, monkeypatch):
+        def explode(self, problem, generator, progress):
+            problem.observe(np.zeros(39))
+            raise ZeroDivisionError("planted")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Homo, "_solve", explode)
+            cells, results = _run(data, tmp_path, ["homo", "null:copy"])
+        assert [result["status"] for result in results] == ["failed", "done"]
+        assert results[0]["failure"] == "ZeroDivisionError: planted"
+        assert "explode" in results[0]["traceback"]
+        assert results[0]["spent"]["forward"] == 1
+        assert not Store(tmp_path).is_done(cells[0].key)
+        _, results = _run(data, tmp_path, ["homo", "null:copy"])
+        assert [result["status"] for result in results] == ["done", "done"]
+
+    def test_diverging_drapes_fail_the_cell_with_a_reason(self, data, tmp_path):
+        settings = ProblemSettings(
+            vertices=100, drape=DrapeSettings(mode="equilibrium", iterations=1), budget=Budget(4)
+        )
+        _, (result,) = _run(data, tmp_path, ["homo"], settings=settings)
+        assert result["status"] == "failed"
+        assert "did not come to rest" in result["failure"]
+        assert result["spent"]["failed"] == result["spent"]["forward"] > 0
+
+    def test_seeds_decide(self, data, tmp_path):
+        cells, _ = _run(data, tmp_path, ["null:random-phase,draws=3"], seeds=[0, 1])
+        first, second = (load_prediction(tmp_path / "cells" / cell.key)["draws"] for cell in cells)
+        assert (first != second).any()
+
+    def test_oracles_are_shown_the_held_out_images(self, data, tmp_path, dataset):
+        (mean, repeat), results = _run(data, tmp_path, ["oracle:mean", "oracle:repeat"])
+        images = np.stack([np.asarray(dataset.image(row)) for row in (*mean.test, *mean.train)])
+        draws = load_prediction(tmp_path / "cells" / mean.key)["draws"] / 255
+        assert draws[0] == pytest.approx((images[1] + images[2]) / 2, abs=0.003)
+        assert results[1]["status"] == "failed"
+        assert "repeated capture" in results[1]["failure"]
+        assert repeat.record()["kind"] == "oracle"
+
+
+class TestKill:
+    def test_killed_process_resumes_to_the_same_numbers(self, data, tmp_path):
+        """kill -9 in the middle of a fit, then the same command again."""
+        (cell,), _ = _run(data, tmp_path / "whole", ["homo"])
+        command = [sys.executable, "-m", "cusick_bench.cli", *_arguments(data, tmp_path / "killed", "homo")]
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=os.environ | {"NUMBA_NUM_THREADS": "1"})
+        trace = tmp_path / "killed" / "cells" / cell.key / "trace.jsonl"
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and process.poll() is None:
+            if trace.exists() and trace.read_text().count("\n") >= 2:
+                break
+            time.sleep(0.002)
+        process.kill()
+        assert process.wait() == -signal.SIGKILL, "it ended by itself"
+        assert trace.exists()
+        assert not (trace.parent / "done").exists(), "killed too late to prove anything"
+        _run(data, tmp_path / "killed", ["homo"])
+        assert _numbers(trace.parent) == _numbers(tmp_path / "whole" / "cells" / cell.key)
+
+    def test_two_runs_of_one_cell_do_not_mix(self, data, tmp_path, dataset):
+        (cell,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
+        store = Store(tmp_path)
+        store.prepare()
+        with store.claimed(cell.key), pytest.raises(RunnerError, match="another process is running"):
+            run_cell(dataset, cell, store, lambda *_: None)
+
+
+def _arguments(data: Path, out: Path, *solvers: str) -> list[str]:
+    options = ["run", "--data", str(data), "--out", str(out), "--cloth", "fabric_1", "--vertices", "100"]
+    for solver in solvers:
+        options += ["--solver", solver]
+    return [*options, "--budget", "8", "--steps", "20"]
+
+
+class TestPool:
+    def test_workers_give_the_numbers_of_one_process(self, data, tmp_path):
+        cells, _ = _run(data, tmp_path / "one", ["homo", "null:disc"])
+        _, results = _run(data, tmp_path / "two", ["homo", "null:disc"], workers=2)
+        assert [result["status"] for result in results] == ["done", "done"]
+        for cell in cells:
+            one, two = (_numbers(tmp_path / name / "cells" / cell.key) for name in ("one", "two"))
+            assert two["spent"] == one["spent"]
+            assert two["metrics"]["test_mse"] == pytest.approx(one["metrics"]["test_mse"], rel=1e-6)
+
+    def test_dead_worker_costs_its_own_cell_only(self, data, tmp_path, monkeypatch):
+        """A broken pool loses every cell under way; the innocent ones are run again."""
+        monkeypatch.setattr("cusick_bench.runner.pool._process_pool", lambda workers, messages: _Mortal())
+        _, results = _run(data, tmp_path, ["null:copy", "null:disc"], workers=2)
+        assert [result["status"] for result in results] == ["failed", "done"]
+        assert "process died" in results[0]["failure"]
+
+    def test_number_of_workers(self, data, tmp_path):
+        with pytest.raises(RunnerError, match="workers must be >= 1"):
+            _run(data, tmp_path, ["null:disc"], workers=0)
+
+
+class _Mortal(Executor):
+    """A pool that dies of every null:copy cell, and takes along what else it was given."""
+
+    def __init__(self):
+        self.broken = False
+
+    def submit(self, function, /, *arguments, **options):
+        future: Future = Future()
+        self.broken = self.broken or arguments[1].solver == "null:copy"
+        if self.broken:
+            future.set_exception(BrokenProcessPool("planted"))
+        else:
+            future.set_result(function(*arguments, **options))
+        return future
+
+
+class TestDisk:
+    def test_unwritable_output_is_found_first(self, data, tmp_path, monkeypatch):
+        file = tmp_path / "file"
+        file.write_text("")
+        monkeypatch.setattr("cusick_bench.runner.execute.run_cell", None)
+        with pytest.raises(RunnerError, match=r"is \(or lies under\) a file"):
+            _run(data, file, ["null:disc"])
+
+    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+    def test_forbidden_output(self, data, tmp_path):
+        tmp_path.chmod(0o500)
+        with pytest.raises(RunnerError, match=r"Permission denied.*--out"):
+            _run(data, tmp_path / "out", ["null:disc"])
+
+    def test_full_disk_ends_the_grid_and_loses_nothing(self, data, tmp_path, monkeypatch):
+        _run(data, tmp_path, ["null:disc"])
+        device = Path("/dev/full")
+        if not device.exists():
+            pytest.skip("no /dev/full on this system")
+
+        def full(path, prediction, problem):
+            with device.open("wb", buffering=0) as file:
+                file.write(b"x")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(cell_module, "_write_prediction", full)
+            with pytest.raises(RunnerError, match=r"No space left.*finished cells are kept"):
+                _run(data, tmp_path, ["null:disc", "null:copy"])
+        _, results = _run(data, tmp_path, ["null:disc", "null:copy"])
+        assert [result["status"] for result in results] == ["done", "done"]
+
+    def test_damaged_result_is_named(self, data, tmp_path):
+        (cell,), _ = _run(data, tmp_path, ["null:disc"])
+        (tmp_path / "cells" / cell.key / "result.json").write_text("{")
+        with pytest.raises(RunnerError, match="damaged"):
+            _run(data, tmp_path, ["null:disc"])
+
+
+class TestCommand:
+    def test_run_prints_one_document(self, data, tmp_path):
+        result = CliRunner().invoke(app, [*_arguments(data, tmp_path, "homo", "null:copy"), "--json"])
+        assert result.exit_code == 0, result.output
+        cells = json.loads(result.stdout)["cells"]
+        assert [cell["solver"] for cell in cells] == ["homo", "null:copy"]
+        for cell in cells:
+            assert cell["status"] == "done"
+            assert Path(cell["path"], "done").exists()
+            assert {"cloth", "seed", "train_mse", "test_mse", "hausdorff_m", "seconds"} <= cell.keys()
+        assert 0 < cells[0]["forward_equivalents"] <= 8
+        assert cells[1]["train_mse"] == pytest.approx(0, abs=1e-12)
+
+    def test_failed_cell_is_exit_status_1(self, data, tmp_path):
+        result = CliRunner().invoke(app, _arguments(data, tmp_path, "oracle:repeat"))
+        assert result.exit_code == 1
+
+    @pytest.mark.parametrize(
+        ("extra", "message"),
+        [
+            (["--solver", "hobo"], "unknown solver"),
+            (["--budget", "0"], "must be > 0"),
+            (["--shard", "5/4"], "i/n"),
+            (["--executor", "cloud"], "unknown executor"),
+            (["--law", "hooke"], "law"),
+            (["--data", "/nowhere"], "/nowhere"),
+            (["--cloth", "silk"], "unknown cloth"),
+        ],
+    )
+    def test_bad_usage_is_exit_status_2(self, data, tmp_path, extra, message):
+        result = CliRunner().invoke(app, [*_arguments(data, tmp_path, "homo"), *extra])
+        assert result.exit_code == 2, result.output
+        assert message in result.stderr
+        assert not list(tmp_path.glob("cells/*/trace.jsonl"))
+
+    def test_solvers_are_listed(self):
+        result = CliRunner().invoke(app, ["solvers", "--json"])
+        rows = {row["name"]: row for row in json.loads(result.stdout)["solvers"]}
+        assert rows["homo"]["needs_gradient"]
+        assert rows["null:random-phase"]["options"] == {"draws": 1000}
+        assert {"nlopt:LD_LBFGS", "nlopt:LN_BOBYQA", "oracle:mean"} <= rows.keys()
+
+
+def test_bars_show_loss_and_end(data, dataset):
+    (cell,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
+    console = Console(force_terminal=True, width=150, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
+    with ProgressBars(console) as bars:
+        bars.begin(2, 1)
+        bars.update(cell, 0.5, 0.0123, "fitting")
+        bars._progress.refresh()
+        bars.end(cell, "failed", "planted failure")
+    text = console.export_text()
+    assert "loss 0.0123 fitting" in text
+    assert "50 %" in text
+    assert "planted failure" in text
+
+
+def test_version_of_the_code_covers_the_layers_that_are_named() -> None:
+    """Answers of a diagnosis that changed are not taken over: its layer is part of their version."""
+    versions = {code_version(), code_version("diagnosis"), code_version("withheld"), code_version("no such layer")}
+    assert len(versions) == 3  # a layer without code adds nothing

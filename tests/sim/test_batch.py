@@ -1,0 +1,166 @@
+"""Batches of drapes against single ones, memory limits of gradients, and branches of rests."""
+
+import numpy as np
+import pytest
+import torch
+
+from cusick_bench.sim.cloth.material import Material, uniform_material
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.branch import follow, rim_folds
+from cusick_bench.sim.engine.drop import drop, drop_adjoint
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import Parameters
+from cusick_bench.sim.errors import SimulationError
+
+MESH = disc_mesh(150, seed=2)
+
+
+def _cloths(count: int, *, per_element: bool = False, track: bool = False) -> list[Material]:
+    generator, cloths = np.random.default_rng(1), []
+    for _ in range(count):
+        density, bending = np.exp(generator.normal(0, [0.3, 0.7])) * [0.19, 1e-5]
+        base = uniform_material(density=float(density), bending=float(bending))
+        faces, hinges = (len(MESH.faces), len(MESH.hinges)) if per_element else (1, 1)
+        stretch = base.stretch * torch.from_numpy(np.exp(generator.normal(0, 0.1, (faces, 6, 4))))
+        bending = base.bending * torch.from_numpy(np.exp(generator.normal(0, 0.1, (hinges, 3, 5))))
+        tables = (stretch, bending) if per_element else (stretch[0], bending[0])
+        cloths.append(Material(*(table.clone().requires_grad_(track) for table in tables), base.density))
+    return cloths
+
+
+@pytest.mark.parametrize("per_element", [False, True], ids=["shared", "per element"])
+@pytest.mark.parametrize("mode", ["drop", "equilibrium"])
+def test_batch_equals_single_drapes_bit_for_bit(mode, per_element):
+    simulator = DrapeSimulator(MESH, DrapeSettings(mode=mode, steps=25))
+    cloths = _cloths(5, per_element=per_element)
+    initial = torch.stack([torch.from_numpy(simulator.laid_down(seed)) for seed in range(5)])
+    batch = simulator.drape_batch(cloths, initial=initial)
+    for member, cloth in enumerate(cloths):
+        single = simulator.drape(cloth, initial=initial[member])
+        assert torch.equal(batch.vertices[member], single.vertices)
+        assert (batch.residual[member], batch.iterations[member]) == (single.residual, single.iterations)
+    assert float((batch.vertices[0] - batch.vertices[1]).abs().max()) > 1e-4
+
+
+@pytest.mark.parametrize("mode", ["drop", "equilibrium"])
+def test_batch_gradients_equal_single_ones(mode):
+    simulator = DrapeSimulator(MESH, DrapeSettings(mode=mode, steps=15))
+    weight = torch.from_numpy(np.random.default_rng(3).normal(size=(3, MESH.vertices, 3)))
+    together, apart = _cloths(3, track=True), _cloths(3, track=True)
+    (weight * simulator.drape_batch(together).vertices).sum().backward()
+    for member, cloth in enumerate(apart):
+        (weight[member] * simulator.drape(cloth).vertices).sum().backward()
+        for name in ("stretch", "bending"):
+            found, expected = getattr(together[member], name).grad, getattr(cloth, name).grad
+            assert torch.allclose(found, expected, rtol=1e-9, atol=1e-12 * float(expected.abs().max()))
+
+
+@pytest.mark.parametrize("backend", ["multifrontal", "splu"])
+def test_diverged_member_is_reported_and_spoils_no_other(backend):
+    simulator = DrapeSimulator(MESH, DrapeSettings(steps=10, backend=backend))
+    cloths = _cloths(4, track=True)
+    cloths[1] = Material(-cloths[1].stretch.detach() * 1e3, cloths[1].bending, cloths[1].density)
+    batch = simulator.drape_batch(cloths)
+    assert [failure is not None for failure in batch.failures] == [False, True, False, False]
+    assert "positive definite" in str(batch.failures[1])
+    assert torch.isnan(batch.vertices[1]).all()
+    assert np.isnan(batch.residual[1])
+    assert not batch.converged[1]
+    for member in (0, 2, 3):
+        assert torch.equal(batch.vertices[member], simulator.drape(cloths[member]).vertices)
+    batch.vertices[[0, 2, 3]].sum().backward()
+    gradient = cloths[2].stretch.grad
+    assert gradient is not None
+    assert torch.isfinite(gradient).all()
+    assert float(gradient.abs().max()) > 0
+
+
+def test_all_members_diverged_is_no_crash():
+    cloth = _cloths(1)[0]
+    bad = Material(-cloth.stretch * 1e3, cloth.bending, cloth.density)
+    batch = DrapeSimulator(MESH, DrapeSettings(steps=3)).drape_batch([bad, bad])
+    assert all(failure is not None for failure in batch.failures)
+    assert torch.isnan(batch.vertices).all()
+
+
+def test_batches_need_cloths_of_one_kind():
+    simulator = DrapeSimulator(MESH, DrapeSettings(steps=2))
+    with pytest.raises(SimulationError, match="at least one cloth"):
+        simulator.drape_batch([])
+    with pytest.raises(SimulationError, match="all cloths of a batch have tables per element"):
+        simulator.drape_batch([*_cloths(1), *_cloths(1, per_element=True)])
+    with pytest.raises(SimulationError, match="initial must be finite with shape"):
+        simulator.drape_batch(_cloths(2), initial=torch.zeros((3, MESH.vertices, 3), dtype=torch.float64))
+    with pytest.raises(SimulationError, match="warm starts are for mode"):
+        simulator.drape_batch(_cloths(1), warm=torch.zeros((1, MESH.vertices, 3), dtype=torch.float64))
+
+
+def _gradient(simulator: DrapeSimulator, again: bool = False) -> torch.Tensor:
+    cloth = _cloths(1, track=True)[0]
+    total = simulator.drape(cloth).vertices.sum()
+    total.backward(retain_graph=again)
+    if again:
+        cloth.stretch.grad = None
+        total.backward()
+    assert cloth.stretch.grad is not None
+    return cloth.stretch.grad
+
+
+@pytest.mark.parametrize("limit", [0, 3])
+def test_memory_limit_changes_no_gradient(limit):
+    settings = DrapeSettings(steps=12)
+    kept = DrapeSimulator(MESH, settings)
+    size = drop(
+        kept.system, _parameters(kept), kept.laid_down(), steps=1, step_seconds=0.05, keep_factors=True
+    ).factors[0]
+    assert size is not None
+    limited = DrapeSimulator(MESH, settings, factor_memory=limit * size.nbytes)
+    assert torch.equal(_gradient(kept), _gradient(limited))
+    assert torch.equal(_gradient(kept), _gradient(kept, again=True))
+
+
+def _parameters(simulator: DrapeSimulator) -> Parameters:
+    cloth = _cloths(1)[0]
+    arrays = (cloth.stretch[None], cloth.bending[None], cloth.vertex_mass(MESH), simulator.rest_angles())
+    return Parameters(*(array.numpy() for array in arrays))
+
+
+def test_factors_are_kept_within_the_limit():
+    simulator = DrapeSimulator(MESH, DrapeSettings())
+    arguments = (simulator.system, _parameters(simulator), simulator.laid_down())
+    one = drop(*arguments, steps=1, step_seconds=0.05, keep_factors=True).factors[0]
+    assert one is not None
+    rollout = drop(*arguments, steps=6, step_seconds=0.05, keep_factors=True, factor_memory=int(2.5 * one.nbytes))
+    assert [factor is not None for factor in rollout.factors] == [True, True, False, False, False, False]
+    unrecorded = drop(*arguments, steps=6, step_seconds=0.05, record=False)
+    assert np.array_equal(unrecorded.positions[-1], rollout.positions[-1])
+    assert len(unrecorded.positions) == 1
+    with pytest.raises(SimulationError, match="record=True"):
+        drop_adjoint(*arguments[:2], unrecorded, np.ones_like(arguments[2]), step_seconds=0.05)
+
+
+def test_rim_folds_counts_waves_of_the_rim():
+    mesh = disc_mesh(600)
+    angle, radius = np.arctan2(*mesh.material.T[::-1]), np.hypot(*mesh.material.T)
+    for folds in (5, 9):
+        wave = 1 - 0.08 * (radius / 0.15) ** 2 * (1 + np.cos(folds * angle))
+        assert rim_folds(mesh, wave[:, None] * mesh.flat) == folds
+    assert rim_folds(mesh, mesh.flat) == 0
+    before, after = ((1 - 0.08 * (radius / 0.15) ** 2 * (1 + np.cos(n * angle)))[:, None] * mesh.flat for n in (7, 8))
+    assert follow(mesh, before, after).changed
+    assert not follow(mesh, before, before).changed
+    assert follow(mesh, before, after).moved == pytest.approx(np.linalg.norm(after - before, axis=1).max())
+
+
+def test_warm_start_that_snaps_to_other_folds_says_so():
+    simulator = DrapeSimulator(disc_mesh(297), DrapeSettings(mode="equilibrium"))
+    limp, near, stiff = (uniform_material(density=0.2, bending=b) for b in (4e-6, 4.02e-6, 4e-4))
+    start = simulator.drape(limp)
+    kept, lost = simulator.drape(near, warm=start), simulator.drape(stiff, warm=start)
+    assert start.branch is None
+    assert kept.branch is not None
+    assert lost.branch is not None
+    assert not kept.branch.changed
+    assert lost.branch.changed
+    assert lost.branch.folds_after < lost.branch.folds_before

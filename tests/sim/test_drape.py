@@ -1,0 +1,242 @@
+"""The simulator's entry point: materials, random shapes, settings, and what happens when a drape cannot be had."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from scipy.interpolate import LinearNDInterpolator
+
+from cusick_bench.sim.cloth.material import Material, project_admissible, uniform_material
+from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS, disc_mesh
+from cusick_bench.sim.cloth.shape import dihedral_angles, smooth_field
+from cusick_bench.sim.drape import Drape, DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.errors import CusickError, DrapeDiverged, SimulationError
+
+MESH = disc_mesh(100)
+
+
+def _material(**changes) -> Material:
+    return dataclasses.replace(uniform_material(density=0.2, bending=1e-4), **changes)
+
+
+# --- materials --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stretch": torch.ones(4, 6)}, r"stretch must have shape \(6, 4\)"),
+        ({"stretch": torch.ones(2, 2, 6, 4)}, "stretch must have shape"),
+        ({"bending": torch.ones(15)}, r"bending must have shape \(3, 5\)"),
+        ({"density": torch.ones(2, 2)}, "density must have shape"),
+        ({"stretch": torch.full((6, 4), torch.nan)}, "stretch must be finite.*nan at index"),
+        ({"bending": torch.full((3, 5), torch.inf)}, "bending must be finite.*inf at index"),
+        ({"density": torch.tensor(torch.nan)}, "density must be finite"),
+        ({"density": torch.tensor(0.0)}, "areal density must be > 0"),
+        ({"density": torch.tensor(-0.1)}, r"areal density must be > 0 kg/m2, got -0\.1"),
+    ],
+)
+def test_impossible_materials_are_refused(changes: dict, message: str):
+    with pytest.raises(SimulationError, match=message):
+        _material(**changes)
+
+
+@pytest.mark.parametrize(("name", "value"), [("bending", 0.0), ("stretch", -1.0), ("shear", float("nan"))])
+def test_uniform_material_refuses_stiffness_that_is_not_positive(name: str, value: float):
+    with pytest.raises(SimulationError, match=f"{name} stiffness must be > 0"):
+        uniform_material(**({"density": 0.2, "bending": 1e-5} | {name: value}))
+
+
+@pytest.mark.parametrize(("name", "shape"), [("stretch", (7, 6, 4)), ("bending", (7, 3, 5)), ("density", (7,))])
+def test_tables_of_another_mesh_are_refused(name: str, shape: tuple):
+    with pytest.raises(SimulationError, match=f"{name} has 7 tables"):
+        DrapeSimulator(MESH).drape(_material(**{name: torch.ones(shape)}))
+
+
+def test_vertex_masses_add_up_to_the_cloth():
+    density = torch.linspace(0.1, 0.3, len(MESH.faces), dtype=torch.float64)
+    mass = _material(density=density).vertex_mass(MESH)
+    assert float(mass.sum()) == pytest.approx(float((density.numpy() * MESH.areas).sum()), rel=1e-12)
+    assert float(_material().vertex_mass(MESH).sum()) == pytest.approx(0.2 * MESH.areas.sum(), rel=1e-12)
+
+
+def _clipped(table: np.ndarray, floor: float) -> np.ndarray:
+    """Nearest table with eigenvalues of [[c11, c12], [c12, c22]] and c33 of at least `floor`: clip them."""
+    out = table.copy()
+    for row in out:
+        values, vectors = np.linalg.eigh([[row[0], row[1]], [row[1], row[2]]])
+        clipped = vectors @ np.diag(np.maximum(values, floor)) @ vectors.T
+        row[:] = clipped[0, 0], clipped[0, 1], clipped[1, 1], max(row[3], floor)
+    return out
+
+
+@pytest.mark.parametrize("tables", [(), (9,)], ids=["shared", "per element"])
+def test_projection_is_the_nearest_admissible_cloth(tables: tuple):
+    """In the Frobenius norm of the symmetric matrix, the nearest one has its eigenvalues clipped at the margin."""
+    generator = np.random.default_rng(0)
+    stretch = generator.normal(20, 60, (*tables, 6, 4))
+    bending = generator.normal(1e-5, 2e-5, (*tables, 3, 5))
+    given = _material(stretch=torch.from_numpy(stretch), bending=torch.from_numpy(bending))
+    found = project_admissible(given, margin=1e-2)
+    flat = stretch.reshape(-1, 4)
+    expected = _clipped(flat, 1e-2 * np.abs(flat[:, [0, 2]]).mean())
+    assert np.abs(expected - flat).max() > 10  # the draw was far from admissible
+    assert found.stretch.shape == stretch.shape
+    assert np.abs(found.stretch.numpy().reshape(-1, 4) - expected).max() < 1e-3
+    assert np.array_equal(found.bending.numpy(), np.maximum(bending, 1e-2 * np.abs(bending).mean()))
+
+
+def test_projection_leaves_an_admissible_cloth_alone():
+    given = _material(stretch=torch.tensor([100.0, -20.0, 60.0, 10.0], dtype=torch.float64).repeat(6, 1))
+    found = project_admissible(given)
+    assert float((found.stretch - given.stretch).abs().max()) < 1e-3
+    assert torch.equal(found.bending, given.bending)
+
+
+# --- random shapes ----------------------------------------------------------------------------------------------------
+
+
+def test_smooth_fields_have_the_asked_deviation_and_correlation():
+    """Covariance a^2 exp(-d^2 / 2 l^2), over draws."""
+    points = np.array([[0.0, 0.0], [0.01, 0.0], [0.0, 0.02], [0.03, 0.03]])
+    draws = np.array([smooth_field(2e-3, 0.02, np.random.default_rng(seed))(points) for seed in range(1500)])
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    expected = 2e-3**2 * np.exp(-(distance**2) / (2 * 0.02**2))
+    assert np.abs(draws.mean(0)).max() < 4 * 2e-3 / np.sqrt(1500)
+    assert np.abs(np.cov(draws.T) - expected).max() < 0.15 * 2e-3**2
+
+
+def test_the_same_seed_lays_any_mesh_down_alike():
+    coarse, fine = (DrapeSimulator(disc_mesh(n)) for n in (297, 1205))
+    between = LinearNDInterpolator(fine.mesh.material, fine.laid_down(seed=3)[:, 2])
+    inner = np.hypot(*coarse.mesh.material.T) < 0.99 * CLOTH_RADIUS
+    interpolated = between(coarse.mesh.material[inner])
+    same, other = (coarse.laid_down(seed=seed)[inner, 2] for seed in (3, 4))
+    assert np.corrcoef(interpolated, same)[0, 1] > 0.98
+    assert abs(np.corrcoef(interpolated, other)[0, 1]) < 0.7
+
+
+def test_cloth_is_laid_flat_on_the_plate_and_uneven_around_it():
+    simulator = DrapeSimulator(disc_mesh(297), DrapeSettings(laying_amplitude=2e-3))
+    z = simulator.laid_down()[:, 2]
+    radius = np.hypot(*simulator.mesh.material.T)
+    assert (z[radius <= PLATE_RADIUS] == 0).all()
+    assert 1e-3 < z[radius > PLATE_RADIUS + 0.01].std() < 4e-3
+
+
+def test_angles_are_positive_where_the_cloth_is_convex_and_measure_its_curvature():
+    x, y = MESH.material.T
+    dome = torch.from_numpy(np.column_stack([x, y, -0.5 * (x**2 + y**2)]))
+    angles = dihedral_angles(dome, MESH.hinges)
+    assert (angles > 0).all()
+    assert torch.allclose(dihedral_angles(dome * torch.tensor([1.0, 1.0, -1.0]), MESH.hinges), -angles)
+    assert float(DrapeSimulator(MESH).rest_angles().abs().max()) == 0
+    assert float(DrapeSimulator(MESH, DrapeSettings(rest_amplitude=1e-3)).rest_angles().abs().max()) > 1e-3
+
+
+@pytest.mark.parametrize(("amplitude", "length"), [(-1.0, 0.03), (1e-3, 0.0), (np.nan, 0.03), (1e-3, np.inf)])
+def test_impossible_fields_are_refused(amplitude: float, length: float):
+    with pytest.raises(SimulationError, match="amplitude >= 0 and length > 0"):
+        smooth_field(amplitude, length, np.random.default_rng(0))
+
+
+# --- settings and drapes ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mode": "fall"}, "mode must be one of drop, equilibrium, got 'fall'"),
+        ({"support": "glue"}, "support must be one of fixed, springs"),
+        ({"steps": 0}, "steps must be > 0"),
+        ({"step_seconds": -0.05}, "step_seconds must be > 0"),
+        ({"gravity": float("nan")}, "gravity must be > 0 and finite, got nan"),
+        ({"plate_radius": 0.0}, "plate_radius must be > 0"),
+        ({"mode": "equilibrium", "law": "published"}, "no energy"),
+    ],
+)
+def test_impossible_settings_are_refused(changes: dict, message: str):
+    with pytest.raises(SimulationError, match=message):
+        DrapeSettings(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"law": "hooke"}, "law must be one of"),
+        ({"plate_radius": 0.2}, "larger than the cloth"),
+        ({"plate_radius": 1e-6}, "nothing holds the cloth"),
+        ({"laying_amplitude": -1.0}, "amplitude >= 0"),
+        ({"backend": "abacus"}, "linear solver must be one of"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused_when_draping(changes: dict, message: str):
+    with pytest.raises(SimulationError, match=message):
+        DrapeSimulator(MESH, DrapeSettings(**changes)).drape(_material())
+
+
+def test_initial_shape_and_rest_angles_must_fit_the_mesh():
+    simulator = DrapeSimulator(MESH)
+    flat = torch.from_numpy(MESH.flat.copy())
+    for wrong in (flat[:-1], flat * torch.nan):
+        with pytest.raises(SimulationError, match="initial must be finite with shape"):
+            simulator.drape(_material(), initial=wrong)
+    with pytest.raises(SimulationError, match="rest_angle must be finite with shape"):
+        simulator.drape(_material(), rest_angle=torch.zeros(3, dtype=torch.float64))
+
+
+def test_a_drape_that_does_not_come_to_rest_says_so_and_what_to_do():
+    simulator = DrapeSimulator(MESH, DrapeSettings(mode="equilibrium", steps=1, iterations=2))
+    with pytest.raises(DrapeDiverged, match=r"after 2 Newton steps \(tolerance 1e-09\); raise `iterations`"):
+        simulator.drape(_material())
+    assert issubclass(DrapeDiverged, CusickError)
+
+
+def test_a_drop_that_blows_up_says_in_which_step():
+    with pytest.raises(DrapeDiverged, match="step 1 of 100"), np.errstate(over="ignore", invalid="ignore"):
+        DrapeSimulator(MESH, DrapeSettings(gravity=1e308)).drape(_material(density=torch.tensor(1e5)))
+
+
+def test_a_short_drop_is_reported_as_not_at_rest_and_a_long_one_as_at_rest():
+    short, long = (DrapeSimulator(MESH, DrapeSettings(steps=n)).drape(_material(bending=torch.full((3, 5), 1e-3)))
+                   for n in (2, 60))  # fmt: skip
+    assert not short.converged
+    assert long.converged
+    assert long.residual < 1e-3 < short.residual
+    assert long.iterations == 60
+
+
+def test_warm_start_follows_the_branch_in_few_steps():
+    simulator = DrapeSimulator(MESH, DrapeSettings(mode="equilibrium"))
+    bending = torch.full((3, 5), 3e-4)
+    cold = simulator.drape(_material(bending=bending))
+    warm = simulator.drape(_material(bending=1.02 * bending), warm=cold)
+    again = simulator.drape(_material(bending=bending), warm=warm)
+    assert max(warm.iterations, again.iterations) <= 6
+    moved = float((warm.vertices - cold.vertices).abs().max())
+    assert 1e-5 < moved < 5e-3
+    assert float((again.vertices - cold.vertices).abs().max()) < 1e-7
+
+
+def test_warm_starts_are_for_equilibria():
+    flat = Drape(torch.from_numpy(MESH.flat), True, 0.0, 0.0, 0)
+    with pytest.raises(SimulationError, match="mode 'equilibrium'"):
+        DrapeSimulator(MESH).drape(_material(), warm=flat)
+
+
+@pytest.mark.parametrize("support", ["fixed", "springs"])
+def test_cloth_stays_on_its_plate_and_hangs_around_it(support):
+    drape = DrapeSimulator(MESH, DrapeSettings(support=support, steps=60)).drape(_material())
+    radius = np.hypot(*MESH.material.T)
+    z = drape.vertices[:, 2].numpy()
+    assert np.abs(z[radius < PLATE_RADIUS - 1e-6]).max() <= (0 if support == "fixed" else 1e-3)
+    assert z[MESH.boundary].max() < -5e-3
+    held = radius[radius < PLATE_RADIUS + 1e-9 if support == "fixed" else radius < PLATE_RADIUS - 1e-9].max()
+    assert z.min() > -1.1 * (CLOTH_RADIUS - held)  # it hangs no lower than the cloth, little stretched, is long
+
+
+def test_the_same_drape_twice_is_bitwise_the_same():
+    first, second = (DrapeSimulator(MESH, DrapeSettings(steps=20)).drape(_material()).vertices for _ in range(2))
+    assert torch.equal(first, second)

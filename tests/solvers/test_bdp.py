@@ -1,0 +1,331 @@
+"""Variational inference: its Gaussian, its steps, what it learns, and that a kill loses nothing."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from toy_problem import toy_problem
+
+from cusick_bench.datasets.profile import drape_coefficient
+from cusick_bench.problem import Budget, DrapeProblem, Observation
+from cusick_bench.problem.field_space import DISCREPANCY
+from cusick_bench.problem.losses import radius_profile
+from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.solvers.base import SolverError, silent
+from cusick_bench.solvers.reference.silhouettes import silhouette
+from cusick_bench.solvers.registry import make_solver
+from cusick_bench.solvers.variational.bdp_field import _Inference
+from cusick_bench.solvers.variational.gaussian_posterior import AdamSteps, Gaussian
+from cusick_bench.solvers.variational.linearisation import LinearModel, Normal, linearise
+from cusick_bench.solvers.variational.predictive import predictive_draws
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def _solve(text, problem, seed=0):
+    return make_solver(text).solve(problem, np.random.default_rng(seed))
+
+
+def _draws_tried(problem):
+    return sum(entry.kind == "draw" for entry in problem.meter.trace)
+
+
+class TestGaussian:
+    def test_divergence_and_its_slopes_are_torchs(self):
+        generator = np.random.default_rng(0)
+        tie = np.array([0, 1, 1, 2, 2, 2])
+        q = Gaussian(generator.normal(size=3), generator.normal(size=3), tie)
+        mean, scale = (torch.tensor(values, requires_grad=True) for values in (q.mean, q.scale))
+        normal = torch.distributions.Normal
+        kl = torch.distributions.kl_divergence(normal(mean[tie], scale[tie]), normal(0.0, 1.0)).sum()
+        kl.backward()
+        value, by_mean, by_scale = q.divergence()
+        assert value.sum() == pytest.approx(kl.item())
+        assert by_mean == pytest.approx(mean.grad.numpy())
+        assert by_scale == pytest.approx(scale.grad.numpy())
+
+    def test_finds_a_gaussian_posterior(self):
+        """Likelihood N(y; tau, 0.5^2), prior N(0, 1): the posterior is N(0.8 y, 0.2)."""
+        observed, generator = np.array([1.0, -2.0]), np.random.default_rng(1)
+        q = Gaussian.around(np.zeros(2), 1.0, np.arange(2))
+        steps = AdamSteps(1500, 0.05)
+        for _ in range(1500):
+            noise = generator.standard_normal((4, 2))
+            gradient = (q.draw(noise) - observed) / 0.25 / 4
+            by_mean, by_scale = q.pull_back(gradient, noise)
+            _, kl_mean, kl_scale = q.divergence()
+            steps.step(q, by_mean + kl_mean, by_scale + kl_scale)
+        assert q.mean == pytest.approx(0.8 * observed, abs=0.05)
+        assert q.scale == pytest.approx(math.sqrt(0.2), rel=0.1)
+
+    def test_ties_share_their_pair(self):
+        q = Gaussian(np.array([1.0, 2.0]), np.array([0.0, 0.0]), np.array([0, 1, 1]))
+        assert (q.draw(np.zeros(3)) == [1, 2, 2]).all()
+        by_mean, by_scale = q.pull_back(np.array([[1.0, 10.0, 100.0]]), np.array([[2.0, 3.0, 4.0]]))
+        assert (by_mean == [1, 110]).all()
+        assert (by_scale == [2, 430]).all()
+
+
+class TestStatistics:
+    def _image(self, radius):
+        return torch.as_tensor(silhouette(radius))
+
+    def test_known_shapes(self):
+        angle = np.arange(720) * 2 * np.pi / 720
+        image = self._image(0.12 + 0.01 * np.cos(7 * angle) + 0.004 * np.cos(2 * angle))
+        found = dict(zip(STATISTICS, drape_statistics(image).tolist(), strict=True))
+        coefficient = drape_coefficient(image.numpy())
+        assert found["area"] == pytest.approx(math.log(coefficient / (1 - coefficient)), abs=0.02)
+        assert found["depth"] == pytest.approx(math.log(0.01 / math.sqrt(2) / 0.06), abs=0.02)
+        assert found["number"] == pytest.approx(0.7, abs=0.01)
+        assert found["asymmetry"] == pytest.approx(0.0, abs=0.05)
+        assert found["grain_2_real"] == pytest.approx(0.002 / 0.06 * 20, abs=0.02)
+        assert found["grain_2_imaginary"] == pytest.approx(0.0, abs=0.02)
+
+    def test_number_is_that_of_the_crests_of_random_profiles(self):
+        """Random phases, power in orders 5 to 9: crests are counted on the profiles themselves (Rice's formula)."""
+        angle, orders = np.arange(720) * 2 * np.pi / 720, np.arange(5, 10)
+        phases = np.random.default_rng(2).uniform(0, 2 * np.pi, (12, 5, 1))
+        radii = 0.12 + 0.003 * np.cos(orders[:, None] * angle + phases).sum(1)
+        crests = ((radii > np.roll(radii, 1, 1)) & (radii > np.roll(radii, -1, 1))).sum(1)
+        found = [10 * drape_statistics(self._image(radius))[STATISTICS.index("number")].item() for radius in radii]
+        assert np.mean(found) == pytest.approx(np.mean(crests), abs=0.3)
+        assert np.mean(found) > orders.mean() + 0.4  # the mean order counts too few
+
+    def test_do_not_know_where_the_folds_are(self):
+        angle = np.arange(720) * 2 * np.pi / 720
+        first, second = (drape_statistics(self._image(0.12 + 0.01 * np.cos(7 * angle + p))) for p in (0, 1))
+        assert first.numpy() == pytest.approx(second.numpy(), abs=0.02)
+
+    def test_have_gradients(self):
+        image = self._image(np.full(4, 0.12)).requires_grad_()
+        drape_statistics(image).sum().backward()
+        assert torch.isfinite(image.grad).all()
+        assert radius_profile(image.detach()).std() < 1e-3
+
+
+class TestLinearisation:
+    """Pairs from a linear model with noise: its slopes, its scatter and the exact posterior are known."""
+
+    def _pairs(self, count, cloth=20, seed=0):
+        generator = np.random.default_rng(seed)
+        slope = np.zeros((2, cloth))
+        slope[0, 0], slope[1, 1] = 2.0, -1.0
+        root = np.array([[0.5, 0.0], [0.3, 0.4]])
+        cloths = generator.standard_normal((count, cloth))
+        statistics = cloths @ slope.T + [1.0, 2.0] + generator.standard_normal((count, 2)) @ root.T
+        return cloths, statistics, LinearModel(slope, np.array([1.0, 2.0]), root @ root.T)
+
+    def test_finds_the_model(self):
+        cloths, statistics, true = self._pairs(400)
+        found = linearise(cloths, statistics, np.ones(len(cloths)))
+        assert found.slope == pytest.approx(true.slope, abs=0.12)
+        assert found.intercept == pytest.approx(true.intercept, abs=0.1)
+        assert found.scatter == pytest.approx(true.scatter, rel=0.25)
+
+    def test_slopes_of_what_moves_nothing_shrink(self):
+        """Fewer pairs than numbers: least squares would fit the noise, and leave no scatter."""
+        scatters = []
+        for seed in range(10):
+            cloths, statistics, true = self._pairs(30, cloth=45, seed=seed)
+            statistics -= cloths @ true.slope.T
+            found = linearise(cloths, statistics, np.ones(len(cloths)))
+            scatters.append(np.diag(found.scatter) / np.diag(true.scatter))
+        assert np.mean(scatters) == pytest.approx(1.0, abs=0.25)
+
+    def test_what_far_pairs_have_shown_is_not_forgotten(self):
+        """Pairs near to the observation that hardly differ show no slope; the others have shown it."""
+        generator = np.random.default_rng(3)
+        cloths = generator.standard_normal((160, 20))
+        cloths[80:, 0] = 0.05 * generator.standard_normal(80)
+        statistics = cloths[:, :1] + 0.3 * generator.standard_normal((160, 1))
+        found = linearise(cloths, statistics, np.repeat([1e-3, 1.0], 80))
+        assert found.slope[0, 0] == pytest.approx(1.0, abs=0.15)
+        assert np.abs(found.slope[0, 1:]).max() < 0.15
+
+    def test_an_axis_that_is_known_to_matter_is_not_shrunk(self):
+        """One slope of ten that noise hides from the evidence: least squares along its axis, nothing along the rest."""
+        generator = np.random.default_rng(8)
+        cloths, axis = generator.standard_normal((60, 10)), np.eye(10)[3]
+        statistics = 0.3 * cloths[:, 3:4] + generator.standard_normal((60, 1))
+        along = cloths[:, 3] - cloths[:, 3].mean()
+        with_axis, without = (linearise(cloths, statistics, np.ones(60), one).slope[0, 3] for one in (axis, None))
+        assert with_axis == pytest.approx(float(along @ statistics[:, 0] / (along @ along)), abs=0.02)
+        assert abs(without) < 0.6 * abs(with_axis)
+
+    def test_slopes_that_are_known_are_kept_where_far_pairs_saturate(self):
+        """Pairs from limp to stiff see less than the slope of a saturating statistic near the observation."""
+        axis, weights, found = np.eye(8)[0], np.repeat([1e-4, 1.0], [100, 40]), {"known": [], "regressed": []}
+        for seed in range(10):
+            generator = np.random.default_rng(seed)
+            cloths = generator.standard_normal((140, 8)) * np.repeat([2.0, 0.2], [100, 40])[:, None]
+            statistics = np.tanh(cloths[:, :1]) + 0.1 * generator.standard_normal((140, 1))
+            for name, given in (("known", {0: axis}), ("regressed", None)):
+                found[name].append(linearise(cloths, statistics, weights, axis, given).slope[0])
+        error = {name: np.linalg.norm(np.mean(slopes, axis=0) - axis) for name, slopes in found.items()}
+        assert error["known"] < 0.1 < error["regressed"]
+
+    def test_posterior_is_that_of_a_gaussian(self):
+        *_, model = self._pairs(3)
+        observed = np.array([3.0, 1.0])
+        posterior = model.posterior(observed)
+        joint = model.slope @ model.slope.T + model.scatter
+        gain = model.slope.T @ np.linalg.inv(joint)
+        assert posterior.mean == pytest.approx(gain @ (observed - model.intercept))
+        assert posterior.root @ posterior.root.T == pytest.approx(np.eye(20) - gain @ model.slope)
+
+    def test_pairs_far_from_the_observation_count_less_but_not_nearly_all_of_them(self):
+        cloths, _, model = self._pairs(100)
+        for observed in (np.array([1.0, 2.0]), np.array([40.0, 2.0])):
+            weights = model.nearness(cloths, observed)
+            gaps = np.abs((model(cloths) - observed)[:, 0])
+            assert np.corrcoef(gaps, np.log(weights))[0, 1] < -0.8
+            assert weights.sum() ** 2 / (weights**2).sum() >= 40  # two for each of 20 numbers
+
+    def test_intervals_of_a_curved_model_hold_what_they_say(self):
+        """Rounds about the observation: a cubic response, and 90 % intervals of the next sample."""
+        covered = []
+        for seed in range(40):
+            generator = np.random.default_rng(seed)
+            truth, pairs, q, model = generator.standard_normal(6), ([], []), Normal(np.zeros(6), np.eye(6)), None
+
+            def sample(cloth, generator=generator):
+                bend = cloth[0] + 0.15 * cloth[0] ** 3
+                return np.array([bend, cloth[1]]) + 0.4 * generator.standard_normal(2)
+
+            observed = sample(truth)
+            for _ in range(4):
+                for _ in range(40):
+                    pairs[0].append(q.draw(generator.standard_normal(6)))
+                    pairs[1].append(sample(pairs[0][-1]))
+                cloths, statistics = (np.stack(part) for part in pairs)
+                weights = np.ones(len(cloths)) if model is None else model.nearness(cloths, observed)
+                model = linearise(cloths, statistics, weights)
+                q = model.posterior(observed)
+            drawn = np.stack([sample(q.draw(generator.standard_normal(6))) for _ in range(200)])
+            unseen = np.stack([sample(truth) for _ in range(50)])
+            low, high = np.quantile(drawn, [0.05, 0.95], axis=0)
+            covered.append(((unseen > low) & (unseen < high)).mean(0))
+        assert np.mean(covered, axis=0) == pytest.approx(0.9, abs=0.05)
+
+
+class TestPredictiveDraws:
+    def _draws(self, monkeypatch, count, broken):
+        """Numbers of the draws that come back when the drapes of some fail."""
+        rest = Observation(np.zeros((3, 3)), np.zeros((256, 256)), 0.0)
+        problem = toy_problem()
+        drape = lambda self, taus: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
+        monkeypatch.setattr(DrapeProblem, "draw_batch", drape)
+        return list(predictive_draws(problem, lambda index: np.full(problem.dimension, float(index)), count, silent))
+
+    def test_that_fail_are_replaced_by_the_next(self, monkeypatch):
+        """Best-of-n scores compare equal n only."""
+        assert self._draws(monkeypatch, 10, {1, 4, 11}) == [0, 2, 3, 5, 6, 7, 8, 9, 10, 12]
+        assert self._draws(monkeypatch, 3, set()) == [0, 1, 2]
+
+    def test_are_not_tried_for_ever(self, monkeypatch):
+        assert self._draws(monkeypatch, 10, set(range(3, 100))) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("name", ["bdp", "bdp-field"])
+class TestSolvers:
+    def test_draws_can_be_made_again(self, name):
+        problem = toy_problem(space=make_solver(name).space, budget=Budget(9))
+        solver = make_solver(f"{name},draws=12")
+        answer = solver.solve(problem, np.random.default_rng(2))
+        assert answer.posterior is not None
+        assert len(answer.draws) == len(answer.posterior["draws"]) == 12
+        tau = solver.redraw(problem, answer.posterior, int(answer.posterior["draws"][5]))
+        (again,) = toy_problem(space=problem.space.name).draw_batch(tau[None])
+        assert again.image == pytest.approx(answer.draws[5], abs=1e-9)
+
+    def test_a_kill_among_the_draws_keeps_those_made(self, name, tmp_path):
+        settings = {"space": make_solver(name).space, "budget": Budget(9)}
+        undisturbed = toy_problem(**settings, folder=tmp_path / "whole")
+        whole = _solve(f"{name},draws=20", undisturbed)
+        killed = toy_problem(**settings, folder=tmp_path / "killed")
+
+        def kill(evaluation):
+            if _draws_tried(killed) == 11:
+                raise KeyboardInterrupt
+
+        killed.meter.observers.append(kill)
+        with pytest.raises(KeyboardInterrupt):
+            _solve(f"{name},draws=20", killed)
+        resumed = toy_problem(**settings, folder=tmp_path / "killed")
+        simulated = []
+        simulate = type(resumed).simulate
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(
+                type(resumed), "simulate", lambda self, taus: simulated.append(len(taus)) or simulate(self, taus)
+            )
+            answer = _solve(f"{name},draws=20", resumed)
+        assert (answer.draws == whole.draws).all()
+        assert sum(simulated) <= _draws_tried(undisturbed) - 11  # one that fails is tried, and replaced
+
+    def test_nonsense_options_are_refused(self, name):
+        with pytest.raises(SolverError, match="draws must be"):
+            make_solver(f"{name},draws=0")
+
+
+class TestLearning:
+    def test_bdp_descends_and_narrows(self):
+        problem = toy_problem(space="heter", budget=Budget(150))
+        start = problem.evaluate(np.zeros(problem.dimension))
+        answer = _solve("bdp,draws=4,steps=15", problem)
+        assert problem.meter.best_loss < 0.5 * start
+        assert answer.posterior is not None
+        assert len(answer.posterior["mean"]) == 39
+
+    def test_sums_and_means_weigh_the_prior_differently(self):
+        found = []
+        for reduction in ("sum", "mean"):
+            problem = toy_problem(space="heter", budget=Budget(60))
+            found.append(_solve(f"bdp,draws=2,steps=5,reduction={reduction}", problem).posterior["mean"])
+        assert np.abs(found[0] - found[1]).max() > 1e-3
+
+    def test_only_the_pixel_loss_has_a_gaussian_likelihood(self):
+        from dataclasses import replace
+
+        with pytest.raises(SolverError, match="use loss=mse"):
+            _solve("bdp", replace(toy_problem(space="heter"), loss="profile"))
+
+    @pytest.mark.parametrize("bending", [2.0, 8.0])
+    def test_bdp_field_learns_the_level_of_bending(self, bending):
+        """Its draws have the training cloth's drape coefficient, whichever cloth that is."""
+        problem = toy_problem(space="field", bending=bending, budget=Budget(250))
+        answer = _solve("bdp-field,draws=30,refinement=2", problem)
+        drawn = np.array([drape_coefficient(image) for image in answer.draws])
+        assert drawn.mean() == pytest.approx(drape_coefficient(problem.train_image), abs=0.05)
+        assert drawn.std() > 0.01
+
+    def test_bdp_field_takes_off_what_the_simulator_misses(self):
+        """Cloths whose asymmetry is their first number beside the photograph's: as far below as fabrics lie above."""
+        problem = toy_problem(space="field")
+        inference, generator = _Inference(problem, seed=0), np.random.default_rng(4)
+        observed = drape_statistics(torch.as_tensor(problem.train_image)).numpy()
+        for _ in range(200):
+            cloth = generator.standard_normal(len(inference.q.mean))
+            noise = 0.02 * generator.standard_normal(len(observed))
+            inference.cloths.append(cloth)
+            inference.statistics.append(
+                observed + noise + cloth[0] * np.eye(len(observed))[STATISTICS.index("asymmetry")]
+            )
+        inference.drape(0, adjoints=False)
+        assert inference.q.mean[0] == pytest.approx(-DISCREPANCY["asymmetry"].mean, abs=0.02)
+        spread = math.sqrt(float((inference.q.root @ inference.q.root.T)[0, 0]))
+        assert spread == pytest.approx(DISCREPANCY["asymmetry"].sd, rel=0.25)
+
+    def test_bdp_field_learns_from_what_the_budget_allows(self):
+        """From too few drapes it learns nothing but the level: a regression on them would leave no scatter."""
+        learned = []
+        for budget in (60, 125):
+            problem = toy_problem(space="field", budget=Budget(budget))
+            answer = _solve("bdp-field,draws=2,cloths=60", problem)
+            assert not answer.finished
+            mean = answer.posterior["mean"]
+            level = problem.space.bending_level(math.e)[: len(mean)]
+            learned.append(np.linalg.norm(mean - level * (level @ mean) / (level @ level)))
+        assert learned[0] == pytest.approx(0, abs=1e-12)
+        assert learned[1] > 0.05

@@ -1,0 +1,88 @@
+"""A drape problem of seconds whose answer is known, for examples and for the tests of solvers."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.problem.budget import Budget, Meter
+from cusick_bench.problem.drape_problem import DrapeProblem
+from cusick_bench.problem.journal import Checkpoint, Journal
+from cusick_bench.problem.laying import laid_like
+from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.problem.space import HomogeneousSpace
+from cusick_bench.problem.spaces import SPACES
+from cusick_bench.problem.train_mesh import TrainMesh
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import render
+
+AREAL_DENSITY = 0.2  # [kg/m2]
+
+
+@lru_cache(maxsize=8)
+def _simulator(vertices: int, mode: str, seed: int) -> DrapeSimulator:
+    settings = DrapeSettings(mode=mode, steps=20, seed=seed)  # pyright: ignore[reportArgumentType]
+    return DrapeSimulator(disc_mesh(vertices), settings)
+
+
+@lru_cache(maxsize=8)
+def _drape(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
+    simulator = _simulator(vertices, mode, seed)
+    space = HomogeneousSpace(simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY))
+    with torch.no_grad():
+        specimen = space.specimen(torch.as_tensor(space.bending_level(bending)))
+        return simulator.drape(specimen.material).vertices.numpy()
+
+
+def _image(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
+    drape, faces = _drape(vertices, mode, bending, seed), _simulator(vertices, mode, seed).mesh.faces
+    with torch.no_grad():
+        return render(torch.as_tensor(drape), faces, ParallelCamera()).numpy()
+
+
+def toy_problem(
+    *,
+    budget: Budget | None = None,
+    bending: float = 3.0,
+    space: str = "homo",
+    vertices: int = 100,
+    mode: str = "drop",
+    sample: int = 0,
+    laid_as_true: bool = False,
+    folder: Path | None = None,
+) -> DrapeProblem:
+    """Poses the problem of finding a cloth again that was draped by the simulator itself.
+
+    Args:
+        budget: Most a solver may spend; 20 forward-equivalents by default.
+        bending: True factor on all bending stiffnesses of the prior median.
+        space: Parameter space.
+        vertices: Of the disc mesh.
+        mode: "drop" or "equilibrium".
+        sample: Sample of the cloth: each is laid down differently.
+        laid_as_true: Lay the cloth down as it was, instead of guessing that from its silhouette.
+        folder: Where to keep what a resumed solver needs; nowhere by default.
+    """
+    image = _image(vertices, mode, bending, sample)
+    simulator = _simulator(vertices, mode, sample if laid_as_true else 0)
+    mesh = simulator.mesh
+    return DrapeProblem(
+        train_image=image,
+        simulator=simulator,
+        space=SPACES[space](simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY)),
+        initial=None if laid_as_true else laid_like(profile_from_image(image).radii, simulator.mesh),
+        meter=Meter(budget or Budget(20)),
+        journal=Journal(folder),
+        checkpoint=Checkpoint(folder),
+        train_mesh=TrainMesh(_drape(vertices, mode, bending, sample), mesh.faces, mesh.material),
+    )
+
+
+def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 100) -> np.ndarray:
+    """Silhouette of another sample of the toy problem's cloth."""
+    return _image(vertices, "drop", bending, sample)

@@ -1,0 +1,275 @@
+"""The true world: every law acts, does nothing at severity 0, and those with a known answer give it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cusick_bench.withheld.laws import LAWS, law
+
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.effects import registered
+from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE
+from cusick_bench.withheld.world import drop as drop_module
+from cusick_bench.withheld.world.fields import matern_field
+from cusick_bench.withheld.world.laws import OUTSIDE as OUTSIDE_LAWS
+from cusick_bench.withheld.world.laws import contact, history, imaging, material
+from cusick_bench.withheld.world.photograph import PIXEL, photograph
+from cusick_bench.withheld.world.placed_disc import on_plate, placed
+from cusick_bench.withheld.world.scene import Scene, unit
+from cusick_bench.withheld.world.scene_system import Stage
+from cusick_bench.withheld.world.world import World
+
+pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
+
+DRAWS = EFFECTS | OUTSIDE
+VERTICES, STEPS = 150, 30
+
+
+def scene(side="up", capture=1, **more):
+    return replace(Scene((1, 2), 1, capture, side, capture % 2 == 0), **more)
+
+
+def drawn(name, multiple):
+    return DRAWS[name].parameters(multiple * DRAWS[name].typical, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """The first sample's pictures of a limp cloth under a cause."""
+
+    def take(causes):
+        return list(World((3, 2), causes, VERTICES, STEPS).pictures(1))
+
+    return take
+
+
+@pytest.fixture(scope="module")
+def base(pictures):
+    return pictures({})
+
+
+def test_every_effect_of_the_package_has_a_law_and_a_draw():
+    assert set(registered()) <= set(LAWS)
+    assert set(LAWS) == set(EFFECTS)
+    assert set(OUTSIDE_LAWS) == set(OUTSIDE)
+    assert not set(LAWS) & set(OUTSIDE)
+    assert len(OUTSIDE) >= 5
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_labels_speak_the_packages_language(name):
+    if name not in registered():
+        pytest.skip(f"{name} is not registered in this version")
+    effect, draw = registered()[name], EFFECTS[name]
+    assert draw.severity == effect.severity.name
+    assert draw.typical == pytest.approx(effect.severity.typical)
+    assert effect.signed or draw.negative == 0
+    for seed in range(20):
+        value = draw.parameters(8 * draw.typical, np.random.default_rng(seed))
+        assert set(effect.complete(value)) == set(value)  # nothing unknown, left out, or out of bounds
+
+
+@pytest.mark.parametrize("name", sorted(DRAWS))
+def test_a_law_acts_and_is_absent_at_zero(name, pictures, base):
+    value = drawn(name, 4)
+    absent = pictures({name: value | {DRAWS[name].severity: 0.0}})
+    # a smear, a threshold or a thickness of zero cannot be told; a threshold still cuts the blurred picture
+    for without, plain in zip(absent, base, strict=True):
+        np.testing.assert_allclose(without.vertices, plain.vertices, atol=2e-9)
+    acting = pictures({name: value})
+    changed = [np.abs(a.levels.astype(float) - b.levels).mean() for a, b in zip(acting, base, strict=True)]
+    if name == "self-contact":  # acts where folds touch only: see the test of its force
+        return
+    assert max(changed) > 0.25, changed
+
+
+def test_a_law_is_named():
+    with pytest.raises(WithheldError, match="no law of the true world is called 'gremlins'"):
+        law("gremlins")
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0), (0.012, -0.005), (0.0, 0.03)])
+def test_an_off_centre_mesh_keeps_its_circles_and_angles(centre):
+    mesh = disc_mesh(300)
+    moved = placed(mesh, 0.15, 0.09, np.array(centre))
+    rim = mesh.boundary
+    edge = np.flatnonzero(np.abs(np.hypot(*mesh.material.T) - 0.09) < 1e-9)
+    np.testing.assert_allclose(np.hypot(*(moved.material[rim] - centre).T), 0.15, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*moved.material[edge].T), 0.09, atol=1e-12)
+    assert on_plate(moved, 0.09).sum() == on_plate(mesh, 0.09).sum()
+    assert moved.areas.sum() == pytest.approx(mesh.areas.sum(), rel=2e-3)
+    assert _smallest_angle(moved) > 0.75 * _smallest_angle(mesh)
+
+
+def _smallest_angle(mesh):
+    a, b, c = (mesh.material[mesh.faces[:, k]] for k in range(3))
+    cosine = [
+        ((q - p) * (r - p)).sum(1) / np.hypot(*(q - p).T) / np.hypot(*(r - p).T)
+        for p, q, r in ((a, b, c), (b, c, a), (c, a, b))
+    ]
+    return float(np.arccos(np.max(cosine)))
+
+
+def test_a_cloth_cannot_fall_off_its_plate():
+    with pytest.raises(WithheldError, match="take a smaller shift"):
+        placed(disc_mesh(150), 0.15, 0.09, np.array([0.06, 0.0]))
+
+
+def test_fields_are_matern():
+    """Standard deviation, and the correlation (1 + a) exp(-a), a = sqrt(3) d / length, of smoothness 3/2."""
+    points = np.array([[0.0, 0.0], [0.02, 0.0], [0.0, 0.04]])
+    generator = np.random.default_rng(0)
+    values = np.array([matern_field(2.0, 0.03, 1.5, generator)(points) for _ in range(4000)])
+    scaled = np.sqrt(3) * np.array([0.02, 0.04]) / 0.03
+    correlation = np.corrcoef(values.T)[0, 1:]
+    np.testing.assert_allclose(values.std(0), 2.0, rtol=0.05)
+    np.testing.assert_allclose(correlation, (1 + scaled) * np.exp(-scaled), atol=0.05)
+
+
+def test_the_bending_discretisation_differs_but_not_on_average():
+    stage = Stage(400, 5)
+    system = stage.system(scene())
+    plain = DrapeSystem(system.mesh, "paper", 0.0, system.fixed, system.spring).elements
+    ratio = system.elements.hinge_weight / plain.hinge_weight
+    assert system.elements.hinge_weight.mean() == pytest.approx(plain.hinge_weight.mean())
+    assert 0.05 < ratio.std() < 0.5
+    assert (system.elements.hinge_scale > 0).all()
+
+
+def test_a_roll_has_its_curvature():
+    """Turning of the tangent over the mean disc chord is the curvature times the way."""
+    surface = material.rolled(30.0, unit(90.0))
+    s = np.linspace(-0.15, 0.15, 2001)
+    x, y, z = surface(np.column_stack([np.full_like(s, 0.02), s])).T
+    slope = np.unwrap(np.arctan2(np.diff(z), np.diff(y)))
+    slope -= slope[len(slope) // 2]
+    middle = 0.5 * (s[1:] + s[:-1])
+    np.testing.assert_allclose(slope, 30 * (0.9 * middle + 0.4 / 3 * middle**3 / 0.15**2), atol=0.015)
+    np.testing.assert_allclose(np.hypot(np.diff(y), np.diff(z)), np.diff(s), rtol=1e-3)
+    np.testing.assert_allclose(x, 0.02)
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_patch_weighs_what_the_packages_own_would(number):
+    """ln of the factor at the centre, and its integral, 2 pi size^2 times that."""
+    one = replace(scene(), seed=(number,))
+    value = {"stiffening": 1.1, "direction": 40.0, "radius": 0.12, "size": 0.02}
+    field = material.local_stiff_patch(one, value).log_bending[0]
+    assert field(0.12 * unit(40.0)[None])[0] == pytest.approx(1.1, rel=1e-3)
+    axis = np.arange(-0.2, 0.2, 5e-4)
+    grid = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
+    assert field(grid).sum() * 25e-8 == pytest.approx(1.1 * 2 * np.pi * 0.02**2, rel=0.02)
+    assert field(0.12 * unit(220.0)[None])[0] == pytest.approx(0, abs=1e-6)
+
+
+def test_a_hem_is_at_the_rim_and_not_at_the_plate():
+    field = material.rim_stiffening(scene(), {"stiffening": 1.1, "width": 0.01}).log_bending[0]
+    np.testing.assert_allclose(field(np.array([[0.149, 0.0], [0.0, -0.12], [0.09, 0.0]])), [1.1, 0, 0], atol=1e-3)
+
+
+def _one_case(vertices=150):
+    system = Stage(vertices, 5).system(scene())
+    faces, hinges = len(system.elements.faces), len(system.elements.hinges)
+    p = Parameters(
+        np.ones((faces, 6, 4)), np.full((hinges, 3, 5), 1e-5), np.full(system.mesh.vertices, 1e-5), np.zeros(hinges)
+    )
+    return system, p
+
+
+def test_bending_friction_opens_a_loop_of_its_couple():
+    """At one hinge, moment over weight and B, going up less going down, is twice the hinge's share of HB / B."""
+    system, p = _one_case()
+    memory = history.bending_friction(scene(), {"ratio": 30.0}).memories[0](system, p, scene())
+    scale, moments = system.elements.hinge_scale, {}
+    for k in np.concatenate([np.arange(0, 80, 0.25), np.arange(80, -80, -0.25), np.arange(-80, 80, 0.25)]):
+        angle = np.full(len(scale), k) / scale
+        now, _ = memory.advance(system.mesh.flat, angle, p, 0.03)
+        factor = now.bending[:, 0, 0] / 1e-5
+        moments.setdefault(k, []).append((factor * (angle - now.rest_angle) * scale)[0])
+    down, up = moments[0.0][-2:]
+    assert up - down == pytest.approx(2 * 30 * 0.5**0.5, rel=0.05)
+
+
+def test_shear_friction_opens_a_loop_of_its_stress():
+    system, p = _one_case()
+    limit = np.radians(2.0)
+    memory = history.shear_friction(scene(), {"ratio": 2.0}).memories[0](system, p, scene())
+    stress = {}
+    way = np.concatenate([np.arange(0, 0.2, 1e-3), np.arange(0.2, -0.2, -1e-3), np.arange(-0.2, 0.2, 1e-3)])
+    for shear in np.round(way, 6):
+        x = system.mesh.flat.copy()
+        x[:, 0] += shear * x[:, 1]
+        now, force = memory.advance(x, np.zeros(len(p.rest_angle)), p, 0.03)
+        work = (force[:, 0] * x[:, 1]).sum() / system.mesh.areas.sum()  # less the stress that it takes away
+        stress.setdefault(shear, []).append(now.stretch[0, 0, 3] * shear - work)
+    down, up = stress[0.0][-2:]
+    assert up - down == pytest.approx(2 * limit, rel=0.05)
+
+
+def test_creep_leaves_the_given_part_of_the_moment_and_is_half_forgotten_when_turned():
+    system, p = _one_case()
+    angle = np.linspace(-1, 1, len(p.rest_angle))
+    start = history.creep(scene(), {"loss": 0.3}).memories[0]
+    first = start(system, p, scene())
+    kept = {"Creep": first.end(angle)}
+    again = start(system, p, replace(scene(capture=2), past=kept)).advance(system.mesh.flat, angle, p, 1e3)[0]
+    np.testing.assert_allclose(angle - again.rest_angle, 0.7 * angle, atol=1e-12)
+    turned = start(system, p, replace(scene("down", 3), past=kept)).advance(system.mesh.flat, -angle, p, 1e-9)[0]
+    np.testing.assert_allclose(turned.rest_angle, -0.3 * 0.35 * angle, atol=1e-6)
+
+
+def test_face_and_back_stiffen_as_asked():
+    system, p = _one_case()
+    value = {"asymmetry": 0.4}
+    for side in ("up", "down"):
+        memory = material.face_asymmetry(scene(side), value).memories[0](system, p, scene(side))
+        convex = np.full(len(p.rest_angle), 40.0) / system.elements.hinge_scale
+        ratio = memory.advance(system.mesh.flat, convex, p, 0.03)[0].bending[0, 0, 0] / 1e-5
+        assert ratio == pytest.approx(1.4 if side == "up" else 0.6, rel=1e-3)
+
+
+def test_a_tilted_plate_turns_gravity():
+    for side, east in (("up", 1.0), ("down", -1.0)):
+        one = law("plate-tilt")(scene(side), {"angle": 10.0, "direction": 0.0})
+        pull = drop_module._gravity(one)
+        np.testing.assert_allclose(
+            pull, GRAVITY * np.array([east * np.sin(np.radians(10)), 0, -np.cos(np.radians(10))]), atol=1e-12
+        )
+
+
+def test_skewed_grain_of_a_quarter_turn_swaps_warp_and_weft():
+    stage = Stage(150, 5)
+    plain = stage.system(scene()).elements
+    turned = stage.system(scene(skew=(90.0, 90.0))).elements
+    direction = plain.direction_low + plain.direction_fraction
+    np.testing.assert_allclose(turned.direction_low + turned.direction_fraction, 2 - direction, atol=1e-9)
+    np.testing.assert_allclose(turned.face_u, plain.face_v, atol=1e-9)
+
+
+def test_a_threshold_moves_a_straight_edge_by_its_shift():
+    """On a strip that lies askew, so that the pixels' own steps average out."""
+    turn = np.radians(8.0)
+    across, along = np.array([np.cos(turn), np.sin(turn), 0]), np.array([-np.sin(turn), np.cos(turn), 0])
+    corners = np.array([a * 0.05 * across + b * 1.0 * along for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    widths = []
+    for shift in (0.0, 1e-3, -1e-3):
+        shade = 1 - photograph(corners, faces, imaging.threshold(scene(), {"shift": shift})) / 255.0
+        shade[shade < 0.03] = 0  # noise of the background, clipped at white
+        widths.append(shade.sum(1).mean() * PIXEL * np.cos(turn))
+    np.testing.assert_allclose(widths, [0.1, 0.102, 0.098], atol=6e-4)
+
+
+def test_sheets_that_overlap_are_pushed_apart():
+    system, p = _one_case(1200)
+    x = system.mesh.flat.copy()
+    fold = x[:, 0] > 0.11  # folded under, 1 mm below what was there
+    x[fold, 0], x[fold, 2] = 0.22 - x[fold, 0], -1e-3
+    force = contact.repulsion(system, p.mass, x, 2e-3)
+    np.testing.assert_allclose(force.sum(0), 0, atol=1e-12)
+    assert force[fold, 2].sum() < -1e-6
+    assert np.abs(contact.repulsion(system, p.mass, x, 5e-4)).max() == 0
+    assert np.abs(contact.repulsion(system, p.mass, system.mesh.flat, 5e-3)).max() == 0

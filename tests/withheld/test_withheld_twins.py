@@ -1,0 +1,167 @@
+"""What silhouettes show of an effect: known shifts are measured, chance is not taken for one, and scores follow."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.diagnosis.atlas.store import SHIPPED
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
+from cusick_bench.diagnosis.diagnose import Options
+from cusick_bench.diagnosis.inference.fabric_evidence import Data, data_of
+from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.power import NEEDED
+from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, scatter_of
+from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.withheld.answers.blind import answer_suite, case_captures
+from cusick_bench.withheld.answers.twins import Shown, compare, read_twins, twins
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.answer import read_answer
+from cusick_bench.withheld.format.label import SINGLE, Label
+from cusick_bench.withheld.scoring.measures import CLEAR, DISTINCT
+from cusick_bench.withheld.scoring.revealed import Revealed, by_shown, reveal
+from cusick_bench.withheld.scoring.score import score
+from cusick_bench.withheld.suite.generate import SUITE, Suite, generate, read_suite
+
+SIZES = {"plate-radius", "cut-size", "camera-scale", "threshold"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A null, a listed effect and one that is on no list, small."""
+    made = tmp_path_factory.mktemp("suite")
+    counts = {"null": 1, "single": 1, "pair": 0, "unknown": 1}
+    generate(Suite(4, counts, 250, 6, None), made / "cases", made / "labels")  # pyright: ignore[reportArgumentType]
+    return made
+
+
+@pytest.fixture(scope="module")
+def plain(folder: Path) -> Data:
+    labels = json.loads((folder / "labels" / "labels.json").read_text())
+    name = next(case for case, label in labels.items() if label["kind"] == "null")
+    return data_of(case_captures(folder / "cases" / name))
+
+
+@pytest.fixture(scope="module")
+def residual(plain: Data) -> Residual:
+    emulator, calibration = load_atlas(SHIPPED)
+    found = against_base(emulator, plain.features(), scatter=scatter_of(plain.specimens), drift=plain.later)
+    return inflated(found, calibration.inflation)
+
+
+def scaled(plain: Data, residual: Residual, size: float) -> Data:
+    """The same fabric with what the atlas expects of a wrong camera scale, on both faces, |d| being `size`."""
+    emulator, _ = load_atlas(SHIPPED)
+    hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
+    value = {name: np.array([0.02 if name == "error" else column[0]]) for name, column in hypothesis.values.items()}
+    row = shifts(emulator, hypothesis, residual.theta, residual.sd, plain.later, value).rows
+    row[:, 2 * len(NAMES) :] = 0.0
+    row *= size / np.linalg.norm(residual.whiten(row))
+    moved = (row[0, : 2 * len(NAMES)].reshape(2, -1)) * residual.sd
+    return Data(plain.specimens + moved, plain.drift, plain.later)
+
+
+class TestCompare:
+    def test_a_case_is_its_own_twin(self, plain: Data):
+        assert compare(plain, plain, SHIPPED, ("creep",)) == Shown(0.0, "", 0.0)
+
+    @pytest.mark.parametrize("size", [4.0, 10.0])
+    def test_a_known_shift_has_its_size_and_its_name(self, plain: Data, residual: Residual, size: float):
+        found = compare(scaled(plain, residual, size), plain, SHIPPED, ())
+        assert found.shift == pytest.approx(size, rel=0.3)
+        assert found.shift <= size + 1e-6, "base parameters may take some of it up, but add nothing"
+        assert found.nearest in SIZES
+        assert found.alike > 0.95
+        assert found.multiple == pytest.approx(found.shift / NEEDED)
+        assert found.unlike < 0.35 * found.multiple
+
+    def test_what_acts_is_not_compared_with(self, plain: Data, residual: Residual):
+        found = compare(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
+        assert found.nearest not in SIZES
+
+    def test_chance_is_taken_off(self, plain: Data):
+        """Drapes that fell into other folds: no mean shift, but a large difference."""
+        sizes = []
+        for seed in range(5):
+            sign = np.random.default_rng(seed).choice([-1.0, 1.0], size=(len(plain.specimens), 2, 1))
+            other = plain.specimens + 0.5 * sign * plain.specimens.std(0)
+            sizes.append(compare(Data(other, plain.drift, plain.later), plain, SHIPPED, ()).multiple)
+        assert np.median(sizes) < 1
+
+
+def invoke(*arguments: object) -> Any:
+    return CliRunner().invoke(app, ["withheld", *map(str, arguments), "--json"])
+
+
+class TestCommands:
+    def test_scores_follow_what_is_shown(self, folder: Path, tmp_path: Path, one_thread: None):
+        labels, out = folder / "labels" / "labels.json", tmp_path / "twins.json"
+        result = invoke("twins", folder / "cases", labels, "--out", out, "--workers", 1)
+        assert result.exit_code == 0, result.output
+        shown = read_twins(out)
+        kinds = {case: label["kind"] for case, label in json.loads(labels.read_text()).items()}
+        assert set(shown) == {case for case, kind in kinds.items() if kind != "null"}
+        strong = {case: Shown(3 * NEEDED, "threshold", 0.8) for case in shown}
+        out.write_text(json.dumps({case: vars(one) for case, one in strong.items()}))
+        assert twins(read_suite(folder / "labels" / SUITE), folder / "cases", json.loads(labels.read_text()), out,
+                     SHIPPED) == strong, "what is there already is kept"  # fmt: skip
+        answers = tmp_path / "answers.json"
+        answer_suite(folder / "cases", answers, SHIPPED, Options(samples=0))
+        result = invoke("score", answers, labels, "--twins", out)
+        assert result.exit_code == 0, result.output
+        found = json.loads(result.stdout)
+        multiples = {case["kind"]: case["multiple"] for case in found["cases"]}
+        assert multiples["single"] == pytest.approx(3.0)
+        assert multiples["unknown"] == pytest.approx(3.0)
+        own = [figure for figure in found["figures"] if figure["method"] == "answers"]
+        for subset in (CLEAR, DISTINCT):
+            cases = {figure["name"]: figure["cases"] for figure in own if figure["subset"] == subset}
+            assert cases["power"] == cases["unknown recalled"] == 1
+        assert any("twin" in note for note in found["notes"])
+
+    @pytest.mark.parametrize(("shown", "subsets"), [
+        (Shown(3 * NEEDED, "threshold", 0.8), {CLEAR, DISTINCT}),
+        (Shown(3 * NEEDED, "threshold", 0.99), {CLEAR}),
+        (Shown(1.9 * NEEDED, "threshold", 0.1), set()),
+    ])  # fmt: skip
+    def test_what_others_make_is_not_distinct(self, shown: Shown, subsets: set[str]):
+        """A threefold shift of which a like effect leaves 1.8 or .4, and one that is too weak to be clear."""
+        label = Label(("creep",), SINGLE, "history", multiple=0.1)
+        said = read_answer({"verdict": "none", "causes": [], "set90": ["none"]}, "answer")
+        revealed = by_shown(Revealed({"a": said}, {"a": label}, ()), {"a": shown}, "twins.json")
+        assert revealed.labels["a"].multiple == shown.multiple
+        found = {figure.subset for figure in score(revealed).figures if figure.cases and figure.name == "power"}
+        assert found & {CLEAR, DISTINCT} == subsets
+
+    def test_labels_of_another_suite_are_refused(self, folder: Path, tmp_path: Path):
+        labels = json.loads((folder / "labels" / "labels.json").read_text())
+        case = next(name for name, label in labels.items() if label["kind"] == "single")
+        labels[case]["severity"] += 1.0
+        with pytest.raises(WithheldError, match=f"{case} has another label"):
+            twins(read_suite(folder / "labels" / SUITE), folder / "cases", labels, tmp_path / "twins.json", SHIPPED)
+
+    def test_cases_without_their_suite_are_refused(self, folder: Path, tmp_path: Path):
+        (tmp_path / "labels.json").write_text("{}")
+        result = invoke("twins", folder / "cases", tmp_path / "labels.json")
+        assert result.exit_code == 2
+        assert "suite.json" in result.output
+        (tmp_path / SUITE).write_text('{"seed": 3}')
+        with pytest.raises(WithheldError, match="no description of a suite"):
+            read_suite(tmp_path / SUITE)
+
+    @pytest.mark.parametrize("wrong", [{"shift": -1}, {"alike": 1.5}, {"shift": "much"}, {"shift": None}])
+    def test_a_broken_file_is_refused(self, tmp_path: Path, wrong: dict[str, Any]):
+        entry = {"shift": 3.0, "nearest": "creep", "alike": 0.5} | wrong
+        (tmp_path / "twins.json").write_text(json.dumps({"case_0001": entry}))
+        with pytest.raises(WithheldError, match="case_0001"):
+            read_twins(tmp_path / "twins.json")
+
+    def test_every_case_with_an_effect_must_be_there(self, folder: Path, tmp_path: Path, one_thread: None):
+        answers = tmp_path / "answers.json"
+        answer_suite(folder / "cases", answers, SHIPPED, Options(samples=0))
+        with pytest.raises(WithheldError, match="lacks case_"):
+            by_shown(reveal(answers, folder / "labels" / "labels.json"), {}, "twins.json")
