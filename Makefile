@@ -26,7 +26,7 @@ bench: $(READY)  ## The main job on the shipped synthetic set: fit, score, leade
 	$(BIN)/cusick-bench report $(OUT)
 
 test: $(READY)  ## The default suite
-	$(BIN)/python -m pytest -q -m "not slow"
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow"
 
 slow: $(READY)  ## Paper-size checks (minutes)
 	$(BIN)/python -m pytest -q -m slow

@@ -15,15 +15,10 @@ import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.folds import ring_folds
+from cusick_bench.sim.cloth.folds import FOLD_HARMONICS, FOLD_PROMINENCE, ring_folds
+from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
 
 PROFILE_ANGLES = 720
-PIXELS_PER_METRE = 723.0  # best fit of the release's images on its meshes in parallel projection
-CENTRE_PIXEL = (127.5, 127.5)  # column, row of the plate's axis, pixel centres at integers
-CLOTH_RADIUS = 0.15  # [m]
-PLATE_RADIUS = 0.09  # [m]
-FOLD_PROMINENCE = 0.0028  # [m]; about 2 px: below it, pixel noise makes peaks
-FOLD_MODES = 30  # highest harmonic kept before peaks are counted
 
 
 @dataclass(frozen=True)
@@ -78,7 +73,7 @@ def profile_from_image(
     image: Float[ndarray, "height width"] | Float[torch.Tensor, "height width"],
     *,
     pixels_per_metre: float = PIXELS_PER_METRE,
-    centre: tuple[float, float] = CENTRE_PIXEL,
+    centre: tuple[float, float] = IMAGE_CENTRE,
     image_y: str = "up",
     angles: int = PROFILE_ANGLES,
 ) -> Profile:
@@ -172,12 +167,12 @@ def drape_coefficient(
     return (area - np.pi * plate_radius**2) / (np.pi * (cloth_radius**2 - plate_radius**2))
 
 
-def fold_count(profile: Profile, *, prominence: float = FOLD_PROMINENCE, modes: int = FOLD_MODES) -> int:
-    """Number of folds: peaks of the profile's harmonics 0..modes that stand out by `prominence` [m]."""
-    return ring_folds(profile.radii, prominence=prominence, modes=modes)
+def fold_count(profile: Profile, *, prominence: float = FOLD_PROMINENCE, harmonics: int = FOLD_HARMONICS) -> int:
+    """Number of folds: peaks of the profile's harmonics 0..harmonics that stand out by `prominence` [m]."""
+    return ring_folds(profile.radii, prominence=prominence, harmonics=harmonics)
 
 
-def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_MODES) -> Float[ndarray, " modes"]:
+def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Float[ndarray, " modes"]:
     """Amplitudes [m] of harmonics 0..modes: the mean radius, then c_m of c_m cos(m angle - phase)."""
     harmonics = np.abs(np.fft.rfft(profile.radii))[: modes + 1] / len(profile.radii)
     harmonics[1:] *= 2

@@ -11,8 +11,8 @@ import os
 from contextlib import suppress
 from typing import Any
 
-import numba
 from numba.core import config
+from numba.np.ufunc.parallel import threading_layer
 
 from cusick_bench.sim.errors import SimulationError
 
@@ -34,7 +34,7 @@ def configure() -> None:
 
 def _after_fork() -> None:
     with suppress(ValueError):  # no kernel has run yet: the child starts threads of its own
-        _state["forked"] = numba.threading_layer() == "omp"
+        _state["forked"] = threading_layer() == "omp"
 
 
 def check_fork() -> None:

@@ -17,7 +17,7 @@ from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.statistics import GROUPS
 from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
 from cusick_bench.diagnosis.simulation.samples import Simulated
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects import registered
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)

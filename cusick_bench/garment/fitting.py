@@ -23,7 +23,7 @@ from cusick_bench.garment.body import Body, contact_stiffness
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.garment.motion import STILL, WaistMotion
 from cusick_bench.garment.skirt import Skirt
-from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.constants import GRAVITY
 from cusick_bench.sim.engine.step_kernels import move, right_hand_side
 from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError

@@ -23,7 +23,7 @@ FOLD_PROMINENCE = 0.01  # [m] a shallower wave of the hem is no fold
 IMAGE_SIZE = 512  # [px]
 _MARGIN = 1.05  # picture over flat cloth
 _ANGLES = 720
-_MODES = 60
+_HARMONICS = 60
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def measure(skirt: Skirt, positions: Float[ndarray, "vertices 3"]) -> SkirtMeasu
     return SkirtMeasures(
         hem_radius_m=float(radius.mean()),
         hem_depth_m=float(-hem[:, 2].mean()),
-        folds=fold_count(Profile(along), prominence=FOLD_PROMINENCE, modes=_MODES),
+        folds=fold_count(Profile(along), prominence=FOLD_PROMINENCE, harmonics=_HARMONICS),
         fold_amplitude_m=float(radius.std()),
         projected_area_m2=area,
         drape_coefficient=(area - waist) / (flat - waist),

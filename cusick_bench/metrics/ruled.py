@@ -16,7 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.metrics.errors import MetricError
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS
+from cusick_bench.sim.constants import PLATE_RADIUS
 
 SLANT = 0.06  # [m], cloth radius minus plate radius; the release's meshes have 0.059 to 0.064
 

@@ -15,7 +15,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, Mesh
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.constants import PLATE_RADIUS
 
 # Of 0.1 to 1, 0.5 left the five named cloths' folds in place most often.
 SHARE = 0.5

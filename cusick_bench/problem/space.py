@@ -14,7 +14,8 @@ from torch import Tensor
 
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, Mesh
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.constants import PLATE_RADIUS
 
 BOUND = 3.0  # box for solvers that need one, in units of prior standard deviations
 

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from cusick_bench.problem.losses import RADIUS_SCALE, Image, radius_profile
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 STATISTICS = ("area", "depth", "number", "asymmetry", "grain_2_real", "grain_2_imaginary", "grain_4_real")
 FIRST_FOLD, LAST_FOLD = 3, 16

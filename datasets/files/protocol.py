@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets.errors import BadTable
-from cusick_bench.datasets.profile import CENTRE_PIXEL, CLOTH_RADIUS, PIXELS_PER_METRE, PLATE_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
 
 FILE = "protocol.json"
 _MAXIMUM_BYTES = 1 << 20
@@ -51,7 +51,7 @@ class Protocol:
     gravity_m_s2: float = 9.8
     image_size_px: int = 256
     px_per_m: float = PIXELS_PER_METRE
-    centre_px: tuple[float, float] = CENTRE_PIXEL
+    centre_px: tuple[float, float] = IMAGE_CENTRE
     projection: str = "parallel"
     image_y: str = "up"
     foreground: str = "dark"

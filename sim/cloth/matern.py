@@ -24,7 +24,7 @@ from numpy import ndarray
 from scipy.special import jnp_zeros, jv
 from torch import Tensor
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS
 
 SMOOTHNESS = 2.0  # nu of the Matern covariance
 EXTENSION = 1.25  # radius of the disc as a multiple of the cloth's

@@ -18,10 +18,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import Delaunay
 
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
-
-CLOTH_RADIUS = 0.15  # [m], ISO 9073-9: 30 cm sample
-PLATE_RADIUS = 0.09  # [m], ISO 9073-9: 18 cm plate
 
 _MINIMUM_VERTICES = 60
 _RELAXATION_SWEEPS = 60

@@ -14,9 +14,6 @@ from numpy import ndarray
 from cusick_bench.sim.cloth.folds import ring_folds
 from cusick_bench.sim.cloth.mesh import Mesh
 
-_PROMINENCE = 2e-3  # [m] by which a fold stands out of the rim
-_MODES = 20  # harmonics of the rim that count
-
 
 @dataclass(frozen=True)
 class Branch:
@@ -50,7 +47,7 @@ def _rim(mesh: Mesh) -> tuple[Int[ndarray, "rim"], Float[ndarray, "rim"]]:
 
 
 def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
-    """Number of folds: peaks of the rim's radius over the material angle, harmonics 0 to 20, that stand out by 2 mm.
+    """Number of folds: peaks of the rim's radius over the material angle, as `ring_folds` counts them.
 
     Args:
         mesh: The cloth, a disc.
@@ -60,7 +57,7 @@ def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
     radius = np.interp(
         np.linspace(-np.pi, np.pi, 256, endpoint=False), angle, np.hypot(*x[rim, :2].T), period=2 * np.pi
     )
-    return ring_folds(radius, prominence=_PROMINENCE, modes=_MODES)
+    return ring_folds(radius)
 
 
 def follow(mesh: Mesh, before: Float[ndarray, "vertices 3"], after: Float[ndarray, "vertices 3"]) -> Branch:

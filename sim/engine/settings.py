@@ -5,12 +5,10 @@ from typing import Literal
 
 import numpy as np
 
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS
 from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.constants import GRAVITY, PLATE_RADIUS
 from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.errors import SimulationError
-
-GRAVITY = 9.8  # [m/s2], the published program's
 
 
 @dataclass(frozen=True)

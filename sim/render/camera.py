@@ -12,11 +12,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.sim.constants import IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE
 from cusick_bench.sim.errors import SimulationError
 
-IMAGE_SIZE = 256  # [px], of the public release
-IMAGE_CENTRE = (127.5, 127.5)  # [px], (column, row) of the plate's axis in the public release
-PX_PER_M = 723.0  # [px/m], the scale at which the release's meshes match its silhouettes
 FIELD_OF_VIEW = 0.5  # [rad], of the published scripts' camera
 EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
 
@@ -63,7 +61,7 @@ class ParallelCamera:
         SimulationError: A value out of range.
     """
 
-    px_per_m: float = PX_PER_M
+    px_per_m: float = PIXELS_PER_METRE
     centre_px: tuple[float, float] = IMAGE_CENTRE
     image_y: ImageY = "up"
 

@@ -12,8 +12,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
+from cusick_bench.sim.constants import IMAGE_SIZE
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.render.camera import IMAGE_SIZE, Camera
+from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.coverage import area_gradient, pixel_areas
 from cusick_bench.sim.render.outline import outline
 from cusick_bench.sim.render.soft_mask import soft_mask

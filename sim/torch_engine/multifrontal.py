@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.dissection import dissect
 from cusick_bench.sim.linear.elimination import analyse
 from cusick_bench.sim.linear.interface import BLOCK, BlockPattern

@@ -10,8 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cusick_bench.datasets.profile import PIXELS_PER_METRE, profile_from_image
+from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.problem import DrapeProblem
+from cusick_bench.sim.constants import PIXELS_PER_METRE
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError
 from cusick_bench.solvers.reference.silhouettes import SIZE, silhouette
 

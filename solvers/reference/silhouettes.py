@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.datasets.profile import CENTRE_PIXEL, PIXELS_PER_METRE
+from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE
 
 SIZE = 256
 
@@ -14,8 +14,8 @@ SIZE = 256
 def _pixels(angles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of every pixel's centre: radius [m], the two angles of the profile it lies between, weight of the second."""
     row, column = np.mgrid[:SIZE, :SIZE]
-    x = (column - CENTRE_PIXEL[0]) / PIXELS_PER_METRE
-    y = (CENTRE_PIXEL[1] - row) / PIXELS_PER_METRE
+    x = (column - IMAGE_CENTRE[0]) / PIXELS_PER_METRE
+    y = (IMAGE_CENTRE[1] - row) / PIXELS_PER_METRE
     position = np.arctan2(y, x) * (angles / (2 * np.pi)) % angles
     before = position.astype(np.int64) % angles
     return np.hypot(x, y), before, (before + 1) % angles, position - np.floor(position)

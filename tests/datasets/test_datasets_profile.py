@@ -6,7 +6,6 @@ import torch
 from toy_cloths import draw, surface, wavy_profile
 
 from cusick_bench.datasets.profile import (
-    PIXELS_PER_METRE,
     Profile,
     amplitude_spectrum,
     drape_coefficient,
@@ -15,6 +14,7 @@ from cusick_bench.datasets.profile import (
     profile_from_mesh,
 )
 from cusick_bench.sim.cloth.folds import ring_folds
+from cusick_bench.sim.constants import PIXELS_PER_METRE
 
 TENTH_OF_A_PIXEL = 0.1 / PIXELS_PER_METRE
 
@@ -107,6 +107,6 @@ def test_folds_are_the_peaks_of_that_prominence():
         prominence = generator.uniform(0.05, 4) * ring.std()
         cut = np.roll(ring, -int(np.argmin(ring)))
         expected = len(find_peaks(np.append(cut, cut[0]), prominence=prominence)[0])
-        assert ring_folds(ring, prominence=prominence, modes=20) == expected
+        assert ring_folds(ring, prominence=prominence, harmonics=20) == expected
         counts.append(expected)
     assert min(counts) < 3 < 10 < max(counts)

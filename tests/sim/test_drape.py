@@ -8,8 +8,9 @@ import torch
 from scipy.interpolate import LinearNDInterpolator
 
 from cusick_bench.sim.cloth.material import Material, project_admissible, uniform_material
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS, disc_mesh
+from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, smooth_field
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import Drape, DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError, DrapeDiverged, SimulationError

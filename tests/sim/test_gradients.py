@@ -6,7 +6,8 @@ import torch
 from cotton_tables import BENDING, STRETCH
 
 from cusick_bench.sim.cloth.material import Material, uniform_material
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.equilibrium import equilibrium, equilibrium_adjoint

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS, Mesh, disc_mesh, mesh_from_obj, read_obj, write_obj
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh, mesh_from_obj, read_obj, write_obj
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
 
 SIZES = [60, 61, 100, 297, 1205, 2699]

@@ -17,7 +17,8 @@ from scipy.optimize import brentq
 from scipy.spatial import Delaunay
 
 from cusick_bench.sim.cloth.material import uniform_material
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium

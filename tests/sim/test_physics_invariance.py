@@ -6,7 +6,8 @@ from cotton_tables import BENDING, STRETCH
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.equilibrium import equilibrium
 from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters

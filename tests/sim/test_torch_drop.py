@@ -8,7 +8,8 @@ import pytest
 import torch
 from cotton_tables import BENDING, STRETCH
 
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS, disc_mesh
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.engine.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 from cusick_bench.sim.errors import SimulationError

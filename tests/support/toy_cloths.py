@@ -8,13 +8,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from PIL import Image
 
-from cusick_bench.datasets.profile import (
-    CENTRE_PIXEL,
-    PIXELS_PER_METRE,
-    PLATE_RADIUS,
-    PROFILE_ANGLES,
-    Profile,
-)
+from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile
+from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
 
 CAPTURES: Mapping[int, str] = {1: "up", 2: "up", 3: "down", 4: "down"}
 _MESH_ANGLES = 180
@@ -39,7 +34,7 @@ def toy_profile(fabric: int, sample: int, capture: int) -> Profile:
 
 
 def draw(
-    profile: Profile, *, size: int = 256, centre: tuple[float, float] = CENTRE_PIXEL, scale: float = PIXELS_PER_METRE
+    profile: Profile, *, size: int = 256, centre: tuple[float, float] = IMAGE_CENTRE, scale: float = PIXELS_PER_METRE
 ) -> Float[ndarray, "size size"]:
     """Coverage of a star-shaped cloth, edges smoothed over a pixel; y is up."""
     rows, columns = np.indices((size, size))

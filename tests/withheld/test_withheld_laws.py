@@ -4,18 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cusick_bench.withheld.laws import LAWS, law
 
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.constants import GRAVITY
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.engine.settings import GRAVITY
 from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE
 from cusick_bench.withheld.world import drop as drop_module
 from cusick_bench.withheld.world.fields import matern_field
+from cusick_bench.withheld.world.laws import LAWS, contact, history, imaging, law, material
 from cusick_bench.withheld.world.laws import OUTSIDE as OUTSIDE_LAWS
-from cusick_bench.withheld.world.laws import contact, history, imaging, material
 from cusick_bench.withheld.world.photograph import PIXEL, photograph
 from cusick_bench.withheld.world.placed_disc import on_plate, placed
 from cusick_bench.withheld.world.scene import Scene, unit

@@ -29,9 +29,10 @@ from numpy import ndarray
 from torch import Tensor
 
 from cusick_bench.sim.cloth.material import Material, uniform_material
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
-from cusick_bench.sim.engine.settings import GRAVITY, DrapeSettings
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Field, Setup, Side
 
 NAMES = ("bending", "anisotropy", "bias", "growth", "shear", "laying", "rest")

@@ -32,7 +32,7 @@ from cusick_bench.diagnosis.inference.residual import Residual, against_base, in
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features, features
 from cusick_bench.diagnosis.measure.statistics import specimen_statistics
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 ALPHA = 0.05  # level of the detection test, over all causes together
 _REFINED = 4  # effects whose base parameters are fitted again with them

@@ -21,8 +21,8 @@ from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.image import PlateFit, fit_plate
 from cusick_bench.datasets.files.protocol import Protocol
-from cusick_bench.datasets.profile import PIXELS_PER_METRE
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.sim.constants import PIXELS_PER_METRE
 
 ANGLES = 360  # a radius per degree: twelve to the narrowest fold
 SIDES = ("up", "down", "")

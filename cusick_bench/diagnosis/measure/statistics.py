@@ -37,7 +37,6 @@ _FIRST_ENVELOPE_MODE = 4  # a cloth's shape in m = 1 to 3 would beat with its ow
 _HARMONICS = (1, 2, 3, 4)
 _ENVELOPES = (1, 2, 4)
 _SOFTENING = 5e-4  # [m], a third of a pixel: ratios of what is shallower, which is noise, go to 0
-_FOLD_PROMINENCE, _FOLD_MODES = 0.0028, 30  # [m]; as everywhere in the package
 
 PHASE_FREE = (
     "mean_radius",
@@ -136,7 +135,7 @@ def _norm(amplitudes: Float[ndarray, "captures modes"]) -> Float[ndarray, " capt
 
 
 def _folds(radii: Float[ndarray, "captures angles"]) -> Float[ndarray, " captures"]:
-    counts = [ring_folds(ring, prominence=_FOLD_PROMINENCE, modes=_FOLD_MODES) for ring in radii]
+    counts = [ring_folds(ring) for ring in radii]
     return np.array(counts, dtype=np.float64)
 
 

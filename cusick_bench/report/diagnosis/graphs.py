@@ -8,11 +8,11 @@ from jaxtyping import Float
 from markupsafe import Markup
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.diagnosis.inference.localise import EDGES, SECTORS
 from cusick_bench.report.diagnosis.values import percent, plain, signed
 from cusick_bench.report.drawing.axes import Panel, bar, round_steps, span
 from cusick_bench.report.drawing.svg import label, line, picture, polygon
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 _HUES = {True: ((238, 243, 249), (8, 48, 107)), False: ((244, 244, 245), (172, 176, 182))}
 """Colours of the map, lightest and darkest: one hue where a place is named, pale greys where none is."""

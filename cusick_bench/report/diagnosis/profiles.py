@@ -13,10 +13,10 @@ from jaxtyping import Float
 from markupsafe import Markup
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.report.diagnosis.values import items, mappings, number
 from cusick_bench.report.drawing.axes import Panel, frame, framed, level, round_steps
 from cusick_bench.report.drawing.svg import label, picture, polygon, polyline
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 ANGLES = 360
 SOURCES = ("data", "base", "effect")

@@ -8,9 +8,8 @@ from math import exp, log2
 from cusick_bench.diagnosis.atlas.base_model import LAYING_HEIGHT, REST_HEIGHT
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.report.diagnosis.values import measure, percent, plain
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
 from cusick_bench.sim.effects import Effect, registered
-from cusick_bench.sim.engine.settings import GRAVITY
 
 VERDICTS: Mapping[str, tuple[str, str]] = {
     "none": ("No unmodelled effect", "The base model explains these drapes within their natural spread."),

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
-from cusick_bench.sim.cloth.mesh import PLATE_RADIUS
+from cusick_bench.sim.constants import PLATE_RADIUS
 
 _SUPERSAMPLING = 2
 _GAMMA = 2.2

@@ -7,9 +7,9 @@ from jaxtyping import Float
 from markupsafe import Markup
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.report.drawing.axes import frame, framed, level
 from cusick_bench.report.drawing.svg import picture, polygon, polyline
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 _HEIGHT = 214.0
 _PROFILE_WIDTH, _TRACE_WIDTH = 560.0, 415.0

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.profile import CENTRE_PIXEL, PIXELS_PER_METRE, Profile, profile_from_image
+from cusick_bench.datasets.profile import Profile, profile_from_image
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import mse, mse_pairs
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
@@ -35,6 +35,7 @@ from cusick_bench.report.figures.predictions import (
     surface_of,
     train_row,
 )
+from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE
 
 SAMPLES = 3  # held-out samples of a cloth that are shown
 _MARGIN = 16  # [px] of a silhouette that no cloth of 15 cm reaches
@@ -237,7 +238,7 @@ def _from_above(axis: Axes, tile: Tile, outline: Profile | None) -> None:
         return
     radius = PIXELS_PER_METRE * np.append(outline.radii, outline.radii[0])
     angle = np.append(outline.angles, 2 * np.pi)
-    column, row = CENTRE_PIXEL[0] + radius * np.cos(angle), CENTRE_PIXEL[1] - radius * np.sin(angle)
+    column, row = IMAGE_CENTRE[0] + radius * np.cos(angle), IMAGE_CENTRE[1] - radius * np.sin(angle)
     axis.plot(column, row, color=_OUTLINE, linewidth=0.8)
     words = f"MSE {tile.mse:.4f}" + f", {tile.remark}" * bool(tile.remark)
     axis.text(0.5, 0.0, words, transform=axis.transAxes, ha="center", va="top", fontsize=7, color="0.3")

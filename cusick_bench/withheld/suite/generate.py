@@ -20,10 +20,8 @@ import numba
 import numpy as np
 import torch
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS
-from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
 from cusick_bench.sim.errors import DrapeDiverged
-from cusick_bench.sim.render.camera import IMAGE_CENTRE, IMAGE_SIZE, PX_PER_M
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object
 from cusick_bench.withheld.format.seal import salt_of, sealed
@@ -188,7 +186,7 @@ def _protocol() -> dict[str, Any]:
         "plate_radius_m": PLATE_RADIUS,
         "gravity_m_s2": GRAVITY,
         "image_size_px": IMAGE_SIZE,
-        "px_per_m": PX_PER_M,
+        "px_per_m": PIXELS_PER_METRE,
         "centre_px": list(IMAGE_CENTRE),
         "projection": "parallel",
         "image_y": "up",

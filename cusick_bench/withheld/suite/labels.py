@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.withheld.format.causes import NONE, UNKNOWN, class_of
 from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE, Plan
 

@@ -10,8 +10,7 @@ import numpy as np
 import torch
 
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
-from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
 
 BENDING = (1.5e-4, 1.1e-2)
 """Range of B / (rho g R^3): drape coefficients of about .26 to .85; what is limper crumples at this mesh size."""

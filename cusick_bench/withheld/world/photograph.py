@@ -10,7 +10,8 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, shift
 from scipy.special import ndtr
 
-from cusick_bench.sim.render.camera import PX_PER_M, ParallelCamera
+from cusick_bench.sim.constants import PIXELS_PER_METRE
+from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.withheld.world.fabric import Variability
 from cusick_bench.withheld.world.scene import Scene, Vertices, unit
@@ -71,5 +72,5 @@ def jpeg(levels: UInt8[ndarray, "256 256"]) -> bytes:
     return packed.getvalue()
 
 
-PIXEL = 1 / PX_PER_M
+PIXEL = 1 / PIXELS_PER_METRE
 """[m]."""

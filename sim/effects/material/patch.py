@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects.base import Parameter, Values
 
 PLACE = (

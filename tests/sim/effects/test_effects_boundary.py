@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from cusick_bench.sim.cloth.material import uniform_material
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import apply_all, effect, parse
 from cusick_bench.sim.engine.settings import DrapeSettings

@@ -8,10 +8,11 @@ import torch
 
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.constants import PIXELS_PER_METRE
 from cusick_bench.sim.effects import effect, parse
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.render.camera import PX_PER_M, ParallelCamera, PinholeCamera
+from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.sim.setup import Setup, Side
 
@@ -37,7 +38,7 @@ def _seen(text: str, points: torch.Tensor, side: Side = "up") -> torch.Tensor:
 
 def _area(points: torch.Tensor) -> float:
     """Of the silhouette [m2]."""
-    return float(render(points, MESH.faces, ParallelCamera()).sum()) / PX_PER_M**2
+    return float(render(points, MESH.faces, ParallelCamera()).sum()) / PIXELS_PER_METRE**2
 
 
 def test_points_are_seen_where_the_formulas_say():

@@ -12,8 +12,9 @@ from numpy import ndarray
 
 from cusick_bench.sim.cloth.heterogeneity import face_centres
 from cusick_bench.sim.cloth.material import Material, uniform_material
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS, PLATE_RADIUS, Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.contact.barrier import smallest_distance
 from cusick_bench.sim.contact.intersections import intersections
 from cusick_bench.sim.effects import apply_all, effect, parse

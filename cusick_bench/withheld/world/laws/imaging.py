@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.withheld.world.photograph import PIXEL, leaned
 from cusick_bench.withheld.world.scene import PositionMap, Scene, Vertices, unit
 

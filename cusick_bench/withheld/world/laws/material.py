@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 from cusick_bench.withheld.world.fields import Field, matern_field
 from cusick_bench.withheld.world.scene import Remembering, Scene, Surface, Vertices, unit

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.mesh import CLOTH_RADIUS
-from cusick_bench.sim.engine.settings import GRAVITY
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.world.laws.boundary import wavy
 from cusick_bench.withheld.world.laws.imaging import barrel

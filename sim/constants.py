@@ -1,0 +1,13 @@
+"""Nominal values of the Cusick drape test and of the public release; only defaults, since every laboratory has its own.
+
+References:
+    ISO 9073-9 / BS 5058 (sizes of sample and plate).
+    Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024 (gravity, size of the images).
+"""
+
+CLOTH_RADIUS = 0.15  # [m], ISO 9073-9: sample of 30 cm
+PLATE_RADIUS = 0.09  # [m], ISO 9073-9: plate of 18 cm
+GRAVITY = 9.8  # [m/s2], the published program's
+IMAGE_SIZE = 256  # [px], side of an image of the public release
+IMAGE_CENTRE = (127.5, 127.5)  # [px], column and row of the plate's axis there; pixel centres are integers
+PIXELS_PER_METRE = 723.0  # [px/m], the scale at which the release's meshes match its silhouettes in parallel projection
