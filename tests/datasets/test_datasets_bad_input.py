@@ -92,13 +92,40 @@ def test_hostile_images_are_only_unreadable(tmp_path, monkeypatch, content):
     assert not (tmp_path / "exploited").exists()
 
 
-def test_truncated_image(tmp_path):
-    path = tmp_path / "drape.png"
+@pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])
+def test_files_that_are_cut_short_are_unreadable(tmp_path, suffix):
+    path = tmp_path / f"drape.{suffix}"
     write_image(path, DRAPE)
-    path.write_bytes(path.read_bytes()[:-200])
-    with pytest.raises(BadImage) as caught:
-        read_silhouette(path)
-    assert caught.value.kind == "unreadable-image"
+    whole = path.read_bytes()
+    for length in (len(whole) - 200, len(whole) // 2):
+        path.write_bytes(whole[:length])
+        with pytest.raises(BadImage) as caught:
+            read_silhouette(path)
+        assert caught.value.kind == "unreadable-image"
+
+
+def test_transparency_that_would_be_lost_is_refused(tmp_path):
+    grey = Image.fromarray(np.round(255 * (1 - DRAPE)).astype(np.uint8))
+    opaque = Image.new("L", grey.size, 255)
+    for mode in ("LA", "RGBA"):
+        image = grey.convert(mode)
+        image.putalpha(opaque)
+        image.save(tmp_path / f"{mode}.png")
+        assert np.abs(read_silhouette(tmp_path / f"{mode}.png") - DRAPE).max() < 0.004, mode
+        image.save(tmp_path / f"{mode}.tif")
+        with pytest.raises(BadImage, match=f"TIFF of mode {mode} with transparency.* save it as a grey or RGB image"):
+            read_silhouette(tmp_path / f"{mode}.tif")
+
+
+def test_pixels_are_read_as_they_are_stored(tmp_path):
+    """Colours in their order, whatever a camera's note on its orientation says."""
+    colours = np.full((256, 256, 3), 255, dtype=np.uint8)
+    colours[60:200, 60:180] = 0, 40, 90
+    note = Image.Exif()
+    note[0x112] = 6  # turned by 90 deg
+    Image.fromarray(colours).save(tmp_path / "drape.png", exif=note.tobytes())
+    expected = 1 - colours @ np.array([0.299, 0.587, 0.114]) / 255
+    np.testing.assert_allclose(read_silhouette(tmp_path / "drape.png"), expected, atol=1e-12)
 
 
 def test_specks_are_forgiven_and_grey_colour_and_alpha_are_read_alike(tmp_path):
