@@ -9,6 +9,7 @@ protocol and the atlas is looked at.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -30,6 +31,8 @@ from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
 from cusick_bench.sim.setup import Simulators
 
+Verdict = Literal["none", "effect", "ambiguous", "unknown"]
+"""No effect, one (or a pair), one of several, or something that is not on the list."""
 SET_LEVEL = 0.9
 NAMED = 0.6  # from this probability on one effect is named, below several
 _SEED = 20
@@ -58,7 +61,7 @@ class Diagnosis:
 
     Attributes:
         fabric: Name.
-        verdict: `none`, `effect`, `ambiguous` or `unknown`.
+        verdict: What was found.
         p: Of the base model: that so much evidence for anything arises where no effect acts.
         probability: Of `none`, every effect, pairs (`a + b`) and `unknown`.
         set90: Effects, `none` or `unknown` that hold 90 % of it.
@@ -77,7 +80,7 @@ class Diagnosis:
     """
 
     fabric: str
-    verdict: str
+    verdict: Verdict
     p: float
     probability: dict[str, float]
     set90: tuple[str, ...]
@@ -175,7 +178,7 @@ def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _verdict(p: float, probability: Mapping[str, float]) -> tuple[str, str]:
+def _verdict(p: float, probability: Mapping[str, float]) -> tuple[Verdict, str]:
     """Verdict and the name of the cause or pair, if one is named.
 
     None is named while the 90 % set also holds one that no silhouette tells from it.

@@ -16,7 +16,9 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, save
 from cusick_bench.diagnosis.diagnose import Options, _named, _verdict, diagnose, set90, single_causes
-from cusick_bench.diagnosis.document import answer, document, headline
+from cusick_bench.diagnosis.document.build import answer, document
+from cusick_bench.diagnosis.document.headline import headline
+from cusick_bench.diagnosis.document.model import DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.inference.evidence import (
@@ -335,14 +337,12 @@ def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: No
     assert found.cause[0].value["loss"] == pytest.approx(0.4, abs=0.2)
     assert found.p < 0.05
     one = document(found, captures, emulator, command="", version="")
-    assert one["causes"][0]["effect"] == "creep"
-    assert one["where"]["stage"]["history"] > 0.6
-    assert one["data"] == {
-        "samples": 8, "captures": 32, "up": 16, "down": 16, "later": 16, "areal_density_kg_m2": None,
-    }  # fmt: skip
-    assert abs(sum(cause["probability"] for cause in answer(found)["causes"]) - 1) < 0.05
-    profiles = [profile["radii_m"] for profile in one["profiles"]["base"]]
-    table = {row["name"]: row["base"] for row in one["statistics"]}
+    assert one.causes[0].effect == "creep"
+    assert one.where.stage["history"] > 0.6
+    assert one.data == DataCounts(samples=8, captures=32, up=16, down=16, later=16, areal_density_kg_m2=None)
+    assert abs(sum(cause.probability for cause in answer(found).causes) - 1) < 0.05
+    profiles = [profile.radii_m for profile in one.profiles.base]
+    table = {row.name: row.base for row in one.statistics}
     assert table["mean_radius"] == pytest.approx(np.mean(profiles), abs=1e-4)  # of the drapes that the page shows
     again = diagnose(captures, emulator, options=Options(samples=0, without=("creep",)))
     assert again.cause == () or again.cause[0].hypothesis.name != "creep"

@@ -1,7 +1,7 @@
 """`cusick-bench diagnose`: where simulation and data differ, what causes it, how far the gap shrinks."""
 
-import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,12 +9,13 @@ import pandas as pd
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, plain, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
-from cusick_bench.diagnosis.document import document, table
+from cusick_bench.diagnosis.document.build import document
+from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.report.diagnosis.page import write_diagnosis_page
 from cusick_bench.runner.environment import code_version
@@ -23,7 +24,7 @@ from cusick_bench.sim.effects import effect
 from cusick_bench.sim.setup import Simulators
 
 app = typer.Typer()
-_OUT = Path("runs/diagnosis")
+_MOST_CAUSES = 8  # that the terminal shows
 
 
 @app.command("diagnose")
@@ -53,7 +54,7 @@ def diagnose_data(
     emulator, calibration = load_atlas(atlas)
     dataset = load(data)
     chosen = fabric or _with_samples(dataset)
-    simulators, found = Simulators(most=20), []
+    simulators, written = Simulators(most=20), []
     with progress_bar("reading data", len(chosen)) as bar:
         for number, name in enumerate(chosen):
             captures = read_captures(dataset, name)
@@ -65,13 +66,13 @@ def diagnose_data(
             result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
             one = document(result, captures, emulator, command=command, version=code_version("diagnosis"))
-            found.append(_written(one, out))
+            written.append(_write(one, out))
     if summary is not None:
-        _summarise(found, summary)
+        _summarise([one.document for one in written], summary)
     if as_json:
-        print_json({"fabrics": found})
+        print_json({"fabrics": [one.content() for one in written]})
         return
-    for one in found:
+    for one in written:
         _print(one)
 
 
@@ -81,80 +82,101 @@ def _with_samples(dataset: Any) -> list[str]:
     return [str(name) for name, count in counts.items() if count >= 3] or dataset.cloths
 
 
-def _written(one: dict[str, Any], out: Path) -> dict[str, Any]:
-    """The document with the paths of its files."""
-    folder = out / re.sub(r"[^\w.-]+", "_", one["fabric"])
+@dataclass(frozen=True)
+class _Written:
+    """A document and the files that hold it."""
+
+    document: DiagnosisDocument
+    path: Path
+    page: Path
+
+    def content(self) -> dict[str, Any]:
+        """The document with the paths of its files."""
+        return self.document.content() | {"path": self.path, "page": self.page}
+
+
+def _write(one: DiagnosisDocument, out: Path) -> _Written:
+    """Writes document and page into a folder of their own."""
+    folder = out / re.sub(r"[^\w.-]+", "_", one.fabric)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "diagnosis.json"
-    write_atomically(path, json.dumps(plain(one), allow_nan=False).encode())
-    page = write_diagnosis_page(plain(one), folder / "diagnosis.html")
-    return one | {"path": path, "page": page}
+    one.write(path)
+    return _Written(one, path, write_diagnosis_page(one.content(), folder / "diagnosis.html"))
 
 
-def _summarise(found: list[dict[str, Any]], path: Path) -> None:
+def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
     """A row for each fabric."""
     rows = []
-    for one in found:
-        gap, closure = one["gap"], one["closure"]
-        low, high = closure["ci90"] or (None, None)
-        leading = next((c for c in one["causes"] if c["effect"] not in ("none", "unknown")), None)
+    for one in documents:
+        low, high = one.closure.ci90 or (None, None)
+        steps_low, steps_high = one.steps.ci90 or (None, None)
+        leading = next((cause for cause in one.causes if cause.effect not in ("none", "unknown")), None)
         rows.append(
             {
-                "fabric": one["fabric"],
-                "samples": one["data"]["samples"],
-                "captures": one["data"]["captures"],
-                "verdict": one["verdict"],
-                "p": gap["p"],
-                "cause": leading["effect"] if leading else "",
-                "probability": leading["probability"] if leading else None,
-                "parameters": _words(leading["parameters"]) if leading else "",
-                "set90": " ".join(one["set90"]),
-                "gap_base": gap["base"],
-                "gap_floor": gap["floor"],
-                "gap_with_cause": gap["effect"],
-                "closure": closure["fraction"],
+                "fabric": one.fabric,
+                "samples": one.data.samples,
+                "captures": one.data.captures,
+                "verdict": one.verdict,
+                "p": one.gap.p,
+                "cause": leading.effect if leading else "",
+                "probability": leading.probability if leading else None,
+                "parameters": "; ".join(_parameters(leading)) if leading else "",
+                "set90": " ".join(one.set90),
+                "gap_base": one.gap.base,
+                "gap_floor": one.gap.floor,
+                "gap_with_cause": one.gap.effect,
+                "closure": one.closure.fraction,
                 "closure_low": low,
                 "closure_high": high,
-                "needs": " + ".join(step["effect"] for step in one["steps"]["causes"]),
-                "needs_closure": one["steps"]["closure"],
-                "needs_closure_low": (one["steps"]["ci90"] or [None, None])[0],
-                "needs_closure_high": (one["steps"]["ci90"] or [None, None])[1],
-                "command": one["made"]["command"],
-                "code": one["made"]["version"],
+                "needs": " + ".join(step.effect for step in one.steps.causes),
+                "needs_closure": one.steps.closure,
+                "needs_closure_low": steps_low,
+                "needs_closure_high": steps_high,
+                "command": one.provenance.command,
+                "code": one.provenance.version,
             }
         )
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, pd.DataFrame(rows).to_csv(index=False, float_format="%.4g").encode())
 
 
-def _words(parameters: dict[str, dict[str, Any]]) -> str:
-    return "; ".join(f"{name} {one['value']:.3g} {one['unit']}".strip() for name, one in parameters.items())
+def _parameters(cause: Cause) -> list[str]:
+    """Its parameters with their units, in words."""
+    return [f"{name} {_shown(one)}" for name, one in cause.parameters.items()]
 
 
-def _print(one: dict[str, Any]) -> None:
-    gap = one["gap"]
-    output.print(f"\n[bold]{one['fabric']}[/]: {one['headline']}")
-    if gap["base"] is not None:
-        output.print(f"gap {gap['base']:.3f} (floor {gap['floor']:.3f}), p = {gap['p']:.3g}")
+def _shown(parameter: ParameterValue) -> str:
+    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {parameter.unit}".strip()
+
+
+def _print(written: _Written) -> None:
+    one = written.document
+    output.print(f"\n[bold]{one.fabric}[/]: {one.headline}")
+    if one.gap.base is not None and one.gap.floor is not None:
+        output.print(f"gap {one.gap.base:.3f} (floor {one.gap.floor:.3f}), p = {one.gap.p:.3g}")
     causes = Table("cause", "class", "probability", "parameters")
-    for row in table(one):
-        causes.add_row(*row)
+    for cause in one.causes[:_MOST_CAUSES]:
+        causes.add_row(cause.effect, cause.stage, f"{cause.probability:.2f}", ", ".join(_parameters(cause)))
     output.print(causes)
-    closure = one["closure"]
-    if closure["fraction"] is not None:
-        low, high = closure["ci90"]
+    if one.closure.fraction is not None and one.closure.ci90 is not None:
+        low, high = one.closure.ci90
         output.print(
-            f"with {closure['effect']} the gap on unseen samples shrinks by {closure['fraction']:.0%} "
+            f"with {one.closure.effect} the gap on unseen samples shrinks by {one.closure.fraction:.0%} "
             f"(90 %: {low:.0%} to {high:.0%})"
         )
-    taken = one["steps"]
-    if len(taken["causes"]) > 1:
-        names = ", ".join(step["effect"] for step in taken["causes"])
-        left = taken["causes"][-1]["misfit_left"]
-        closed = "" if taken["closure"] is None else f"; together they close {taken['closure']:.0%} of the gap"
-        output.print(f"one after the other: {names} (misfit {taken['misfit']:.1f} -> {left:.1f}){closed}")
-    for advice in one["next"]:
-        output.print(f"next: {advice['name']} ({advice['bits']:.2f} bits). {advice['what']}")
-    for note in one["notes"]:
+    _print_steps(one)
+    for measurement in one.next:
+        output.print(f"next: {measurement.name} ({measurement.bits:.2f} bits). {measurement.what}")
+    for note in one.notes:
         output.print(f"note: {note}")
-    output.print(f"page: {one['page']}")
+    output.print(f"page: {written.page}")
+
+
+def _print_steps(one: DiagnosisDocument) -> None:
+    """The causes that were taken off one after the other, where there are several."""
+    if len(one.steps.causes) > 1:
+        names = ", ".join(step.effect for step in one.steps.causes)
+        left = one.steps.causes[-1].misfit_left
+        closure = one.steps.closure
+        closed = "" if closure is None else f"; together they close {closure:.0%} of the gap"
+        output.print(f"one after the other: {names} (misfit {one.steps.misfit:.1f} -> {left:.1f}){closed}")

@@ -22,6 +22,7 @@ References:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -32,7 +33,8 @@ from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, 
 from cusick_bench.diagnosis.inference.residual import Residual
 from cusick_bench.sim.effects import registered
 
-NONE, UNKNOWN = "none", "unknown"
+NONE: Final = "none"
+UNKNOWN: Final = "unknown"
 DENSITY_BIAS = "density-bias"
 LAW_DIFFERENCE = 0.3
 LEAST_SIZE = 2.2

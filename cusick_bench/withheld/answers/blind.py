@@ -19,7 +19,7 @@ import numpy as np
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
-from cusick_bench.diagnosis.document import answer
+from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.inference.evidence import UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.runner.environment import code_version
@@ -131,7 +131,8 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
     """
     try:
         emulator, calibration = load_atlas(atlas)
-        found = answer(diagnose(case_captures(folder), emulator, calibration, options, simulators=simulators))
+        diagnosis = diagnose(case_captures(folder), emulator, calibration, options, simulators=simulators)
+        found = answer(diagnosis).content()
     except CusickError as error:
         found = _refused(str(error))
     if options.without:

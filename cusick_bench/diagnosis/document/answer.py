@@ -1,0 +1,133 @@
+"""The answer to a withheld case: the part of a diagnosis that can be judged against a label."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from cusick_bench.diagnosis.diagnose import Verdict
+from cusick_bench.diagnosis.document.part import Interval, Map, Part, Probability
+
+
+class StatedCause(Part):
+    """A cause as an answer states it.
+
+    Attributes:
+        effect: Name of a registered effect, `none` or `unknown`.
+        stage: Class of the effect: material, history, boundary, contact or imaging; "" for `none` and `unknown`. The
+            file's key is `class`.
+        probability: That this is the cause.
+        parameters: Best estimates by name, in the units of the effect's registered parameters.
+    """
+
+    effect: str
+    stage: str = Field(default="", validation_alias="class", serialization_alias="class")
+    probability: Probability
+    parameters: dict[str, float] = Field(default_factory=dict)
+
+
+class StatedGap(Part):
+    """The gap as an answer states it: squared energy distances of statistics in units of their standard deviations.
+
+    Attributes:
+        base: Between data and base model, on samples that were not fitted [1]; None where nothing was simulated.
+        floor: Between two halves of the data [1].
+        p: p-value of the base model.
+    """
+
+    base: float | None = None
+    floor: float | None = None
+    p: Annotated[float, Field(ge=0, le=1)] | None = None
+
+
+class Location(Part):
+    """Where the cause acts.
+
+    Attributes:
+        stage: Probability of each class of effects, of `none` and of `unknown`.
+        map: Probability of each place on the overhang, given that the cause acts at one place.
+        kind: `patch`, `ring`, `direction` or "".
+        angle_deg: First and second edge of the named region, counter-clockwise from warp, face up [deg].
+        radius_m: Its inner and outer radius [m].
+        localisable: Whether there is a place to name.
+        why_not: Why there is none, in words.
+    """
+
+    stage: dict[str, Probability] = Field(default_factory=dict)
+    map: Map | None = None
+    kind: str = ""
+    angle_deg: Interval | None = None
+    radius_m: Interval | None = None
+    localisable: bool = False
+    why_not: str = ""
+
+
+class Closure(Part):
+    """How far the named cause closes the gap on samples that were not fitted.
+
+    Attributes:
+        effect: Name of the simulated cause; of a pair the likelier half.
+        fraction: (gap of the base model - gap with the cause) / (gap of the base model - floor).
+        ci90: Its 90 % interval over samples.
+    """
+
+    effect: str | None = None
+    fraction: float | None = None
+    ci90: Interval | None = None
+
+
+class NextMeasurement(Part):
+    """A measurement that would lower the doubt.
+
+    Attributes:
+        name: Short name.
+        what: What to do, in a sentence.
+        bits: Expected drop of the entropy of the causes [bit].
+        about: The likely causes that it speaks about.
+    """
+
+    name: str
+    what: str = ""
+    bits: float | None = None
+    about: tuple[str, ...] = ()
+
+
+class Baseline(Part):
+    """Answer of a simpler method to the same fabric.
+
+    Attributes:
+        verdict: `effect` or `none`.
+        causes: At most five, the likeliest first; their parameters are not estimated.
+        set90: The likeliest one.
+    """
+
+    verdict: Verdict
+    causes: tuple[StatedCause, ...] = ()
+    set90: tuple[str, ...] = ()
+
+
+class Answer(Part):
+    """The answer to a withheld case.
+
+    Attributes:
+        verdict: What is found: no effect, one, one of several, or something that is not on the list.
+        gap: How far the simulation is from the data.
+        causes: The likeliest first; of those above 0.5 %.
+        set90: The fewest causes that hold 90 % of the probability.
+        where: Where the cause acts.
+        closure: How far the named cause closes the gap.
+        next: What to measure next, the most informative first.
+        baselines: Answers of simpler methods, by their names.
+        without: Effects that were not considered.
+        refused: Why there is no diagnosis, where there is none.
+    """
+
+    verdict: Verdict
+    gap: StatedGap = StatedGap()
+    causes: tuple[StatedCause, ...] = ()
+    set90: tuple[str, ...] = ()
+    where: Location = Location()
+    closure: Closure = Closure()
+    next: tuple[NextMeasurement, ...] = ()
+    baselines: dict[str, Baseline] = Field(default_factory=dict)
+    without: tuple[str, ...] = ()
+    refused: str | None = None

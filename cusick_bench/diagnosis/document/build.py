@@ -1,0 +1,257 @@
+"""Makes the document of a diagnosis, and the answer to a withheld case."""
+
+from collections.abc import Mapping
+from math import isfinite
+
+import numpy as np
+
+from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.diagnose import Diagnosis, single_causes
+from cusick_bench.diagnosis.document import answer as stated
+from cusick_bench.diagnosis.document import model
+from cusick_bench.diagnosis.document.answer import Answer
+from cusick_bench.diagnosis.document.headline import headline
+from cusick_bench.diagnosis.document.model import DiagnosisDocument
+from cusick_bench.diagnosis.document.part import Interval
+from cusick_bench.diagnosis.document.statistic_rows import finite, statistic_rows
+from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
+from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.diagnosis.measure.gap import Gap
+from cusick_bench.diagnosis.simulation.samples import Simulated
+from cusick_bench.sim.constants import CLOTH_RADIUS
+from cusick_bench.sim.effects import registered
+
+STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
+_LEAST = 0.005  # probability from which a cause is listed
+_MOST_OF_BASELINE = 5  # causes that a simpler method's answer lists
+
+
+def document(
+    diagnosis: Diagnosis, captures: Captures, emulator: Emulator, *, command: str, version: str
+) -> DiagnosisDocument:
+    """Everything about one diagnosis.
+
+    Args:
+        diagnosis: The diagnosis.
+        captures: The data that were diagnosed.
+        emulator: The atlas.
+        command: Command that made it.
+        version: Version of the code.
+
+    Returns:
+        The document.
+    """
+    answered = answer(diagnosis)
+    return DiagnosisDocument(
+        fabric=diagnosis.fabric,
+        headline=headline(diagnosis),
+        verdict=answered.verdict,
+        gap=_gap(diagnosis),
+        causes=tuple(_cause(diagnosis, name, p) for name, p in _ranked(diagnosis)),
+        set90=answered.set90,
+        where=answered.where,
+        closure=answered.closure,
+        next=answered.next,
+        baselines=answered.baselines,
+        steps=_steps(diagnosis),
+        base=_base(diagnosis),
+        data=_counts(captures),
+        statistics=statistic_rows(diagnosis, emulator),
+        profiles=model.Profiles(
+            data=_measured(captures),
+            base=_simulated(diagnosis.simulated and diagnosis.simulated.base),
+            effect=_simulated(diagnosis.simulated and diagnosis.simulated.effect),
+        ),
+        indistinguishable=tuple(
+            model.Indistinguishable(effects=tuple(sorted(alike.effects)), why=alike.why)
+            for alike in (*EQUIVALENTS, ABSORBED)
+            if alike.effects.intersection(diagnosis.set90)
+        ),
+        notes=diagnosis.notes,
+        without=diagnosis.without,
+        provenance=model.Provenance(version=version, command=command, atlas=f"{len(emulator.responses)} effects"),
+    )
+
+
+def answer(diagnosis: Diagnosis) -> Answer:
+    """The part that answers a withheld case.
+
+    Args:
+        diagnosis: The diagnosis.
+
+    Returns:
+        The answer; `without` and `refused` are left open.
+    """
+    gap = diagnosis.gap
+    return Answer(
+        verdict=diagnosis.verdict,
+        gap=stated.StatedGap(
+            base=None if gap is None else finite(gap.base),
+            floor=None if gap is None else finite(gap.floor),
+            p=diagnosis.p,
+        ),
+        causes=tuple(
+            stated.StatedCause(effect=name, stage=_stage(name), probability=p, parameters=_values(diagnosis, name))
+            for name, p in _ranked(diagnosis)
+        ),
+        set90=diagnosis.set90,
+        where=_location(diagnosis),
+        closure=stated.Closure(
+            effect=diagnosis.cause[0].hypothesis.name if diagnosis.cause and gap is not None else None,
+            fraction=None if gap is None else finite(gap.closure),
+            ci90=_interval(gap),
+        ),
+        next=tuple(
+            stated.NextMeasurement(
+                name=advice.measurement.name, what=advice.measurement.what, bits=advice.bits, about=advice.about
+            )
+            for advice in diagnosis.advice
+        ),
+        baselines={name: _baseline(probability) for name, probability in diagnosis.baselines.items()},
+    )
+
+
+def _gap(diagnosis: Diagnosis) -> model.Gap:
+    gap = diagnosis.gap
+    if gap is None:
+        return model.Gap(base=None, floor=None, p=diagnosis.p, effect=None, groups={})
+    groups = {
+        name: model.GroupGap(gap=finite(value), floor=finite(gap.groups_floor[name]))
+        for name, value in gap.groups.items()
+    }
+    return model.Gap(
+        base=finite(gap.base), floor=finite(gap.floor), p=diagnosis.p, effect=finite(gap.effect), groups=groups
+    )
+
+
+def _interval(gap: Gap | None) -> Interval | None:
+    """Interval of the closure, where there is one."""
+    return None if gap is None or not isfinite(gap.closure) else gap.closure_interval
+
+
+def _location(diagnosis: Diagnosis) -> stated.Location:
+    stage = dict.fromkeys(STAGES, 0.0)
+    for name, p in single_causes(diagnosis.probability).items():
+        stage[_stage(name) or name] += p
+    place = diagnosis.place
+    return stated.Location(
+        stage=stage,
+        map=tuple(tuple(row) for row in np.round(place.map, 5).tolist()),
+        kind=place.kind,
+        angle_deg=place.angle,
+        radius_m=place.radius,
+        localisable=place.localisable,
+        why_not=place.why_not,
+    )
+
+
+def _steps(diagnosis: Diagnosis) -> model.Steps:
+    """Causes taken off one after the other, and how far all of them together close the gap."""
+    gap = diagnosis.together.gap if diagnosis.together else None
+    return model.Steps(
+        causes=tuple(
+            model.StepCause(
+                effect=step.candidate.hypothesis.name,
+                parameters=step.candidate.value,
+                log_evidence=finite(step.candidate.log_evidence),
+                misfit_left=finite(step.misfit),
+            )
+            for step in diagnosis.steps
+        ),
+        misfit=finite(diagnosis.residual.misfit / len(diagnosis.residual.white)),
+        closure=None if gap is None else finite(gap.closure),
+        ci90=_interval(gap),
+    )
+
+
+def _base(diagnosis: Diagnosis) -> model.BaseParameters:
+    values = [finite(value) for value in diagnosis.residual.theta.tolist()]
+    return model.BaseParameters(**dict(zip(PARAMETERS, values, strict=True)))
+
+
+def _ranked(diagnosis: Diagnosis) -> list[tuple[str, float]]:
+    """Causes that are named or likely enough to be listed, with their probability, the likeliest first."""
+    single = single_causes(diagnosis.probability)
+    named = {one.hypothesis.name for one in diagnosis.cause}
+    return [(n, p) for n, p in sorted(single.items(), key=lambda item: -item[1]) if p >= _LEAST or n in named]
+
+
+def _best(diagnosis: Diagnosis, name: str) -> Candidate | None:
+    chosen = [*diagnosis.cause, *diagnosis.best]
+    return next((one for one in chosen if one.hypothesis.name == name), None)
+
+
+def _values(diagnosis: Diagnosis, name: str) -> dict[str, float]:
+    best = _best(diagnosis, name)
+    return {} if best is None else dict(best.value)
+
+
+def _cause(diagnosis: Diagnosis, name: str, probability: float) -> model.Cause:
+    effect = registered().get(name)
+    units = {} if effect is None else {p.name: p.unit for p in effect.parameters}
+    pair = [one.hypothesis.name for one in diagnosis.cause if one.hypothesis.name != name]
+    leads = bool(diagnosis.cause) and diagnosis.cause[0].hypothesis.name == name
+    return model.Cause(
+        effect=name,
+        stage=_stage(name),
+        probability=probability,
+        parameters={
+            key: model.ParameterValue(value=value, unit=units.get(key, ""))
+            for key, value in _values(diagnosis, name).items()
+        },
+        summary="" if effect is None else effect.summary,
+        pair_with=pair[0] if leads and pair else None,
+    )
+
+
+def _stage(name: str) -> str:
+    """Class of an effect; "" for `none` and `unknown`."""
+    effect = registered().get(name)
+    return "" if effect is None else effect.kind
+
+
+def _baseline(probability: Mapping[str, float]) -> stated.Baseline:
+    """In the form of an answer, which names one effect or none."""
+    causes = tuple(
+        stated.StatedCause(effect=name, stage=_stage(name), probability=round(p, 4), parameters={})
+        for name, p in list(probability.items())[:_MOST_OF_BASELINE]
+    )
+    if not causes:
+        nothing = stated.StatedCause(effect=NONE, stage="", probability=1.0, parameters={})
+        return stated.Baseline(verdict="none", causes=(nothing,), set90=(NONE,))
+    return stated.Baseline(verdict="effect", causes=causes, set90=(causes[0].effect,))
+
+
+def _counts(captures: Captures) -> model.DataCounts:
+    drapes = set(zip(captures.sample.tolist(), captures.side.tolist(), strict=True))
+    return model.DataCounts(
+        samples=len(np.unique(captures.sample)),
+        captures=len(captures),
+        up=int((captures.side == "up").sum()),
+        down=int((captures.side == "down").sum()),
+        later=len(captures) - len(drapes),
+        areal_density_kg_m2=finite(captures.areal_density),
+    )
+
+
+def _measured(captures: Captures) -> tuple[model.Profile, ...]:
+    """Profiles of the data, as if the cloth had the radius of the simulated ones."""
+    scaled = np.round(captures.radii * CLOTH_RADIUS / captures.protocol.cloth_radius_m, 5)
+    return tuple(
+        model.Profile(sample=sample, side=side, radii_m=tuple(radii))
+        for sample, side, radii in zip(captures.sample.tolist(), captures.side.tolist(), scaled.tolist(), strict=True)
+    )
+
+
+def _simulated(simulated: Simulated | None) -> tuple[model.Profile, ...]:
+    """Profiles of simulated drapes, without those that failed."""
+    if simulated is None:
+        return ()
+    return tuple(
+        model.Profile(sample=sample + 1, side=side, radii_m=tuple(np.round(simulated.radii[sample, face], 5).tolist()))
+        for sample in range(len(simulated.radii))
+        for face, side in enumerate(("up", "down"))
+        if np.isfinite(simulated.radii[sample, face]).all()
+    )

@@ -1,0 +1,80 @@
+"""Every statistic of data, base model and base model with the named cause, side by side."""
+
+from math import isfinite
+
+import numpy as np
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.diagnose import Diagnosis
+from cusick_bench.diagnosis.document.model import StatisticRow
+from cusick_bench.diagnosis.inference.hypotheses import shifts
+from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES
+
+
+def statistic_rows(diagnosis: Diagnosis, emulator: Emulator) -> tuple[StatisticRow, ...]:
+    """Statistics of data and models, and by how many standard errors data and base model differ.
+
+    Args:
+        diagnosis: The diagnosis.
+        emulator: The atlas, which tells the means where nothing was simulated.
+
+    Returns:
+        A row for each statistic.
+    """
+    sd, features = diagnosis.residual.sd, diagnosis.features
+    base, effect, simulated = _means(diagnosis, emulator)
+    error = sd * np.sqrt(1 / max(int(features.samples.sum()), 1) + (1 / simulated if simulated else 0))
+    group_of = {column: name for name, columns in GROUPS.items() for column in columns}
+    rows = []
+    for k, name in enumerate(NAMES):
+        known = (features.mean[:, k] - base[k])[np.isfinite(features.mean[:, k])]
+        difference = known[np.argmax(np.abs(known))] if len(known) else np.nan
+        rows.append(
+            StatisticRow(
+                name=name,
+                group=group_of[k],
+                unit=_unit(name),
+                up=finite(features.mean[0, k]),
+                down=finite(features.mean[1, k]),
+                base=finite(base[k]),
+                effect=finite(effect[k]),
+                z=finite(difference / error[k]),
+            )
+        )
+    return tuple(rows)
+
+
+def finite(value: float) -> float | None:
+    """A number as a document holds it.
+
+    Args:
+        value: The number.
+
+    Returns:
+        It, or None where it is not finite.
+    """
+    return float(value) if isfinite(value) else None
+
+
+def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, int]:
+    """Mean statistics of base model and base with the cause, and of how many drapes; 0 where the atlas tells them."""
+    drapes = diagnosis.simulated
+    if drapes is not None and np.isfinite(drapes.base.specimens).any((0, 1)).all():
+        base = np.nanmean(drapes.base.specimens, (0, 1))
+        changed = np.nan * base if drapes.effect is None else np.nanmean(drapes.effect.specimens, (0, 1))
+        return base, changed, int(np.isfinite(drapes.base.specimens[..., 0]).sum())
+    residual = diagnosis.residual
+    base, moved = emulator.mean(residual.theta), np.full(len(NAMES), np.nan)
+    if len(diagnosis.cause) == 1:
+        one = diagnosis.cause[0]
+        point = {name: np.array([value]) for name, value in one.value.items()}
+        row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).rows[0]
+        moved = row[: 2 * len(NAMES)].reshape(2, -1).mean(0) * residual.sd
+    return base, base + moved, 0
+
+
+def _unit(name: str) -> str:
+    if name in ("area_dc", "folds", "fold_centroid", "skewness") or name.startswith("envelope"):
+        return "1"
+    return "m/rad" if name == "roughness" else "m"

@@ -1,0 +1,147 @@
+"""The diagnosis document: in the file as in memory; a damaged file is refused with the place of what is wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from cusick_bench.diagnosis.document.answer import Answer, Location, NextMeasurement, StatedCause
+from cusick_bench.diagnosis.document.model import (
+    BaseParameters,
+    Cause,
+    DataCounts,
+    DiagnosisDocument,
+    Gap,
+    GroupGap,
+    ParameterValue,
+    Profile,
+    Profiles,
+    Provenance,
+    StatisticRow,
+    StepCause,
+    Steps,
+)
+from cusick_bench.diagnosis.errors import DiagnosisError
+
+FULL = DiagnosisDocument(
+    fabric="fabric <7>",
+    headline="Something \N{GREEK SMALL LETTER THETA}.",
+    verdict="effect",
+    gap=Gap(base=0.1 + 0.2, floor=-0.01, p=0.0025, effect=None, groups={"size": GroupGap(gap=1e-300, floor=0.1)}),
+    causes=(
+        Cause(
+            effect="creep",
+            stage="history",
+            probability=0.9,
+            parameters={"loss": ParameterValue(value=0.4, unit="1")},
+            summary="The cloth sinks.",
+            pair_with=None,
+        ),
+    ),
+    set90=("creep",),
+    where=Location(stage={"history": 0.9}, map=((1 / 64,) * 16,) * 4, angle_deg=(22.5, 405.0), localisable=True),
+    next=(NextMeasurement(name="weigh", what="Weigh it.", bits=0.3, about=("creep",)),),
+    steps=Steps(causes=(StepCause(effect="creep", parameters={"loss": 0.4}, log_evidence=7.5, misfit_left=1.1),)),
+    base=BaseParameters(bending=-7.1),
+    data=DataCounts(samples=3, captures=6, up=3, down=3, later=0, areal_density_kg_m2=0.2),
+    statistics=(StatisticRow(name="mean_radius", group="size", unit="m", up=0.13, base=0.12, z=4.0),),
+    profiles=Profiles(data=(Profile(sample=1, side="up", radii_m=(0.12, 0.13)),)),
+    provenance=Provenance(version="1", command="cusick-bench diagnose", atlas="19 effects"),
+)
+
+
+def damaged(path: Path, place: tuple[str | int, ...], value: Any) -> Path:
+    """The full document's file with one value replaced."""
+    content = json.loads(json.dumps(FULL.content()))
+    target = content
+    for key in place[:-1]:
+        target = target[key]
+    target[place[-1]] = value
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    FULL.write(tmp_path / "diagnosis.json")
+    read = DiagnosisDocument.read(tmp_path / "diagnosis.json")
+    assert read == FULL
+    read.write(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "diagnosis.json").read_bytes()
+
+
+def test_keys_of_the_file() -> None:
+    """Files of earlier versions, and programs that read them, rely on these."""
+    content = FULL.content()
+    assert list(content["causes"][0]) == ["effect", "class", "probability", "parameters", "summary", "pair_with"]
+    assert content["made"]["command"] == "cusick-bench diagnose"
+    assert content["gap"]["base"] == 0.1 + 0.2  # to the last digit
+    assert content["where"]["angle_deg"] == [22.5, 405.0]
+    assert "notes" not in content  # never given
+
+
+def test_what_is_missing_is_unknown() -> None:
+    """And keys that no field has, from a later version, are passed over."""
+    read = DiagnosisDocument.parse('{"fabric": "a", "verdict": "none", "later": 1}', "here")
+    assert read == DiagnosisDocument(fabric="a", verdict="none")
+    assert read.gap.base is None
+    assert read.where.map is None
+    assert read.statistics == ()
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        (("verdict",), "maybe", r"verdict: .*'none', 'effect', 'ambiguous' or 'unknown', got 'maybe'"),
+        (("causes", 0, "probability"), "high", r"causes\[0\]\.probability: .*number, got 'high'"),
+        (("causes", 0, "probability"), 1.2, r"causes\[0\]\.probability: .*less than or equal to 1"),
+        (("causes", 0, "effect"), None, r"causes\[0\]\.effect: .*string, got None"),
+        (("causes", 0), 3, r"causes\[0\]: "),
+        (("gap", "base"), True, r"gap\.base: .*number, got True"),
+        (("gap", "base"), 10**400, r"gap\.base: "),
+        (("gap", "p"), float("nan"), r"gap\.p: .*finite number"),
+        (("gap", "groups"), [], r"gap\.groups: "),
+        (("where", "angle_deg"), [1.0], r"where\.angle_deg\[1\]: Field required"),
+        (("where", "map"), [[0.0] * 16] * 3, r"where\.map: .*at least 4 items"),
+        (("where", "map", 2), [0.0] * 17, r"where\.map\[2\]: .*at most 16 items"),
+        (("data", "samples"), 2.5, r"data\.samples: .*integer"),
+        (("profiles", "data", 0, "side"), "left", r"profiles\.data\[0\]\.side: "),
+        (("profiles", "data", 0, "radii_m", 1), None, r"profiles\.data\[0\]\.radii_m\[1\]: .*number, got None"),
+        (("fabric",), "\ud800", "no valid diagnosis"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_place(
+    tmp_path: Path, place: tuple[str | int, ...], value: Any, message: str
+) -> None:
+    with pytest.raises(DiagnosisError, match=message) as caught:
+        DiagnosisDocument.read(damaged(tmp_path / "diagnosis.json", place, value))
+    assert "diagnosis.json" in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("content", ["", "[]", "null", '{"fabric": "a"', "[" * 100_000, "\xff"])
+def test_what_is_no_document_is_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "diagnosis.json"
+    path.write_bytes(content.encode("latin-1"))
+    with pytest.raises(DiagnosisError, match=r"diagnosis\.json is no valid diagnosis"):
+        DiagnosisDocument.read(path)
+
+
+def test_no_file_no_document(tmp_path: Path) -> None:
+    with pytest.raises(DiagnosisError, match=r"cannot read .*nothing\.json"):
+        DiagnosisDocument.read(tmp_path / "nothing.json")
+
+
+def test_documents_stay_as_they_are() -> None:
+    with pytest.raises(ValidationError, match="frozen"):
+        FULL.verdict = "none"  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(ValidationError, match="finite"):
+        StatedCause(effect="creep", probability=0.5, parameters={"loss": float("inf")})
+
+
+def test_an_answer_holds_what_was_given() -> None:
+    answer = Answer(verdict="unknown", causes=(StatedCause(effect="unknown", probability=1.0),), refused="no samples")
+    expected = {"verdict": "unknown", "causes": [{"effect": "unknown", "probability": 1.0}], "refused": "no samples"}
+    assert answer.content() == expected
+    assert Answer.parse(json.dumps(expected), "here") == answer
