@@ -9,12 +9,13 @@ References:
     Liu, Nocedal, On the Limited Memory BFGS Method for Large Scale Optimization, Math. Programming 45, 1989.
 """
 
-import math
-
 import numpy as np
 from scipy.optimize import minimize
 
+from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.incumbent import PENALTY, Incumbent
+
+SQUARE_DECAY = 0.99  # of Adam, instead of the usual 0.999: a round has only some ten steps
 
 
 def adam(incumbent: Incumbent, *, steps: int, rate: float) -> None:
@@ -26,19 +27,15 @@ def adam(incumbent: Incumbent, *, steps: int, rate: float) -> None:
         rate: Step length [prior standard deviations], falling to a tenth along a cosine.
     """
     tau, (lower, upper) = incumbent.tau.copy(), incumbent.problem.bounds
-    mean, square, age = np.zeros_like(tau), np.zeros_like(tau), 0
+    optimiser = Adam({"tau": tau}, square_decay=SQUARE_DECAY)
     for index in range(steps):
         loss, gradient = incumbent.value_and_gradient(tau)
         if loss >= PENALTY:
-            tau, rate, age = incumbent.tau.copy(), rate / 2, 0
-            mean[:], square[:] = 0, 0
+            tau[:], rate = incumbent.tau, rate / 2
+            optimiser = Adam({"tau": tau}, square_decay=SQUARE_DECAY)
             continue
-        age += 1
-        mean += 0.1 * (gradient - mean)
-        square += 0.01 * (gradient**2 - square)
-        decay = 0.1 + 0.45 * (1 + math.cos(math.pi * index / steps))
-        step = (mean / (1 - 0.9**age)) / (np.sqrt(square / (1 - 0.99**age)) + 1e-12)
-        tau = np.clip(tau - rate * decay * step, lower, upper)
+        optimiser.step({"tau": gradient}, cosine_rate(rate, index, steps))
+        np.clip(tau, lower, upper, out=tau)
 
 
 def lbfgs(incumbent: Incumbent, *, iterations: int) -> bool:

@@ -24,13 +24,13 @@ from jaxtyping import Float
 
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
+from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.variational.gaussian_posterior import (
     INFERENCE,
     PREDICTION,
-    AdamSteps,
     Gaussian,
     standard_normal,
 )
@@ -38,6 +38,7 @@ from cusick_bench.solvers.variational.predictive import predictive_draws, with_d
 
 REDUCTIONS = ("sum", "mean")
 PIXELS = 256 * 256
+SQUARE_DECAY = 0.95  # of Adam: gradients of few samples are noisy, and their size changes as q narrows
 
 _RUNNING, _OUT_OF_BUDGET, _COMPLETE = range(3)
 
@@ -116,7 +117,7 @@ class _Fit:
     seed: int
     incumbent: Incumbent
     q: Gaussian
-    adam: AdamSteps
+    adam: Adam
     ended: int = _RUNNING
 
     @classmethod
@@ -130,7 +131,8 @@ class _Fit:
                 start = incumbent.tau
         mean = np.zeros(tie.max() + 1)
         mean[tie] = start
-        fit = cls(solver, problem, seed, incumbent, Gaussian.around(mean, solver.scale, tie), _steps(solver))
+        q = Gaussian.around(mean, solver.scale, tie)
+        fit = cls(solver, problem, seed, incumbent, q, Adam(q.arrays, square_decay=SQUARE_DECAY))
         fit._save()
         return fit
 
@@ -139,12 +141,11 @@ class _Fit:
         state = problem.restore()
         if state is None:
             return None
-        incumbent, adam = Incumbent(problem), _steps(solver)
-        incumbent.tau, incumbent.loss = state.pop("best"), float(state.pop("best_loss"))
-        adam.age, ended = int(state.pop("age")), int(state.pop("ended"))
-        q = Gaussian(state.pop("q_mean"), state.pop("q_raw"), _tie(problem, solver.shared))
-        adam.moments = state
-        return cls(solver, problem, seed, incumbent, q, adam, ended)
+        incumbent = Incumbent(problem)
+        incumbent.tau, incumbent.loss = state["best"], float(state["best_loss"])
+        q = Gaussian(state["q_mean"], state["q_raw"], _tie(problem, solver.shared))
+        adam = Adam(q.arrays, square_decay=SQUARE_DECAY, memory=state)
+        return cls(solver, problem, seed, incumbent, q, adam, int(state["ended"]))
 
     def run(self) -> None:
         """Takes the steps that are left, as far as the budget goes."""
@@ -152,14 +153,14 @@ class _Fit:
             while self.ended == _RUNNING:
                 try:
                     self._step()
-                    self.ended = _COMPLETE if self.adam.age >= self.solver.steps else _RUNNING
+                    self.ended = _COMPLETE if self.adam.steps >= self.solver.steps else _RUNNING
                 except BudgetExceeded:
                     self.ended = _OUT_OF_BUDGET
                 self._save()
 
     def _step(self) -> None:
         samples, size = self.solver.samples, self.problem.dimension
-        first = self.adam.age * samples
+        first = self.adam.steps * samples
         noise = np.stack([standard_normal(self.seed, INFERENCE, first + i, size) for i in range(samples)])
         taus = self.q.draw(noise)
         losses, gradients = self.problem.evaluate_and_gradient_batch(taus)
@@ -171,13 +172,9 @@ class _Fit:
         prior = 1 if sums else 1 / size
         _, kl_mean, kl_scale = self.q.divergence()
         by_mean, by_scale = self.q.pull_back(likelihood * gradients[good], noise[good])
-        self.adam.step(self.q, by_mean + prior * kl_mean, by_scale + prior * kl_scale)
+        slopes = self.q.slopes(by_mean + prior * kl_mean, by_scale + prior * kl_scale)
+        self.adam.step(slopes, cosine_rate(self.solver.rate, self.adam.steps, self.solver.steps))
 
     def _save(self) -> None:
-        state = {"best": self.incumbent.tau, "best_loss": np.array(self.incumbent.loss)}
-        state |= {"age": np.array(self.adam.age), "ended": np.array(self.ended)}
-        self.problem.save(**state, q_mean=self.q.mean, q_raw=self.q.raw, **self.adam.moments)
-
-
-def _steps(solver: Bdp) -> AdamSteps:
-    return AdamSteps(solver.steps, solver.rate)
+        state = {"best": self.incumbent.tau, "best_loss": np.array(self.incumbent.loss), "ended": np.array(self.ended)}
+        self.problem.save(**state, q_mean=self.q.mean, q_raw=self.q.raw, **self.adam.memory())

@@ -1,4 +1,4 @@
-"""Variational inference with a Gaussian q: its draws, its divergence from the prior, its steps.
+"""Variational inference with a Gaussian q: its draws, its divergence from the prior, its slopes.
 
 q = N(mu, diag(softplus(eta)^2)), draws by reparametrisation, tau = mu + softplus(eta) * epsilon; the prior is N(0, I).
 One (mu, eta) may serve many entries of tau: `tie` names, for every entry, the pair it is drawn from.
@@ -9,14 +9,15 @@ References:
     Differentiable Physics for Cloth Digitalization. CVPR 2024, Eq. 6-10.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.solvers.adam import Arrays
+
 INFERENCE, PREDICTION = range(2)  # what random numbers are for
-RATE_DECAY = 0.1  # share of its length that the last of the planned steps still has
 
 
 def standard_normal(seed: int, purpose: int, index: int, size: int) -> Float[ndarray, " size"]:
@@ -73,38 +74,16 @@ class Gaussian:
         by_mean = np.bincount(self.tie, gradient.sum(0), minlength=pairs)
         return by_mean, np.bincount(self.tie, (gradient * noise).sum(0), minlength=pairs)
 
+    @property
+    def arrays(self) -> Arrays:
+        """What an optimiser moves, in place."""
+        return {"mean": self.mean, "raw": self.raw}
 
-@dataclass
-class AdamSteps:
-    """Adam on mean and eta of a Gaussian, with a cosine decay of its rate; what it remembers can be saved.
-
-    Attributes:
-        planned: Number of steps until the rate has decayed.
-        rate: First step length.
-        age: Steps taken.
-        moments: Running means of gradients and of their squares.
-    """
-
-    planned: int
-    rate: float
-    age: int = 0
-    moments: dict[str, ndarray] = field(default_factory=dict)
-
-    def step(self, q: Gaussian, by_mean: Float[ndarray, " pairs"], by_scale: Float[ndarray, " pairs"]) -> None:
-        """Moves q downhill, in place.
+    def slopes(self, by_mean: Float[ndarray, " pairs"], by_scale: Float[ndarray, " pairs"]) -> Arrays:
+        """Derivatives by `mean` and `raw` of a loss.
 
         Args:
-            q: What to move.
-            by_mean: Derivative of the loss by the mean.
+            by_mean: Its derivatives by the mean.
             by_scale: By the scale.
         """
-        self.age += 1
-        by_raw = by_scale / (1 + np.exp(-q.raw))
-        decay = RATE_DECAY + (1 - RATE_DECAY) * 0.5 * (1 + np.cos(np.pi * min(1, (self.age - 1) / self.planned)))
-        for name, values, gradient in (("mean", q.mean, by_mean), ("raw", q.raw, by_raw)):
-            first = self.moments.setdefault(f"{name}_first", np.zeros_like(values))
-            second = self.moments.setdefault(f"{name}_second", np.zeros_like(values))
-            first += 0.1 * (gradient - first)
-            second += 0.05 * (gradient**2 - second)
-            normal = (first / (1 - 0.9**self.age)) / (np.sqrt(second / (1 - 0.95**self.age)) + 1e-12)
-            values -= self.rate * decay * normal
+        return {"mean": by_mean, "raw": by_scale / (1 + np.exp(-self.raw))}

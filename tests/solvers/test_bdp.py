@@ -12,11 +12,12 @@ from cusick_bench.problem import Budget, DrapeProblem, Observation
 from cusick_bench.problem.field_space import DISCREPANCY
 from cusick_bench.problem.losses import radius_profile
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.base import SolverError, silent
 from cusick_bench.solvers.reference.silhouettes import silhouette
 from cusick_bench.solvers.registry import make_solver
 from cusick_bench.solvers.variational.bdp_field import _Inference
-from cusick_bench.solvers.variational.gaussian_posterior import AdamSteps, Gaussian
+from cusick_bench.solvers.variational.gaussian_posterior import Gaussian
 from cusick_bench.solvers.variational.linearisation import LinearModel, Normal, linearise
 from cusick_bench.solvers.variational.predictive import predictive_draws
 
@@ -49,13 +50,13 @@ class TestGaussian:
         """Likelihood N(y; tau, 0.5^2), prior N(0, 1): the posterior is N(0.8 y, 0.2)."""
         observed, generator = np.array([1.0, -2.0]), np.random.default_rng(1)
         q = Gaussian.around(np.zeros(2), 1.0, np.arange(2))
-        steps = AdamSteps(1500, 0.05)
-        for _ in range(1500):
+        adam = Adam(q.arrays, square_decay=0.95)
+        for step in range(1500):
             noise = generator.standard_normal((4, 2))
             gradient = (q.draw(noise) - observed) / 0.25 / 4
             by_mean, by_scale = q.pull_back(gradient, noise)
             _, kl_mean, kl_scale = q.divergence()
-            steps.step(q, by_mean + kl_mean, by_scale + kl_scale)
+            adam.step(q.slopes(by_mean + kl_mean, by_scale + kl_scale), cosine_rate(0.05, step, 1500))
         assert q.mean == pytest.approx(0.8 * observed, abs=0.05)
         assert q.scale == pytest.approx(math.sqrt(0.2), rel=0.1)
 
