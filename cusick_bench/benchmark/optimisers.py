@@ -164,7 +164,7 @@ def run_once(plan: Plan, method: str, run: int, told: Callable[[], None] = lambd
         return values[-1]
 
     generator = np.random.default_rng([plan.seed, run, 1])
-    search = METHODS[method](hidden.function).start(plan.dimension, plan.spent, generator)
+    search = METHODS[method](hidden.function).search(plan.dimension, plan.spent, generator)
     run_search(search, value, plan.spent)
     return values
 

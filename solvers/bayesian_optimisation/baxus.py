@@ -72,7 +72,6 @@ class Baxus(BoxSolver):
     name: ClassVar[str] = "baxus"
     summary: ClassVar[str] = "Bayesian optimisation in nested hashed subspaces"
     reference: ClassVar[str] = "Papenmeier, Nardi, Poloczek 2022"
-    package: ClassVar[str] = "botorch"
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)

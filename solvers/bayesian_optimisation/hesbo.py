@@ -31,7 +31,6 @@ class Hesbo(BoxSolver):
     name: ClassVar[str] = "hesbo"
     summary: ClassVar[str] = "Bayesian optimisation in a hashed subspace"
     reference: ClassVar[str] = "Nayebi, Munteanu, Poloczek 2019"
-    package: ClassVar[str] = "botorch"
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)

@@ -35,7 +35,6 @@ class Rembo(BoxSolver):
     name: ClassVar[str] = "rembo"
     summary: ClassVar[str] = "Bayesian optimisation in random linear subspaces"
     reference: ClassVar[str] = "Wang, Hutter, Zoghi, Matheson, de Freitas 2016"
-    package: ClassVar[str] = "botorch"
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)

@@ -29,7 +29,6 @@ class Turbo(BoxSolver):
     name: ClassVar[str] = "turbo"
     summary: ClassVar[str] = "Bayesian optimisation within a trust region (TuRBO-1)"
     reference: ClassVar[str] = "Eriksson, Pearce, Gardner, Turner, Poloczek 2019"
-    package: ClassVar[str] = "botorch"
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)

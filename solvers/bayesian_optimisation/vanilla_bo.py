@@ -25,7 +25,6 @@ class VanillaBo(BoxSolver):
     name: ClassVar[str] = "vanilla-bo"
     summary: ClassVar[str] = "Bayesian optimisation of all coordinates, length-scale prior scaled with dimension"
     reference: ClassVar[str] = "Hvarfner, Hellsten, Nardi 2024"
-    package: ClassVar[str] = "botorch"
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)

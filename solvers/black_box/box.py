@@ -9,8 +9,6 @@ from abc import abstractmethod
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
-from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -62,13 +60,7 @@ def digestible(losses: Sequence[float]) -> Float[np.ndarray, " evaluations"]:
 
 @dataclass(frozen=True)
 class BoxSolver(Solver):
-    """A gradient-free method that searches the problem's box, scaled to [-1, 1]^D.
-
-    Attributes:
-        package: Import name of the optional package that it runs on, empty for none.
-    """
-
-    package: ClassVar[str] = ""
+    """A gradient-free method that searches the problem's box, scaled to [-1, 1]^D."""
 
     @abstractmethod
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
@@ -80,19 +72,6 @@ class BoxSolver(Solver):
             generator: Source of all randomness.
         """
 
-    def start(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
-        """Starts a search, if what it runs on is installed.
-
-        Raises:
-            SolverError: The optional package is missing.
-        """
-        if self.package and find_spec(self.package) is None:
-            raise SolverError(
-                f"{self.name} runs on the package {self.package}, which is not installed; "
-                "install it with: pip install 'cusick-bench[bo]'"
-            )
-        return self.search(dimension, evaluations, generator)
-
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         budget = problem.meter.budget
         if budget.forward_equivalents is None and budget.seconds is None:
@@ -100,7 +79,7 @@ class BoxSolver(Solver):
         affordable = DEFAULT_EVALUATIONS
         if budget.forward_equivalents is not None:
             affordable = max(int(budget.forward_equivalents) - 1, 1)
-        search = self.start(problem.dimension, affordable, generator)
+        search = self.search(problem.dimension, affordable, generator)
         incumbent = Incumbent(problem)
         lower, upper = problem.bounds
         centre, half = (lower + upper) / 2, (upper - lower) / 2

@@ -33,7 +33,6 @@ class CmaEs(BoxSolver):
     name: ClassVar[str] = "cmaes"
     summary: ClassVar[str] = "covariance matrix adaptation evolution strategy"
     reference: ClassVar[str] = "Hansen, Ostermeier 2001; Ros, Hansen 2008; package cma"
-    package: ClassVar[str] = "cma"
 
     def __post_init__(self) -> None:
         if not self.sigma > 0:
@@ -42,7 +41,7 @@ class CmaEs(BoxSolver):
             raise SolverError(f"population must be >= 2, or 0 for 4 + 3 log D, got {self.population}")
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
-        import cma  # optional
+        import cma  # slow to import
 
         options: dict[str, Any] = {
             "bounds": [-1, 1],

@@ -4,6 +4,10 @@ Names are NLopt's own: LD_* (local, with gradients), LN_* (local, without), GD_*
 with the budget). Random algorithms draw their seed from the solver's generator, so every run can be repeated
 and resumed.
 
+Licence: NLopt's Python package is under the MIT licence; the library inside is as well, but for the code of Luksan's
+algorithms (LD_LBFGS, LD_VAR1, LD_VAR2, LD_TNEWTON*), which is under the LGPL (2.1 or later). It is linked dynamically
+and not distributed with this package.
+
 References:
     Johnson, The NLopt nonlinear-optimization package, https://github.com/stevengj/nlopt.
 """
