@@ -24,6 +24,8 @@ _MODULES = {
     "load": "loading",
 }
 
+NUMERICS_VERSION = 1  # raised when an image's or a profile's numbers change: see runner/numerics.py
+
 __all__ = ["REGISTRY", "DataError", "DrapeDataset", "DrapeSample", "Profile", "Split", "load"]
 
 

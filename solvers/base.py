@@ -73,6 +73,7 @@ class Solver(ABC):
     """A method that answers a drape problem. Fields of subclasses are its options."""
 
     name: ClassVar[str]
+    version: ClassVar[int] = 1  # raised when its answers change; see runner/numerics.py
     kind: ClassVar[str] = "solver"  # or "null": no physics, "oracle": has seen the held-out images
     reference: ClassVar[str] = ""
     summary: ClassVar[str] = ""

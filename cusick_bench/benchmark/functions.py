@@ -15,6 +15,8 @@ from jaxtyping import Float, Int
 
 from cusick_bench.sim.errors import CusickError
 
+NUMERICS_VERSION = 1  # raised when a function's numbers change: see runner/numerics.py
+
 Point = Float[np.ndarray, " dimension"]
 
 _HARTMANN_HEIGHT = np.array([1.0, 1.2, 3.0, 3.2])

@@ -4,7 +4,8 @@ OUT/optimisers.jsonl   a line a run, whole or absent: a command that was stopped
 OUT/optimisers.csv     a line a method and function, in full
 OUT/optimisers.md      the same to read, and where we differ from what was published
 
-Runs count only with the code that made them: after a change of the solvers they are made anew.
+Runs count as long as the versions of their numerics are those of the code at hand: after a change of a solver's numbers
+its runs are made again.
 """
 
 import json
@@ -18,9 +19,11 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.benchmark.functions import FUNCTIONS, BenchmarkError
-from cusick_bench.benchmark.optimisers import METHODS, PUBLISHED, Finished, summary
-from cusick_bench.runner.environment import code_version
+from cusick_bench.benchmark.optimisers import METHODS, PUBLISHED, Finished, run_numerics, summary
 from cusick_bench.runner.store import write_atomically
+
+_BEFORE_VERSIONS = {field.name for field in fields(Finished)} - {"numerics", "code"} | {"code_version"}
+"""Keys of a run of before the numerics had versions, which counts no more."""
 
 APART = 2.0  # standard errors of the difference beyond which two means are said to differ
 REMARKS = {
@@ -50,7 +53,7 @@ class RunFile:
         return self.out / "optimisers.jsonl"
 
     def read(self) -> list[Finished]:
-        """Runs made by this code; a last line that a crash cut off is left out.
+        """Runs made with the numerics of this code; a last line that a crash cut off is left out.
 
         Raises:
             BenchmarkError: The file holds something else.
@@ -62,6 +65,8 @@ class RunFile:
         for number, line in enumerate(lines, start=1):
             try:
                 record = json.loads(line)
+                if set(record) == _BEFORE_VERSIONS:
+                    continue
                 if set(record) != names:
                     raise ValueError(f"its keys must be {', '.join(sorted(names))}")
             except (ValueError, TypeError) as error:
@@ -71,7 +76,8 @@ class RunFile:
             found.append(Finished(**record))
         if last:
             write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
-        return [run for run in found if run.code_version == code_version()]
+        known = [run for run in found if run.method in METHODS and run.function in FUNCTIONS]
+        return [run for run in known if run.numerics == run_numerics(run.function, run.method)]
 
     def keep(self, run: Finished) -> None:
         """Adds a finished run."""
@@ -157,7 +163,7 @@ def _line(question: _Question, method: str, runs: list[Finished]) -> dict[str, A
         "differs": "" if not isfinite(z) else "no" if abs(z) <= APART else "lower" if z < 0 else "higher",
         "seconds_per_run": float(np.median([run.seconds for run in runs])),  # a run may have been suspended
         "seeds": " ".join(sorted({str(run.seed) for run in runs})),
-        "code_version": runs[0].code_version,
+        "code_version": "; ".join([runs[0].numerics, *dict.fromkeys(run.code for run in runs)]),
     }
 
 

@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from cusick_bench.benchmark.functions import FUNCTIONS, AnalyticFunction, BenchmarkError, Point, hide
-from cusick_bench.runner.environment import code_version
+from cusick_bench.benchmark.functions import FUNCTIONS, NUMERICS_VERSION, AnalyticFunction, BenchmarkError, Point, hide
+from cusick_bench.runner.environment import code_state, code_text
+from cusick_bench.runner.numerics import numerics_text
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
 from cusick_bench.solvers.bayesian_optimisation.rembo import Rembo
@@ -124,7 +125,8 @@ class Finished:
         seed: The plan's.
         best: Least value found.
         seconds: Wall time [s].
-        code_version: Code that made it.
+        numerics: Versions of the solver and of the test functions that made it.
+        code: Commit that made it.
     """
 
     function: str
@@ -135,12 +137,27 @@ class Finished:
     seed: int
     best: float
     seconds: float
-    code_version: str
+    numerics: str
+    code: str
 
     def answers(self, plan: Plan, method: str, run: int) -> bool:
         """Whether it is what a plan asks for."""
         asked = (plan.function, plan.dimension, plan.spent, plan.seed, method, run)
         return asked == (self.function, self.dimension, self.evaluations, self.seed, self.method, self.run)
+
+
+def run_numerics(function: str, method: str) -> str:
+    """Versions of what decides the numbers of a run.
+
+    Args:
+        function: Name in `FUNCTIONS`.
+        method: Name in `METHODS`.
+
+    Returns:
+        Text such as `solver rembo 1, test functions 1`.
+    """
+    solver = METHODS[method](FUNCTIONS[function])
+    return numerics_text({f"solver {solver.name}": solver.version, "test functions": NUMERICS_VERSION})
 
 
 def run_once(plan: Plan, method: str, run: int, told: Callable[[], None] = lambda: None) -> list[float]:
@@ -237,5 +254,6 @@ def compare(
 def _finish(plan: Plan, method: str, run: int, told: Callable[[str, int], None]) -> Finished:
     clock = time.perf_counter()
     best = min(run_once(plan, method, run, lambda: told(method, run)))
+    seconds, code = time.perf_counter() - clock, code_text({"code": code_state()})
     question = (plan.function, plan.dimension, plan.spent)
-    return Finished(*question, method, run, plan.seed, best, time.perf_counter() - clock, code_version())
+    return Finished(*question, method, run, plan.seed, best, seconds, run_numerics(plan.function, method), code)

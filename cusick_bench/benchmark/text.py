@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from cusick_bench.runner.environment import code_text
+
 _WORD = {True: "yes", False: "**no**", None: "-"}
 
 
@@ -18,7 +20,7 @@ def markdown(document: dict[str, Any], command: str) -> str:
     parts = [
         "# Benchmark of the simulator",
         f"`{command}`",
-        f"{hardware['cores']} cores, {hardware['processor']}, {hardware['platform']}; code {hardware['code_version']}; "
+        f"{hardware['cores']} cores, {hardware['processor']}, {hardware['platform']}; code: {code_text(hardware)}; "
         f"Python {hardware['python']}, {libraries}. Medians; a drop is 100 steps. The floor is 100 numeric "
         "factorisations and solves with the fastest backend installed, and nothing else.",
         *_targets(document),

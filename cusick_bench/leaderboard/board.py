@@ -7,7 +7,7 @@ since its mean is over an easier or harder set.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any
@@ -53,6 +53,7 @@ class Row:
         means: Plain means of the same.
         iqms: Interquartile means of the same.
         matched_null: Best-of-`draws` MSE of as many random-phase draws; NaN where that is not known.
+        code_version: Versions of the numerics, and commits, that its cells were computed with.
     """
 
     solver: str
@@ -67,6 +68,7 @@ class Row:
     means: dict[str, float]
     iqms: dict[str, float]
     matched_null: float = nan
+    code_version: str = ""
 
     @property
     def label(self) -> str:
@@ -182,6 +184,7 @@ class _Ranking:
             means={name: float(STATISTICS["mean"](array)) for name, array in arrays.items()},
             iqms={name: float(STATISTICS["iqm"](array)) for name, array in arrays.items()},
             matched_null=self._matched_null(group, table),
+            code_version=_code_of(group),
         )
 
     def _matched_null(self, group: pd.DataFrame, table: pd.DataFrame) -> float:
@@ -232,6 +235,12 @@ class _Ranking:
             yield replace(row, rank=rank)
 
 
+def _code_of(group: pd.DataFrame) -> str:
+    """Versions of the numerics and commits of a row's cells: `engine 1, metrics 1; commit 1a2b3c4d5e6f`."""
+    names = [name for name in ("code_version", "commit") if name in group]
+    return "; ".join(text for name in names for text in dict.fromkeys(map(str, group[name])) if text)
+
+
 def _values(group: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
     """A column by (cloth, seed), without what is not finite."""
     if name not in group:
@@ -247,12 +256,20 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
         for _, part in group.groupby(_VARIANT, sort=True):
             first = part.iloc[0]
             own = {name: first[name] for name in _VARIANT if name != "settings" and len(set(group[name])) > 1}
+            if "code_version" in own:
+                own["code_version"] = _own_versions(str(own["code_version"]), group["code_version"].unique())
             own |= {
                 name: value
                 for name, value in _flat(json.loads(str(first["settings"]))).items()
                 if name not in _VARIANT and any(other.get(name) != value for other in settings)
             }
             yield (str(solver), ", ".join(f"{name}={value}" for name, value in own.items())), part
+
+
+def _own_versions(text: str, texts: Iterable[str]) -> str:
+    """What sets the versions of a row's code apart from those of other rows."""
+    others = [other.split(", ") for other in texts]
+    return ", ".join(part for part in text.split(", ") if any(part not in other for other in others)) or text
 
 
 def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -10,10 +10,12 @@ import pandas as pd
 
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.runner import labelled
+from cusick_bench.runner.environment import code_text
+from cusick_bench.runner.numerics import numerics_text
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")
-_IDENTITY = ("space", "vertices", "dataset", "dataset_hash", "protocol", "code_version")
+_IDENTITY = ("space", "vertices", "dataset", "dataset_hash", "protocol")
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,9 @@ class Cells:
     Attributes:
         folder: The folder.
         run: Contents of `run.json`, empty where there is none.
-        table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `test` (index rows of
-            the unseen samples), `spent_*`, all metrics, and `folder`.
+        table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `code_version` (versions
+            of the numerics; of cells of before they had any, a fingerprint of the source), `commit`, `test` (index rows
+            of the unseen samples), `spent_*`, all metrics, and `folder`.
         skipped: The other cells.
     """
 
@@ -112,11 +115,18 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     if not math.isfinite(metrics.get("train_mse", math.nan)):
         raise ValueError("result.json has no finite train_mse")
     spent = {f"spent_{name}": _number(value) for name, value in result.get("spent", {}).items()}
-    known = {name: result.get(name, "") for name in _IDENTITY}
+    known = {name: result.get(name, "") for name in _IDENTITY} | _code(result)
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
     test = tuple(int(row) for row in result.get("test", ()))
     problem = {"kind": str(result["kind"]), **known, "test": test, "settings": settings}
     return {**identity, **problem, **spent, **metrics, "folder": folder}
+
+
+def _code(result: dict[str, Any]) -> dict[str, str]:
+    """What a cell was computed by: cells of one `code_version` may be compared, whatever their `commit`."""
+    if numerics := result.get("numerics"):
+        return {"code_version": numerics_text(numerics), "commit": code_text(result)}
+    return {"code_version": str(result.get("code_version", "")), "commit": ""}
 
 
 def _number(value: Any) -> float:

@@ -83,7 +83,8 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
     for name, estimate in row.estimates.items():
         numbers |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
         numbers |= {f"{name}_mean": row.means[name], f"{name}_iqm": row.iqms[name]}
-    identity = {key: value for key, value in asdict(row).items() if key not in ("estimates", "means", "iqms", "cloths")}
+    apart = ("estimates", "means", "iqms", "cloths", "code_version")
+    identity = {key: value for key, value in asdict(row).items() if key not in apart}
     return {
         **identity,
         "rank": "" if row.rank is None else row.rank,
@@ -94,7 +95,7 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
         "dataset_hash": board.dataset_hash,
         "protocol": board.protocol,
         "command": typed(board.run.get("command", "")),
-        "code_version": board.run.get("code_version", ""),
+        "code_version": row.code_version,
         "hardware": " ".join(str(board.run.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
     }
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.bootstrap import Estimate
 from cusick_bench.leaderboard.order import direction
+from cusick_bench.runner.environment import code_text
 
 _FOLDED = 25  # characters after which a long solver name is folded
 
@@ -210,6 +211,6 @@ def provenance(board: Leaderboard) -> list[str]:
         hardware += f", {run['cores']} cores"
     if hardware:
         facts.append(f"Hardware: {hardware}")
-    if run.get("code_version"):
-        facts.append(f"Code: {run['code_version']}, {run.get('time', '')}".rstrip(", "))
+    if code := code_text(run):
+        facts.append(f"Code: {code}, {run.get('time', '')}".rstrip(", "))
     return [f"{fact}." for fact in facts]

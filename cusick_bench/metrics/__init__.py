@@ -29,6 +29,8 @@ from cusick_bench.metrics.statistics import (
 from cusick_bench.metrics.surface import Surface
 from cusick_bench.metrics.variability import Variability, variability, variability_rows
 
+NUMERICS_VERSION = 1  # raised when a metric's numbers change: see runner/numerics.py
+
 __all__ = [
     "DISTRIBUTION_METRICS",
     "LOCKED",

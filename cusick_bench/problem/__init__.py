@@ -13,6 +13,8 @@ from cusick_bench.problem.space import HeterogeneousSpace, HomogeneousSpace, Par
 from cusick_bench.problem.spaces import SPACES
 from cusick_bench.problem.train_mesh import TrainMesh
 
+NUMERICS_VERSION = 1  # raised when a problem's numbers change: see runner/numerics.py
+
 __all__ = [
     "LOSSES",
     "SPACES",

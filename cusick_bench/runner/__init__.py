@@ -3,7 +3,7 @@
 from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.execute import run
-from cusick_bench.runner.grid import Cell, ProblemSettings, labelled, plan, require_space, shard
+from cusick_bench.runner.grid import Cell, ProblemSettings, labelled, plan, record_key, require_space, shard
 from cusick_bench.runner.pool import Source, load_once
 from cusick_bench.runner.progress import ProgressBars, Unwatched, Watcher
 from cusick_bench.runner.store import Store
@@ -22,6 +22,7 @@ __all__ = [
     "load_once",
     "load_prediction",
     "plan",
+    "record_key",
     "require_space",
     "run",
     "run_cell",

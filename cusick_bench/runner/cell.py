@@ -28,6 +28,7 @@ from cusick_bench.problem import (
     parse_causes,
 )
 from cusick_bench.problem.train_mesh import with_reference
+from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
@@ -160,7 +161,7 @@ def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) ->
         finally:
             if problem is not None:
                 problem.journal.close()
-        result = record | outcome | {"spent": spent or _spent(meter)}
+        result = record | outcome | {"spent": spent or _spent(meter), "code": code_state()}
         write_json(folder / "result.json", result)
         if result["status"] == "done":
             store.mark_done(cell.key)

@@ -1,9 +1,10 @@
-"""What a result depends on beside its problem: code, library versions, hardware."""
+"""What is recorded beside a result and decides nothing: the code's commit, library versions, hardware."""
 
-import hashlib
 import os
 import platform
+import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -11,30 +12,72 @@ from pathlib import Path
 from typing import Any
 
 import cusick_bench
+from cusick_bench.runner.numerics import numerics_text
 
-# Layers whose code decides the numbers of a cell.
-_DECISIVE = ("sim", "datasets", "problem", "solvers", "metrics")
 _LIBRARIES = ("numpy", "scipy", "torch", "numba", "nlopt", "cvxpy", "botorch", "gpytorch", "cma")
-
-
-@lru_cache(maxsize=4)
-def code_version(*more: str) -> str:
-    """Package version and a fingerprint of the source that decides numbers: `0.1.0+1a2b3c4d5e6f`.
-
-    Args:
-        more: Layers that decide them beside those of every cell, such as `diagnosis`.
-    """
-    root = Path(cusick_bench.__file__).parent
-    digest = hashlib.sha256()
-    for layer in (*_DECISIVE, *more):
-        for path in sorted((root / layer).resolve().rglob("*.py")):
-            digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return f"{cusick_bench.__version__}+{digest.hexdigest()[:12]}"
+_GIT_SECONDS = 10.0  # after which a checkout on a slow disk counts as none
 
 
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@lru_cache(maxsize=1)  # a running process keeps the code that it has loaded
+def code_state() -> dict[str, Any]:
+    """Which code runs.
+
+    Returns:
+        `package`, the version of the package; `commit` of its checkout, "" where it runs from none; `dirty`, whether
+        tracked files of the checkout were changed.
+    """
+    root = Path(cusick_bench.__file__).resolve().parents[1]
+    top = _git(root, "rev-parse", "--show-toplevel")
+    commit = _git(root, "rev-parse", "--short=12", "HEAD") if top and Path(top).resolve() == root else ""
+    dirty = bool(commit and _git(root, "status", "--porcelain", "--untracked-files=no"))
+    return {"package": cusick_bench.__version__, "commit": commit, "dirty": dirty}
+
+
+def _git(folder: Path, *words: str) -> str:
+    """What git says of a folder; "" where it is in no checkout, or there is no git."""
+    with suppress(OSError, subprocess.SubprocessError):
+        done = subprocess.run(
+            ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=_GIT_SECONDS, check=True
+        )
+        return done.stdout.strip()
+    return ""
+
+
+def code_text(record: Mapping[str, Any], numerics: Mapping[str, int] | None = None) -> str:
+    """Which code made a record, in a line.
+
+    Args:
+        record: What holds a `code` as `code_state` gives it, such as `run.json`; or, of before the numerics had
+            versions, a `code_version`.
+        numerics: Versions of the parts that made it, which the text then begins with.
+
+    Returns:
+        Text such as `commit 1a2b3c4d5e6f` or `engine 1, metrics 1; commit 1a2b3c4d5e6f (changed)`; "" where the record
+        knows nothing of its code.
+    """
+    code = record.get("code")
+    if not isinstance(code, Mapping):
+        return str(record.get("code_version") or "")
+    state = f"commit {code['commit']}" if code.get("commit") else f"version {code.get('package', '?')}"
+    state += " (changed)" if code.get("dirty") else ""
+    return f"{numerics_text(numerics)}; {state}" if numerics else state
+
+
+def version_text(numerics: Mapping[str, int]) -> str:
+    """Versions of the numerics and the commit of the code that runs, in a line.
+
+    Args:
+        numerics: Version of each part, by name.
+
+    Returns:
+        Text such as `diagnosis 1, engine 1; commit 1a2b3c4d5e6f`.
+    """
+    return code_text({"code": code_state()}, numerics)
 
 
 def _library_version(name: str) -> str:
@@ -54,9 +97,9 @@ def _processor() -> str:
 
 
 def environment() -> dict[str, Any]:
-    """Versions and hardware, for the record."""
+    """Code, library versions and hardware, for the record."""
     return {
-        "code_version": code_version(),
+        "code": code_state(),
         "python": sys.version.split()[0],
         "libraries": {name: _library_version(name) for name in _LIBRARIES},
         "platform": platform.platform(),

@@ -9,7 +9,7 @@ from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.runner.cell import run_cell
-from cusick_bench.runner.environment import environment
+from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.pool import Source, load_once, run_on_executor, run_on_processes
@@ -78,12 +78,12 @@ def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watche
 
 def _record_death(cell: Cell, store: Store, watcher: Watcher) -> None:
     """A cell whose process was killed cannot say so itself."""
-    failure = "its process died (killed for want of memory?); with fewer --workers it has more"
+    failure = "Worker process died, probably killed out of memory; reduce --workers"
     outcome = {"status": "failed", "failure": failure, "traceback": "", "metrics": {}, "spent": {}}
     folder = store.folder(cell.key)
     with disk_errors(store.out):
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(folder / "result.json", cell.record() | outcome)
+        write_json(folder / "result.json", cell.record() | outcome | {"code": code_state()})
     watcher.end(cell, "failed", failure)
 
 
@@ -101,6 +101,7 @@ def _record_run(store: Store, dataset: DrapeDataset, cells: Sequence[Cell], comm
         "dataset": dataset.name,
         "dataset_hash": dataset.content_hash,
         "cells": [cell.key for cell in cells],
+        "numerics": {part: number for cell in cells for part, number in cell.numerics},
         **environment(),
         "history": history,
     }

@@ -8,15 +8,15 @@ from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.problem import LOSSES, SPACES, Budget, ProblemError, canonical
-from cusick_bench.runner.environment import code_version
 from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.numerics import LAWS, cell_numerics
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
 
 CAMERAS = ("parallel", "pinhole")
 RENDERERS = ("coverage", "soft")
 LAYINGS = ("image", "random")
-LAWS = ("paper", "published")
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Cell:
         dataset: Name of the data set.
         dataset_hash: Content hash of the files in use.
         protocol: How the samples were split.
-        code_version: Code that the numbers come from.
+        numerics: Version of each part of the code that decides the numbers (`cell_numerics`).
     """
 
     solver: str
@@ -91,12 +91,12 @@ class Cell:
     dataset: str
     dataset_hash: str
     protocol: str
-    code_version: str
+    numerics: tuple[tuple[str, int], ...]
 
     def problem_hash(self) -> str:
         """Fingerprint of the problem, whoever solves it."""
         record = {"dataset": self.dataset_hash, "cloth": self.cloth, "train": self.train, "test": self.test}
-        return _digest(record | {"settings": self.settings.record()})
+        return record_key(record | {"settings": self.settings.record()})
 
     def record(self) -> dict[str, Any]:
         """Contents of `cell.json`; the cell's key is their hash."""
@@ -117,7 +117,7 @@ class Cell:
             "test": list(self.test),
             "settings": self.settings.record(),
             "budget": asdict(self.settings.budget),
-            "code_version": self.code_version,
+            "numerics": dict(self.numerics),
         }
 
     @property
@@ -128,7 +128,7 @@ class Cell:
     @property
     def key(self) -> str:
         """Name of the cell's folder."""
-        return _digest(self.record())
+        return record_key(self.record())
 
 
 def labelled(solver: str, causes: Sequence[str]) -> str:
@@ -136,7 +136,15 @@ def labelled(solver: str, causes: Sequence[str]) -> str:
     return " + ".join([solver, *causes])
 
 
-def _digest(record: dict[str, Any]) -> str:
+def record_key(record: dict[str, Any]) -> str:
+    """Name of a cell's folder: a hash of all that decides its numbers.
+
+    Args:
+        record: Contents of `cell.json`.
+
+    Returns:
+        20 hexadecimal digits.
+    """
     return hashlib.sha256(json.dumps(record, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
@@ -170,6 +178,7 @@ def plan(
     meshed = [text for text, solver in made.items() if solver.needs_mesh]
     if asked.causes and meshed:
         raise RunnerError(f"{meshed[0]} balances forces without draping, so it knows no effects; run it without")
+    posed = {text: _settings_for(solver, asked) for text, solver in made.items()}
     cells = [
         Cell(
             solver=text,
@@ -177,15 +186,11 @@ def plan(
             seed=seed,
             train=tuple(split.train),
             test=tuple(split.test),
-            settings=replace(
-                asked,
-                space=made[text].space or asked.space,
-                causes=asked.causes if made[text].kind == "solver" else (),  # the others do not simulate
-            ),
+            settings=posed[text],
             dataset=dataset.name,
             dataset_hash=dataset.content_hash,
             protocol=protocol,
-            code_version=code_version(),
+            numerics=tuple(cell_numerics(made[text], posed[text].drape, posed[text].causes).items()),
         )
         for split in dataset.split(protocol, cloths)
         for text in made
@@ -195,6 +200,12 @@ def plan(
         if made[cell.solver].kind == "solver":
             dataset.require_density(cell.train[0])
     return cells
+
+
+def _settings_for(solver: Solver, asked: ProblemSettings) -> ProblemSettings:
+    """The settings in a solver's own parameter space; a solver that does not simulate meets no effects."""
+    causes = asked.causes if solver.kind == "solver" else ()
+    return replace(asked, space=solver.space or asked.space, causes=causes)
 
 
 def require_space(solvers: Iterable[str], space: str) -> None:

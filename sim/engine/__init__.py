@@ -4,3 +4,5 @@ system: `DrapeSystem`, forces, stiffness and adjoint; elements, layout, assembly
 settings: `DrapeSettings`; drop: implicit Euler; equilibrium: Newton's method; branch: which rest was followed;
 force_basis, force_modes: forces as linear functions of stiffness tables and of random fields.
 """
+
+NUMERICS_VERSION = 1  # raised when a mesh's or a drape's numbers change: see runner/numerics.py

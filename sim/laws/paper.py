@@ -14,6 +14,8 @@ Bending: quadratic B-spline over |curvature|, mirrored at zero and constant beyo
 from cusick_bench.sim.laws.tables import CURVATURE_STEP, STRAIN_SAMPLE
 from cusick_bench.sim.laws.vectors import kernel
 
+NUMERICS_VERSION = 1  # raised when this law's numbers change: see runner/numerics.py
+
 _E2 = STRAIN_SAMPLE**2
 _TINY = 1e-24  # of q: below, every share of samples 1..5 is lost in rounding
 

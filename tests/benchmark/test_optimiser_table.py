@@ -1,7 +1,7 @@
 """The table of optimisers on test functions: runs are kept, never made twice, and read honestly."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -11,15 +11,16 @@ from typer.testing import CliRunner
 from cusick_bench.benchmark import optimisers
 from cusick_bench.benchmark.functions import BenchmarkError
 from cusick_bench.benchmark.optimiser_table import RunFile, markdown_table, table_rows
-from cusick_bench.benchmark.optimisers import PUBLISHED, Finished, Plan, compare
+from cusick_bench.benchmark.optimisers import PUBLISHED, Finished, Plan, compare, run_numerics
 from cusick_bench.cli import app
-from cusick_bench.runner.environment import code_version
 
 PLAN = Plan("hartmann6", runs=3, methods=("sobol", "cmaes"))
 
 
 def finished(method: str, best: float, run: int = 0, function: str = "hartmann6", evaluations: int = 200) -> Finished:
-    return Finished(function, 100, evaluations, method, run, 0, best, 1.5, code_version())
+    return Finished(
+        function, 100, evaluations, method, run, 0, best, 1.5, run_numerics(function, method), "commit 1a2b3c"
+    )
 
 
 def spread(method: str, mean: float, error: float, runs: int = 16) -> list[Finished]:
@@ -43,7 +44,7 @@ class TestRuns:
         assert [row["best"] for row in resumed["methods"]] == [row["best"] for row in whole["methods"]]
         assert len(file.read()) == 6
 
-    def test_other_questions_and_other_code_do_not_count(self, tmp_path):
+    def test_other_questions_and_other_numerics_do_not_count(self, tmp_path):
         run = finished("sobol", -2.0)
         assert run.answers(PLAN, "sobol", 0)
         others = [(PLAN, "sobol", 1), (PLAN, "cmaes", 0), (replace(PLAN, seed=1), "sobol", 0)]
@@ -51,7 +52,10 @@ class TestRuns:
         assert not any(run.answers(*other) for other in others)
         file = RunFile(tmp_path)
         file.keep(run)
-        file.keep(replace(run, run=1, code_version="9.9+other"))
+        file.keep(replace(run, run=1, numerics="solver sobol 0, test functions 1"))
+        before = {name: value for name, value in asdict(run).items() if name not in ("numerics", "code")}
+        with file.path.open("a") as stream:
+            stream.write(json.dumps(before | {"code_version": "0.1.0+1a2b3c4d5e6f"}) + "\n")
         assert file.read() == [run]
 
     def test_a_line_cut_off_is_dropped_and_a_strange_one_is_named(self, tmp_path):

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from cusick_bench import metrics
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -19,7 +20,7 @@ from cusick_bench.leaderboard.gate.check import Gate, check
 from cusick_bench.leaderboard.gate.paired import compare, holm
 from cusick_bench.problem import Budget
 from cusick_bench.runner import ProblemSettings, Source, plan, run
-from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.numerics import numerics_text
 from cusick_bench.sim.engine.settings import DrapeSettings
 
 CLOTHS = ("a", "b", "c", "d", "e")
@@ -201,12 +202,13 @@ class TestRun:
         assert (finding.solver, finding.metric) == ("homo,search=2", "cells")
 
     def test_cells_of_older_code_in_the_same_folder_do_not_count(self, lab, tmp_path, monkeypatch):
-        monkeypatch.setattr("cusick_bench.runner.grid.code_version", lambda: "0.0+old")
-        folder = solve(lab, tmp_path / "both", [0], ["null:disc"])
-        monkeypatch.undo()
+        with monkeypatch.context() as patch:
+            patch.setattr("cusick_bench.metrics.NUMERICS_VERSION", 0)
+            folder = solve(lab, tmp_path / "both", [0], ["null:disc"])
         solve(lab, folder, [0], ["null:disc"])
         assert len(list(folder.glob("cells/*"))) == 2 * CLOTHS_RUN
-        assert set(read_cells(folder)["code_version"]) == {code_version()}
+        versions = {"datasets": 1, "metrics": metrics.NUMERICS_VERSION, "solver null:disc": 1}
+        assert set(read_cells(folder)["code_version"]) == {numerics_text(versions)}
 
 
 class TestCommand:

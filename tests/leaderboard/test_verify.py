@@ -133,10 +133,10 @@ class TestCells:
         assert (found.status, [check.name for check in found.broken]) == ("differs", ["data"])
 
     def test_other_code_is_said(self, finished, dataset, monkeypatch):
-        monkeypatch.setattr("cusick_bench.leaderboard.verification.verify.code_version", lambda: "9.9+changed")
+        monkeypatch.setattr("cusick_bench.metrics.NUMERICS_VERSION", 99)
         found = verify_cell(folder_of(finished, "null:disc"), dataset)
         assert found.status == "verified"
-        assert any("verified by 9.9+changed" in note for note in found.notes)
+        assert any("metrics 1" in note and "verified by datasets 1, metrics 99" in note for note in found.notes)
 
     def test_draws_that_are_not_simulated_again_are_said_to_be(self, copy, dataset):
         """A posterior's draws: their pictures are rendered and scored again."""

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.datasets import load
+from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
@@ -18,7 +19,8 @@ from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.report.diagnosis.page import write_diagnosis_page
-from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.environment import version_text
+from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import effect
 from cusick_bench.sim.setup import Simulators
@@ -55,6 +57,7 @@ def diagnose_data(
     dataset = load(data)
     chosen = fabric or _with_samples(dataset)
     simulators, written = Simulators(most=20), []
+    version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
     with progress_bar("reading data", len(chosen)) as bar:
         for number, name in enumerate(chosen):
             captures = read_captures(dataset, name)
@@ -65,7 +68,7 @@ def diagnose_data(
 
             result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
-            one = document(result, captures, emulator, command=command, version=code_version("diagnosis"))
+            one = document(result, captures, emulator, command=command, version=version)
             written.append(_write(one, out))
     if summary is not None:
         _summarise([one.document for one in written], summary)

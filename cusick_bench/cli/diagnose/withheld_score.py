@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
-from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.answers.twins import read_twins
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import number, read_object
@@ -85,7 +86,7 @@ def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict
     return {
         "command": f"cusick-bench withheld score {answers.name} {labels.name} --seed {seed}{more}",
         **dict(zip(("answers_sha256", "labels_sha256"), digests, strict=True)),
-        "code_version": code_version("withheld"),
+        "code_version": version_text({"withheld": NUMERICS_VERSION}),
     }
 
 

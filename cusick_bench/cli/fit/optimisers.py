@@ -11,7 +11,7 @@ from rich.table import Table
 from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
 from cusick_bench.benchmark.optimisers import Plan, compare
 from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
-from cusick_bench.runner.environment import environment
+from cusick_bench.runner.environment import code_text, environment
 
 app = typer.Typer()
 
@@ -70,7 +70,7 @@ def _provenance() -> str:
     command, made = " ".join(["cusick-bench", *sys.argv[1:]]), environment()
     return (
         f"Last command: `{command}`. Hardware: {made['processor']}, {made['platform']}, {made['cores']} cores. "
-        f"Code: {made['code_version']}."
+        f"Code: {code_text(made)}."
     )
 
 

@@ -14,6 +14,7 @@ from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
 from cusick_bench.leaderboard.gate.check import METRICS, Finding, Gate, Outcome, check
+from cusick_bench.runner.environment import code_text
 
 PIPED_WIDTH = 130
 _TESTS = {"permutation": "perm.", "t": "t", "none": "none"}
@@ -67,9 +68,7 @@ def _facts(run: Path) -> list[str]:
         facts.append(f"command: cusick-bench {' '.join(map(str, earlier.get('command', [])[1:]))}")
     if made:
         hardware = (made.get(key) for key in ("processor", "platform", "cores"))
-        facts.append(
-            f"made: {made.get('time')}, code {made.get('code_version')}, on {' '.join(map(str, hardware))} cores"
-        )
+        facts.append(f"made: {made.get('time')}, code: {code_text(made)}, on {' '.join(map(str, hardware))} cores")
     return list(dict.fromkeys(facts))
 
 

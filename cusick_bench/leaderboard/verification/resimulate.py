@@ -6,8 +6,6 @@ leave where it is. Draws that are the fit itself are made again with it. Of draw
 are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
 """
 
-import hashlib
-import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -88,11 +86,6 @@ class Repetition:
     metrics: dict[str, float] | None = None
 
 
-def record_key(record: dict[str, Any]) -> str:
-    """Name of the folder of a cell with that `cell.json`, as `Cell.key` makes it."""
-    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()[:20]
-
-
 def read_record(folder: Path) -> dict[str, Any]:
     """A cell's `cell.json`.
 
@@ -115,12 +108,13 @@ def cell_of(record: dict[str, Any]) -> Cell:
     try:
         settings = dict(record["settings"])
         parts = {"drape": DrapeSettings(**settings.pop("drape")), "budget": Budget(**settings.pop("budget"))}
-        names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol", "code_version")
+        names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol")
         return Cell(
             **{name: record[name] for name in names},
             train=tuple(record["train"]),
             test=tuple(record["test"]),
             settings=ProblemSettings(**settings, **parts),
+            numerics=tuple(record.get("numerics", {}).items()),  # none in cells of before the numerics had versions
         )
     except (KeyError, TypeError) as error:
         raise LeaderboardError(f"cell.json is of another version of this program: {error!r}") from error

@@ -159,7 +159,6 @@ def _line(
         "settings": json.dumps(settings, sort_keys=True),
         "budget": _budget(settings.get("budget") or {}),
         "command": typed(made.get("command", [])),
-        "code_version": str(group["code_version"].iloc[0]),
         "hardware": " ".join(str(made.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
         "time": made.get("time", ""),
         "row": hashlib.sha256(" ".join(keys).encode()).hexdigest()[:16],

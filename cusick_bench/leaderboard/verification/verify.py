@@ -20,14 +20,16 @@ from cusick_bench.leaderboard.verification.resimulate import (
     cell_of,
     metric_checks,
     read_record,
-    record_key,
     repeat,
     rescore,
 )
-from cusick_bench.runner.environment import code_version
+from cusick_bench.runner import Cell, record_key
+from cusick_bench.runner.environment import code_state, version_text
 from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.numerics import cell_numerics, numerics_text
 from cusick_bench.runner.store import read_json, write_json
 from cusick_bench.sim.errors import CusickError
+from cusick_bench.solvers.registry import make_solver
 
 VERIFIED = "verified.json"
 _FILES = ("cell.json", "result.json", "prediction.npz")
@@ -98,7 +100,7 @@ def keep(run: Path, verifications: list[Verification]) -> None:
     for verification in verifications:
         known[verification.key] = verification.record() | {
             "files": _digests(run / "cells" / verification.key),
-            "code_version": code_version(),
+            "code": code_state(),
             "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }
     write_json(path, known)
@@ -123,8 +125,7 @@ def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redra
     identity = (folder.name, cell.label, cell.cloth, cell.seed)
     if result.get("status") != "done":
         return Verification(*identity, "unreadable", (), ("the cell has failed; it claims nothing",))
-    if cell.code_version != code_version():
-        notes.append(f"the cell was run by code {cell.code_version}, verified by {code_version()}")
+    notes += _other_numerics(cell, record)
     if not all(check.holds for check in checks):
         return Verification(*identity, "differs", tuple(checks), tuple(notes))
     repetition = repeat(folder, cell, str(record["kind"]), dataset, redrawn=redrawn, seed=seed)
@@ -135,6 +136,15 @@ def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redra
     held = all(check.holds for check in checks)
     status = "differs" if not held else "verified" if repetition.simulated else "rescored"
     return Verification(*identity, status, tuple(checks), tuple(notes))
+
+
+def _other_numerics(cell: Cell, record: dict[str, Any]) -> list[str]:
+    """A note where the code at hand has other numerics than the code that ran the cell."""
+    now = cell_numerics(make_solver(cell.solver), cell.settings.drape, cell.settings.causes)
+    if dict(cell.numerics) == now:
+        return []
+    then = numerics_text(dict(cell.numerics)) or str(record.get("code_version", "unknown"))
+    return [f"the cell was run by code {then}, verified by {version_text(now)}"]
 
 
 def _identity_checks(

@@ -19,6 +19,7 @@ from cusick_bench.report.errors import ReportError
 from cusick_bench.report.run.content import Card, Picture, fill_card, numbers, real_drape
 from cusick_bench.report.run.figure import save_figure
 from cusick_bench.report.run.template import PAGE
+from cusick_bench.runner.environment import code_text
 
 TITLE = "Cusick drape report"
 
@@ -148,7 +149,7 @@ def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
     found = [
         ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
         ("Command", command if isinstance(command, str) else " ".join(map(str, command))),
-        ("Code", str(run.get("code_version", ""))),
+        ("Code", code_text(run)),
         ("Hardware", hardware + (f", {run['cores']} cores" if run.get("cores") else "")),
         ("Date", str(run.get("time", ""))),
     ]

@@ -17,12 +17,14 @@ from typing import Any
 import numpy as np
 
 from cusick_bench.datasets import load
+from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.inference.evidence import UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
-from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.environment import version_text
+from cusick_bench.runner.numerics import diagnosis_numerics, numerics_text
 from cusick_bench.runner.processes import one_thread_each
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
@@ -110,7 +112,7 @@ def answer_each(
             todo.append(_Task(folder, asked[folder], part))
     _each(todo, atlas, workers, step)
     found = {folder.name: json.loads(part.read_text()) for folder, part in parts.items()}
-    content = {"code_version": _version(), "atlas_sha256": _digest(atlas), **facts, "answers": found}
+    content = {"code_version": version_text(_numerics()), "atlas_sha256": _digest(atlas), **facts, "answers": found}
     write_atomically(out, json.dumps(content, indent=1).encode())
     return content
 
@@ -180,14 +182,14 @@ def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators | None = 
     write_atomically(task.part, json.dumps(found).encode())
 
 
-def _version() -> str:
-    """Of the code that makes answers."""
-    return code_version("diagnosis")
+def _numerics() -> dict[str, int]:
+    """Versions of what decides an answer."""
+    return diagnosis_numerics(diagnosis=NUMERICS_VERSION)
 
 
 def _fingerprint(atlas: Path, options: Options) -> str:
-    """Answers of other code, another atlas or other options are not taken over."""
-    return hashlib.sha256(f"{_version()} {_digest(atlas)} {options}".encode()).hexdigest()[:16]
+    """Answers of other numerics, another atlas or other options are not taken over."""
+    return hashlib.sha256(f"{numerics_text(_numerics())} {_digest(atlas)} {options}".encode()).hexdigest()[:16]
 
 
 def _digest(path: Path) -> str:

@@ -1,0 +1,88 @@
+"""Versions of the numerics: which code decided a number, part by part, whatever its source looks like.
+
+Each part of the code states a version where it stands: `NUMERICS_VERSION` in a law's file or a package's `__init__`,
+`version` of a solver. Whoever changes a part's numbers raises its version by 1. What was computed with other versions
+is then computed again; an edit that changes no number, of a comment or a file's name, leaves finished work alone. A
+cell depends only on the versions of the parts that it uses.
+
+`tests/golden/numerics.json` holds numbers of every part and version, and a test fails where numbers change without a
+new version. After raising a version: `python tests/support/golden.py --write`.
+"""
+
+from collections.abc import Mapping
+
+from cusick_bench import datasets, metrics, problem
+from cusick_bench.sim import contact, effects, engine, render
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.laws import paper, published
+from cusick_bench.solvers.base import Solver
+
+LAWS = {"paper": paper.NUMERICS_VERSION, "published": published.NUMERICS_VERSION}
+"""Version of each material law, by its name in `DrapeSettings`."""
+
+
+def drape_numerics(law: str, *, with_contact: bool = False, with_effects: bool = False) -> dict[str, int]:
+    """Versions of what makes a drape and its silhouette.
+
+    Args:
+        law: Name of the material law.
+        with_contact: Whether the cloth keeps off itself.
+        with_effects: Whether anything is simulated that the base model leaves out.
+
+    Returns:
+        Version of each part, by name.
+    """
+    versions = {"engine": engine.NUMERICS_VERSION, f"law {law}": LAWS[law], "renderer": render.NUMERICS_VERSION}
+    if with_contact or with_effects:
+        versions["contact"] = contact.NUMERICS_VERSION
+    if with_effects:
+        versions["effects"] = effects.NUMERICS_VERSION
+    return versions
+
+
+def cell_numerics(solver: Solver, drape: DrapeSettings, causes: tuple[str, ...] = ()) -> dict[str, int]:
+    """Versions of what decides a cell's numbers.
+
+    Args:
+        solver: Who answers; one without physics does not depend on the simulator.
+        drape: How the problem's drapes are simulated.
+        causes: What is simulated that the base model leaves out.
+
+    Returns:
+        Version of each part, by name.
+    """
+    versions = {
+        "datasets": datasets.NUMERICS_VERSION,
+        "metrics": metrics.NUMERICS_VERSION,
+        f"solver {solver.name}": solver.version,
+    }
+    if solver.kind == "solver":
+        with_contact, with_effects = drape.self_contact > 0, bool(causes)
+        versions |= drape_numerics(drape.law, with_contact=with_contact, with_effects=with_effects)
+        versions["problem"] = problem.NUMERICS_VERSION
+    return dict(sorted(versions.items()))
+
+
+def diagnosis_numerics(**above: int) -> dict[str, int]:
+    """Versions of what a diagnosis is made of.
+
+    Args:
+        above: Versions of parts that this package cannot know, by name: `diagnosis`, `withheld`.
+
+    Returns:
+        Version of each part, by name.
+    """
+    versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
+    return dict(sorted((versions | drape_numerics("paper", with_effects=True)).items()))
+
+
+def numerics_text(versions: Mapping[str, int]) -> str:
+    """Versions in a line.
+
+    Args:
+        versions: Version of each part, by name.
+
+    Returns:
+        Text such as `engine 1, law paper 1, metrics 1`.
+    """
+    return ", ".join(f"{part} {version}" for part, version in versions.items())
