@@ -13,11 +13,11 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.verification.resimulate import cell_of, read_record, record_key, repeat, rescore
+from cusick_bench.leaderboard.verification.resimulate import cell_of, read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import altered, append, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
 from cusick_bench.problem import Budget
-from cusick_bench.runner import ProblemSettings, Source, plan, run
+from cusick_bench.runner import ProblemSettings, Source, plan, record_key, run
 from cusick_bench.sim.engine.settings import DrapeSettings
 
 SOLVERS = ("homo,search=2", "null:disc", "null:random-phase,draws=12", "oracle:best-other")

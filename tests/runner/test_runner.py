@@ -32,7 +32,7 @@ from cusick_bench.runner import (
     shard,
 )
 from cusick_bench.runner import cell as cell_module
-from cusick_bench.runner.environment import code_version
+from cusick_bench.runner.environment import code_state, code_text
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.solvers.gradient.homo import Homo
@@ -94,8 +94,38 @@ class TestGrid:
         assert key() == key()
         assert len(others | {key()}) == 6
         before = key()
-        monkeypatch.setattr("cusick_bench.runner.grid.code_version", lambda: "9.9+changed")
+        monkeypatch.setattr("cusick_bench.sim.engine.NUMERICS_VERSION", 99)
         assert key() != before
+
+    @pytest.mark.parametrize(
+        ("part", "touched"),
+        [
+            ("cusick_bench.solvers.variational.bdp.Bdp.version", {"bdp"}),
+            ("cusick_bench.sim.render.NUMERICS_VERSION", {"homo", "bdp"}),
+            ("cusick_bench.problem.NUMERICS_VERSION", {"homo", "bdp"}),
+            ("cusick_bench.metrics.NUMERICS_VERSION", {"homo", "bdp", "null:disc"}),
+            ("cusick_bench.sim.contact.NUMERICS_VERSION", set()),
+            ("cusick_bench.sim.effects.NUMERICS_VERSION", set()),
+        ],
+    )
+    def test_a_new_version_touches_only_cells_that_use_the_part(self, dataset, monkeypatch, part, touched):
+        def keys():
+            cells = plan(dataset, solvers=["homo", "bdp", "null:disc"], cloths=["fabric_1"], settings=SMALL)
+            return {cell.solver: cell.key for cell in cells}
+
+        before = keys()
+        monkeypatch.setattr(part, 99)
+        after = keys()
+        assert {solver for solver in before if before[solver] != after[solver]} == touched
+
+    def test_effects_and_contact_count_where_they_are_simulated(self, dataset):
+        with_cause = ProblemSettings(vertices=100, causes=("plate-tilt:angle=2",), budget=Budget(8))
+        homo, disc = plan(dataset, solvers=["homo", "null:disc"], cloths=["fabric_1"], settings=with_cause)
+        assert {"effects", "contact"} <= homo.record()["numerics"].keys()
+        assert disc.record()["numerics"].keys() == {"datasets", "metrics", "solver null:disc"}
+        apart = ProblemSettings(vertices=100, drape=DrapeSettings(mode="equilibrium", self_contact=1e-3))
+        (cell,) = plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=apart)
+        assert "contact" in cell.record()["numerics"]
 
     def test_shards_are_the_whole_once(self, dataset):
         cells = plan(dataset, solvers=["null:disc", "null:copy"], seeds=[0, 1, 2], settings=SMALL)
@@ -146,6 +176,21 @@ class TestCells:
         record = json.loads((tmp_path / "run.json").read_text())
         assert record["command"] == ["cusick-bench", "run"]
         assert record["dataset_hash"] == load(data).content_hash
+        assert record["numerics"] == result["numerics"] == json.loads((folder / "cell.json").read_text())["numerics"]
+
+    def test_the_commit_is_recorded_and_not_keyed(self, data, tmp_path, monkeypatch):
+        """An edit that changes no number, such as of a docstring, throws no finished work away."""
+        (cell,), (result,) = _run(data, tmp_path, ["null:disc"])
+        assert result["code"] == code_state()
+        other = {"package": "0.1.0", "commit": "0123456789ab", "dirty": True}
+        for module in ("cell", "environment"):
+            monkeypatch.setattr(f"cusick_bench.runner.{module}.code_state", lambda: other)
+        (again,), (kept,) = _run(data, tmp_path, ["null:disc"])
+        assert (again.key, kept) == (cell.key, result)
+        made = json.loads((tmp_path / "run.json").read_text())
+        assert code_text(made, {"metrics": 1}) == "metrics 1; commit 0123456789ab (changed)"
+        _, (fresh,) = _run(data, tmp_path, ["null:disc"], seeds=[1])
+        assert fresh["code"] == other
 
     def test_finished_cells_are_not_touched_again(self, data, tmp_path, monkeypatch):
         (cell,), first = _run(data, tmp_path, ["null:disc"])
@@ -245,7 +290,7 @@ class TestPool:
         monkeypatch.setattr("cusick_bench.runner.pool._process_pool", lambda workers, messages: _Mortal())
         _, results = _run(data, tmp_path, ["null:copy", "null:disc"], workers=2)
         assert [result["status"] for result in results] == ["failed", "done"]
-        assert "process died" in results[0]["failure"]
+        assert "Worker process died" in results[0]["failure"]
 
     def test_number_of_workers(self, data, tmp_path):
         with pytest.raises(RunnerError, match="workers must be >= 1"):
@@ -361,9 +406,3 @@ def test_bars_show_loss_and_end(data, dataset):
     assert "loss 0.0123 fitting" in text
     assert "50 %" in text
     assert "planted failure" in text
-
-
-def test_version_of_the_code_covers_the_layers_that_are_named() -> None:
-    """Answers of a diagnosis that changed are not taken over: its layer is part of their version."""
-    versions = {code_version(), code_version("diagnosis"), code_version("withheld"), code_version("no such layer")}
-    assert len(versions) == 3  # a layer without code adds nothing
