@@ -56,7 +56,7 @@ def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paire
         `test_fold_p`: p-value of equal distributions of the number of folds; below 0.05 they are rejected.
     """
     drawn, seen = drape_statistics(draws), drape_statistics(tests)
-    dc, folds = STATISTICS.index("dc"), STATISTICS.index("folds")
+    dc, folds = STATISTICS.index("drape_coefficient"), STATISTICS.index("folds")
     radii = np.stack([drape.profile.radii for drape in draws])
     targets = np.stack([drape.profile.radii for drape in tests])
     scores = {

@@ -91,10 +91,10 @@ CLOTH = HOMOGENEOUS + len(TRAITS) + 2 * len(FIELDS)
 # From there again: by how much a fabric's mean statistics (`cusick_bench.problem.statistics`) lie above those of the
 # nearest simulated cloth, over fabrics. Folds of all of them have narrower crests than simulated ones.
 DISCREPANCY = {
-    "area": Trait(-0.01, 0.01),
-    "depth": Trait(0.03, 0.06),
-    "number": Trait(0.02, 0.03),
-    "asymmetry": Trait(0.16, 0.05),
+    "area_log_odds": Trait(-0.01, 0.01),
+    "fold_depth_log": Trait(0.03, 0.06),
+    "crest_number": Trait(0.02, 0.03),
+    "fold_skewness": Trait(0.16, 0.05),
 }
 
 

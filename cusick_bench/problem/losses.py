@@ -13,12 +13,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.datasets.silhouette_statistics import OVERHANG_WIDTH
+
 CENTRE_PX = 127.5
 PX_PER_M = 723.0
 RAYS = 360
 SAMPLES_PER_RAY = 256
 RADIUS_MAX = 0.17  # [m]
-RADIUS_SCALE = 0.06  # width of the annulus that hangs over the plate [m]: makes the profile loss dimensionless
 
 Image = Float[Tensor, "*batch 256 256"]
 
@@ -48,7 +49,7 @@ def mse(image: Image, target: Image) -> Float[Tensor, "*batch"]:
 
 def profile(image: Image, target: Image) -> Float[Tensor, "*batch"]:
     """Mean squared difference of the radius profiles, in units of the overhanging width (0.06 m)."""
-    return ((radius_profile(image) - radius_profile(target)) / RADIUS_SCALE).square().mean(-1)
+    return ((radius_profile(image) - radius_profile(target)) / OVERHANG_WIDTH).square().mean(-1)
 
 
 def mse_profile(image: Image, target: Image) -> Float[Tensor, "*batch"]:

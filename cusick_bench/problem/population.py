@@ -46,8 +46,8 @@ AREAL_DENSITY = 0.15  # [kg/m2] assumed
 # traits in their order, log of the laid shape's correlation length [m]
 LOW = np.array([-4.0, -2.5, -0.4, -0.5, math.log(0.008)])
 HIGH = np.array([2.5, 1.0, 0.8, 1.5, math.log(0.045)])
-AREA = STATISTICS.index("area")
-MATCHED = ("area", "depth", "number", "asymmetry", "grain_4_real")  # grain_2 is of the warp against the weft
+AREA = STATISTICS.index("area_log_odds")
+MATCHED = tuple(name for name in STATISTICS if not name.startswith("grain_2"))  # which is of the warp against the weft
 SHRINKAGE = 0.3  # weight of a cloth's squared distance from the middle of the box, in half sides
 DISCREPANCY = 0.02  # of the scatter's variance: what the mean over however many samples may still miss
 

@@ -1,51 +1,66 @@
 """What two samples of one cloth have in common, as differentiable statistics of a silhouette.
 
 Where the folds of a drape lie is chance; that the next sample has as much area, as many folds and as deep ones is not.
-With R(theta) = sum_m c_m exp(i m theta) the radius profile and 0.06 m the width of the overhang:
-
-    area        log odds of the drape coefficient, the mean of R^2 between plate and cloth: stiffness moves them evenly,
-                the coefficient itself less and less at both ends
-    depth       log of the root mean square of the folds, m >= 3
-    number      expected number of crests of a random profile with the folds' power, sqrt(sum m^4 P / sum m^2 P), by
-                Rice's formula; it follows the number counted where the mean m of the power falls behind
-    asymmetry   skewness of the folds: narrow crests and wide valleys, or the other way round
-    grain       real and imaginary part of c_2, and the real part of c_4: warp against weft, in the cloth's frame
-
-References:
-    Rice. Mathematical analysis of random noise. Bell System Technical Journal 23-24, 1944-45, Sec. 3.6.
+The statistics are the selection `INFERRED` of `cusick_bench.datasets.silhouette_statistics`, where each is defined;
+here they are computed with torch, on the profile that `radius_profile` measures, so that an image has gradients.
 """
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.problem.losses import RADIUS_SCALE, Image, radius_profile
+from cusick_bench.datasets.silhouette_statistics import (
+    CREST_SCALE,
+    FIRST_FOLD,
+    GRAIN_SCALE,
+    INFERRED,
+    LAST_FOLD,
+    LEAST_ODDS,
+    OVERHANG_WIDTH,
+    SHALLOW,
+)
+from cusick_bench.problem.losses import Image, radius_profile
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
-STATISTICS = ("area", "depth", "number", "asymmetry", "grain_2_real", "grain_2_imaginary", "grain_4_real")
-FIRST_FOLD, LAST_FOLD = 3, 16
-_LEAST_ODDS = 0.01  # drape coefficient from which on down (or up to 1) the log odds stand still
-_SHALLOW = 1e-4  # [m] a fold below a tenth of a pixel has no depth that an image could show
+STATISTICS = INFERRED.names
 
 
 def drape_statistics(image: Image) -> Float[Tensor, "*batch 7"]:
-    """Statistics of silhouettes (cloth = 1), in the order of `STATISTICS`, each of the size of 1."""
-    radius = radius_profile(image)
+    """Statistics of silhouettes, each of the size of 1.
+
+    Args:
+        image: Silhouettes, cloth = 1.
+
+    Returns:
+        In the order of `STATISTICS`; float64.
+    """
+    return profile_statistics(radius_profile(image))
+
+
+def profile_statistics(radius: Float[Tensor, "*batch angles"]) -> Float[Tensor, "*batch 7"]:
+    """Statistics of radius profiles, each of the size of 1.
+
+    Args:
+        radius: Radii at equidistant angles over the full turn [m].
+
+    Returns:
+        In the order of `STATISTICS`.
+    """
     harmonics = torch.fft.rfft(radius) / radius.shape[-1]
     power = 2 * harmonics.abs().square()[..., FIRST_FOLD : LAST_FOLD + 1]
-    total = power.sum(-1) + _SHALLOW**2
+    total = power.sum(-1) + SHALLOW**2
     low = torch.fft.irfft(_only_low(harmonics), n=radius.shape[-1]) * radius.shape[-1]
     folds = radius - low
-    variance = folds.square().mean(-1) + _SHALLOW**2
+    variance = folds.square().mean(-1) + SHALLOW**2
     coefficient = (radius.square().mean(-1) - PLATE_RADIUS**2) / (CLOTH_RADIUS**2 - PLATE_RADIUS**2)
     columns = [
-        torch.logit(coefficient, eps=_LEAST_ODDS),
-        0.5 * torch.log(total / RADIUS_SCALE**2),
-        (_moment(power, 4) / _moment(power, 2)).sqrt() / 10,
+        torch.logit(coefficient, eps=LEAST_ODDS),
+        0.5 * torch.log(total / OVERHANG_WIDTH**2),
+        (_moment(power, 4) / _moment(power, 2)).sqrt() / CREST_SCALE,
         folds.pow(3).mean(-1) / variance**1.5,
-        harmonics[..., 2].real / RADIUS_SCALE * 20,
-        harmonics[..., 2].imag / RADIUS_SCALE * 20,
-        harmonics[..., 4].real / RADIUS_SCALE * 20,
+        harmonics[..., 2].real / OVERHANG_WIDTH * GRAIN_SCALE,
+        harmonics[..., 2].imag / OVERHANG_WIDTH * GRAIN_SCALE,
+        harmonics[..., 4].real / OVERHANG_WIDTH * GRAIN_SCALE,
     ]
     return torch.stack(columns, -1)
 
@@ -53,7 +68,7 @@ def drape_statistics(image: Image) -> Float[Tensor, "*batch 7"]:
 def _moment(power: Float[Tensor, "*batch orders"], exponent: int) -> Float[Tensor, "*batch"]:
     """sum m^exponent P; a flat profile counts as one of the first order."""
     orders = torch.arange(FIRST_FOLD, LAST_FOLD + 1, dtype=power.dtype)
-    return (power * orders**exponent).sum(-1) + _SHALLOW**2 * FIRST_FOLD**exponent
+    return (power * orders**exponent).sum(-1) + SHALLOW**2 * FIRST_FOLD**exponent
 
 
 def _only_low(harmonics: Tensor) -> Tensor:

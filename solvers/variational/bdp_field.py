@@ -45,7 +45,7 @@ from cusick_bench.solvers.variational.linearisation import PAIRS, LinearModel, N
 from cusick_bench.solvers.variational.predictive import predictive_draws, with_draws
 
 LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
-AREA = STATISTICS.index("area")
+AREA = STATISTICS.index("area_log_odds")
 _DISCREPANCY = [DISCREPANCY.get(name, Trait(0.0, 0.0)) for name in STATISTICS]
 DISCREPANT_BY = np.array([one.mean for one in _DISCREPANCY])
 DISCREPANT_SD = np.array([one.sd for one in _DISCREPANCY])

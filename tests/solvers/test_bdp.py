@@ -77,10 +77,10 @@ class TestStatistics:
         image = self._image(0.12 + 0.01 * np.cos(7 * angle) + 0.004 * np.cos(2 * angle))
         found = dict(zip(STATISTICS, drape_statistics(image).tolist(), strict=True))
         coefficient = drape_coefficient(image.numpy())
-        assert found["area"] == pytest.approx(math.log(coefficient / (1 - coefficient)), abs=0.02)
-        assert found["depth"] == pytest.approx(math.log(0.01 / math.sqrt(2) / 0.06), abs=0.02)
-        assert found["number"] == pytest.approx(0.7, abs=0.01)
-        assert found["asymmetry"] == pytest.approx(0.0, abs=0.05)
+        assert found["area_log_odds"] == pytest.approx(math.log(coefficient / (1 - coefficient)), abs=0.02)
+        assert found["fold_depth_log"] == pytest.approx(math.log(0.01 / math.sqrt(2) / 0.06), abs=0.02)
+        assert found["crest_number"] == pytest.approx(0.7, abs=0.01)
+        assert found["fold_skewness"] == pytest.approx(0.0, abs=0.05)
         assert found["grain_2_real"] == pytest.approx(0.002 / 0.06 * 20, abs=0.02)
         assert found["grain_2_imaginary"] == pytest.approx(0.0, abs=0.02)
 
@@ -90,7 +90,9 @@ class TestStatistics:
         phases = np.random.default_rng(2).uniform(0, 2 * np.pi, (12, 5, 1))
         radii = 0.12 + 0.003 * np.cos(orders[:, None] * angle + phases).sum(1)
         crests = ((radii > np.roll(radii, 1, 1)) & (radii > np.roll(radii, -1, 1))).sum(1)
-        found = [10 * drape_statistics(self._image(radius))[STATISTICS.index("number")].item() for radius in radii]
+        found = [
+            10 * drape_statistics(self._image(radius))[STATISTICS.index("crest_number")].item() for radius in radii
+        ]
         assert np.mean(found) == pytest.approx(np.mean(crests), abs=0.3)
         assert np.mean(found) > orders.mean() + 0.4  # the mean order counts too few
 
@@ -311,12 +313,12 @@ class TestLearning:
             noise = 0.02 * generator.standard_normal(len(observed))
             inference.cloths.append(cloth)
             inference.statistics.append(
-                observed + noise + cloth[0] * np.eye(len(observed))[STATISTICS.index("asymmetry")]
+                observed + noise + cloth[0] * np.eye(len(observed))[STATISTICS.index("fold_skewness")]
             )
         inference.drape(0, adjoints=False)
-        assert inference.q.mean[0] == pytest.approx(-DISCREPANCY["asymmetry"].mean, abs=0.02)
+        assert inference.q.mean[0] == pytest.approx(-DISCREPANCY["fold_skewness"].mean, abs=0.02)
         spread = math.sqrt(float((inference.q.root @ inference.q.root.T)[0, 0]))
-        assert spread == pytest.approx(DISCREPANCY["asymmetry"].sd, rel=0.25)
+        assert spread == pytest.approx(DISCREPANCY["fold_skewness"].sd, rel=0.25)
 
     def test_bdp_field_learns_from_what_the_budget_allows(self):
         """From too few drapes it learns nothing but the level: a regression on them would leave no scatter."""

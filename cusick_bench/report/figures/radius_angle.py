@@ -99,7 +99,7 @@ class RadiusAngle:
 
     def document(self) -> dict[str, Any]:
         """Plain numbers: who is taken for what, and the ranks of held-out drape coefficients among the draws."""
-        column = STATISTICS.index("dc")
+        column = STATISTICS.index("drape_coefficient")
         return {
             "question": "which cloth does a drape belong to, judged by its phase-free statistics",
             "cloths": list(self.cloths),

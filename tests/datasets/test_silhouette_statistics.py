@@ -1,0 +1,99 @@
+"""The vocabulary of statistics: the values of before it was one, and what its selections have in common.
+
+`silhouette_statistics.json` holds what the scores, the diagnosis and the inference computed when each had definitions
+of its own (commit 1f80c55). `python tests/datasets/test_silhouette_statistics.py` writes it anew by today's
+definitions: only after a definition was changed on purpose.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.silhouette_statistics import DIAGNOSED, INFERRED, SCORED, Selection, numbered
+
+GOLDEN = Path(__file__).with_name("silhouette_statistics.json")
+SELECTIONS = {"scored": SCORED, "diagnosed": DIAGNOSED, "inferred": INFERRED}
+COEFFICIENTS = np.array([0.2, 0.5, 0.8])
+LAB = {"cloth_radius": 0.16, "plate_radius": 0.08}
+
+
+def rings() -> np.ndarray:
+    """Three profiles with 40 random harmonics, most at seven folds."""
+    generator, orders = np.random.default_rng(3), np.arange(1, 41)
+    size = np.where(orders <= 3, 1.5e-3, 4e-3 / (1 + ((orders - 7) / 3.0) ** 2))
+    waves = np.outer(orders, np.arange(720) * 2 * np.pi / 720)
+    cosines, sines = generator.standard_normal((2, 3, 40)) * size
+    return 0.122 + cosines @ np.cos(waves) + sines @ np.sin(waves)
+
+
+def measured() -> dict[str, dict[str, list[float]]]:
+    """Every statistic of the three profiles, by selection."""
+    result = {}
+    for label, selection in SELECTIONS.items():
+        lab = LAB if label == "diagnosed" else {}
+        values = selection.measure(rings(), drape_coefficients=COEFFICIENTS, **lab)
+        result[label] = dict(zip(selection.names, values.T.tolist(), strict=True))
+    return result
+
+
+def test_values_are_those_of_before():
+    golden = json.loads(GOLDEN.read_text())
+    assert {label: list(values) for label, values in golden.items()} == {
+        label: list(selection.names) for label, selection in SELECTIONS.items()
+    }
+    for label, values in measured().items():
+        for name, value in values.items():
+            assert value == pytest.approx(golden[label][name], rel=1e-11, abs=1e-16), (label, name)
+
+
+def test_a_name_means_the_same_in_every_selection():
+    scored, diagnosed = (
+        dict(zip(selection.names, selection.measure(rings(), drape_coefficients=COEFFICIENTS).T, strict=True))
+        for selection in (SCORED, DIAGNOSED)
+    )
+    shared = set(scored) & set(diagnosed)
+    assert {"mean_radius", "amplitude_7", "folds", "skewness", "harmonic_2_real"} <= shared
+    for name in shared:
+        np.testing.assert_array_equal(scored[name], diagnosed[name], err_msg=name)
+
+
+def test_selections_have_columns_and_any_order_is_kept():
+    names = ("folds", "harmonic_3_imaginary", *numbered("radius_quantile", (50, 5)), "mean_radius")
+    own = Selection(names[:1] + names[2:], names[1:2])
+    values = own.measure(rings())
+    assert own.names == ("folds", "radius_quantile_50", "radius_quantile_05", "mean_radius", "harmonic_3_imaginary")
+    assert own.columns("mean_radius", "folds") == (3, 0)
+    np.testing.assert_allclose(values[:, 1], np.median(rings(), axis=1))
+    np.testing.assert_allclose(values[:, 2], np.quantile(rings(), 0.05, axis=1))
+    np.testing.assert_allclose(values[:, 3], rings().mean(1))
+    sines = 2 * np.mean(rings() * np.sin(3 * np.arange(720) * 2 * np.pi / 720), axis=1)
+    np.testing.assert_allclose(values[:, 4], sines, atol=1e-15)
+
+
+def test_locked_statistics_turn_and_the_others_do_not():
+    still, turned = (DIAGNOSED.measure(np.roll(rings(), steps, axis=1)) for steps in (0, 90))
+    free = len(DIAGNOSED.phase_free)
+    np.testing.assert_allclose(turned[:, :free], still[:, :free], rtol=1e-9, atol=1e-12)
+    assert np.abs(turned[:, free:] - still[:, free:]).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", ["fold", "amplitude", "amplitude_x", "harmonic_1", "harmonic_1_phase", "folds_3"])
+def test_unknown_names_are_refused(name):
+    with pytest.raises(DataError, match=f"unknown statistic '{name}'; use one of .*amplitude_N, harmonic_N_real"):
+        Selection((name,), ()).measure(rings())
+
+
+def test_profiles_that_cannot_be_measured_are_refused():
+    with pytest.raises(DataError, match="at least 49 angles, got"):
+        INFERRED.measure(rings()[:, ::20])
+    with pytest.raises(DataError, match="must be finite"):
+        INFERRED.measure(np.full((1, 720), np.nan))
+    with pytest.raises(DataError, match="pass drape_coefficients, or ask for area_dc"):
+        SCORED.measure(rings())
+
+
+if __name__ == "__main__":
+    GOLDEN.write_text(json.dumps(measured(), indent=1) + "\n")
