@@ -1,6 +1,5 @@
 """The diagnosis against known answers: fabrics made by the atlas' own statistics, by simulation, and by a liar."""
 
-import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -8,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.atlas import drapes as atlas
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
-from cusick_bench.diagnosis.atlas.drapes import Design, build, random_value, read, silhouette
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, NOT_SIMULATED, Design
+from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.observation import silhouette
+from cusick_bench.diagnosis.atlas.points import point_file, read_point, read_points
 from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, save
 from cusick_bench.diagnosis.diagnose import Options, _named, _verdict, diagnose, set90, single_causes
@@ -293,32 +294,48 @@ def test_damaged_atlas_is_refused(tmp_path: Path, damage: str) -> None:
         load(path)
 
 
+SMALL = Design(
+    points=2, stiff_points=0, effect_points=0, fine_points=0, law_points=0, one_mesh_points=0, samples=2, vertices=100
+)  # fmt: skip
+
+
 def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> None:
-    design = Design(
-        points=60,
-        stiff_points=0,
-        effect_points=1,
-        fine_points=0,
-        law_points=0,
-        one_mesh_points=0,
-        samples=2,
-        vertices=100,
-    )
-    small = replace(design, points=60)
-    tasks = small.tasks()
-    assert len(tasks) == 60 + len(registered()) - 3
-    atlas.make(tmp_path, design, tasks[:3])
-    first = atlas._file(tmp_path, *tasks[1]).stat().st_mtime_ns
-    atlas.make(tmp_path / "again", design, [tasks[1]])
-    (tmp_path / "design.json").write_text(json.dumps(vars(design)))
-    _, points = read(tmp_path)
-    assert sum(len(found) for found in points.values()) == 3
-    name = tasks[1][1]
-    with np.load(atlas._file(tmp_path / "again", *tasks[1])) as other:
-        np.testing.assert_array_equal(other["statistics"], points[name][0].statistics)
-    assert atlas._file(tmp_path, *tasks[1]).stat().st_mtime_ns == first
+    build(tmp_path, SMALL)
+    kept, lost = (point_file(tmp_path, point, BASE) for point in (0, 1))
+    before = read_point(lost).statistics
+    written = kept.stat().st_mtime_ns
+    lost.unlink()
+    told: list[tuple[int, int]] = []
+    build(tmp_path, SMALL, progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 2), (2, 2)]
+    assert kept.stat().st_mtime_ns == written
+    design, points = read_points(tmp_path)
+    assert design == SMALL
+    assert list(points[BASE]) == [0, 1]
+    np.testing.assert_array_equal(points[BASE][1].statistics, before)
     with pytest.raises(DiagnosisError, match="another design"):
-        build(tmp_path, replace(design, samples=3))
+        build(tmp_path, replace(SMALL, samples=3))
+
+
+def test_points_do_not_depend_on_what_is_made_with_them(tmp_path: Path, one_thread: None) -> None:
+    """An imaging effect sees the base drapes again, whether or not these are asked for too."""
+    names = [BASE, "camera-scale", "plate-radius"]
+    assert make_points(tmp_path / "together", SMALL, 0, names) == len(names)
+    for name in names[1:]:
+        make_points(tmp_path / "alone", SMALL, 0, [name])
+        alone, together = (read_point(point_file(tmp_path / part, 0, name)) for part in ("alone", "together"))
+        np.testing.assert_array_equal(alone.statistics, together.statistics)
+        assert not np.array_equal(
+            together.statistics, read_point(point_file(tmp_path / "together", 0, BASE)).statistics
+        )
+
+
+def test_design_makes_what_it_says() -> None:
+    tasks = replace(SMALL, points=60, stiff_points=15, effect_points=4, fine_points=8).tasks()
+    effects = len(registered()) - len(NOT_SIMULATED)
+    assert len(tasks) == 75 + (4 + 1) * effects + (8 + 2)
+    assert tasks[0] == (0, BASE)
+    assert {point for point, name in tasks if name == FINE} == {*range(8), 60, 61}
 
 
 def test_random_values_are_within_bounds() -> None:

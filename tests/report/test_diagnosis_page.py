@@ -10,7 +10,7 @@ import pytest
 from html_page import Page
 
 from cusick_bench.diagnosis.atlas.base_model import DENSITY, NAMES, PRIOR_MEAN, BaseModel, cloth
-from cusick_bench.diagnosis.atlas.drapes import silhouette
+from cusick_bench.diagnosis.atlas.observation import silhouette
 from cusick_bench.diagnosis.measure.captures import captures_from_profiles
 from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
 from cusick_bench.report import ReportError

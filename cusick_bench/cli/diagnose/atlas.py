@@ -10,8 +10,10 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
-from cusick_bench.diagnosis.atlas.drapes import Design, build, read
+from cusick_bench.diagnosis.atlas.design import Design
+from cusick_bench.diagnosis.atlas.drapes import build
 from cusick_bench.diagnosis.atlas.emulator import fit
+from cusick_bench.diagnosis.atlas.points import read_points
 from cusick_bench.diagnosis.atlas.response_check import THIRDS, unexplained
 from cusick_bench.diagnosis.atlas.store import SHIPPED, Calibration, load, save
 from cusick_bench.diagnosis.calibrate import calibrate
@@ -73,7 +75,7 @@ def fit_atlas(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
 ) -> None:
     """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
-    design, points = read(folder)
+    design, points = read_points(folder)
     emulator = fit(design, points)
     save(out, emulator, Calibration())
     counts = {name: len(found) for name, found in points.items()}

@@ -24,7 +24,8 @@ from numpy import ndarray
 from scipy.special import digamma
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, BaseModel
-from cusick_bench.diagnosis.atlas.drapes import BASE, FINE, FINE_VERTICES, LAWS, ONE_MESH, Design, Point
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINE_VERTICES, LAWS, ONE_MESH, Design
+from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms, spread_terms
 from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Response, changes, response
 from cusick_bench.diagnosis.atlas.ridge import Fit, ridge
@@ -184,7 +185,7 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
 
     Args:
         design: What it was made of.
-        points: What `atlas.read` returned.
+        points: What `points.read_points` returned.
 
     Raises:
         DiagnosisError: Too few points.

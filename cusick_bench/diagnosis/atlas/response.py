@@ -20,8 +20,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.drapes import LEAST, Point
+from cusick_bench.diagnosis.atlas.drapes import LEAST
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
+from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import effect_terms, gain_terms, spread_terms
 from cusick_bench.diagnosis.atlas.ridge import Fit, ridge
 from cusick_bench.diagnosis.measure.features import features

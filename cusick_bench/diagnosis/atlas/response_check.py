@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.drapes import BASE, Design, Point
+from cusick_bench.diagnosis.atlas.design import BASE, Design
 from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.response import Changes, changes, response
 from cusick_bench.sim.effects import Effect, registered
 
@@ -30,7 +31,7 @@ def unexplained(
 
     Args:
         design: What the atlas was made of.
-        points: What `atlas.read` returned.
+        points: What `points.read_points` returned.
         emulator: Fitted to them: its scatter between samples is the unit.
     """
     theta = design.theta()

@@ -1,14 +1,13 @@
 """The fitted atlas as one small file, and how probabilities are calibrated on it.
 
 emulator, calibration = load()            # the shipped one
-save(path, fit(*read(folder)), Calibration())
+save(path, fit(*read_points(folder)), Calibration())
 """
 
 import io
 import json
 import zipfile
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +63,6 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
     partial.replace(path)
 
 
-@lru_cache(maxsize=4)
 def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
     """Reads a fitted atlas, by default the shipped one.
 

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import BaseModel
-from cusick_bench.diagnosis.atlas.drapes import ANGLES, observe, silhouette
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
+from cusick_bench.diagnosis.atlas.observation import ANGLES, observe, silhouette
 from cusick_bench.diagnosis.inference.evidence import Candidate
 from cusick_bench.diagnosis.inference.hypotheses import Frame
 from cusick_bench.sim.effects import Effect

@@ -1,0 +1,93 @@
+"""Points of an atlas: one file for the drapes of one fabric with one effect, and all of them read together."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.atlas.design import Design
+from cusick_bench.diagnosis.errors import DiagnosisError
+
+DESIGN_FILE = "design.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Statistics of one fabric's drapes, with one effect or none.
+
+    Attributes:
+        value: Parameters of the effect in its order; empty for the base.
+        statistics: Of every sample and side, in the cloth's frame; NaN where a drape failed.
+    """
+
+    value: Float[ndarray, "effect_parameters"]
+    statistics: Float[ndarray, "samples sides statistics"]
+
+
+def point_file(folder: Path, point: int, name: str) -> Path:
+    """Where a point is kept.
+
+    Args:
+        folder: Folder of the atlas.
+        point: Number of the fabric.
+        name: Effect, or `BASE` and the like.
+
+    Returns:
+        The file.
+    """
+    return folder / "points" / f"{point:04d}" / f"{name}.npz"
+
+
+def write_point(path: Path, point: Point) -> None:
+    """Writes a point's file, which appears whole or not at all.
+
+    Args:
+        path: The file; its folder is created.
+        point: What it will hold.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(f".{os.getpid()}.tmp")
+    with open(partial, "wb") as file:
+        np.savez(file, value=point.value, statistics=point.statistics)
+    partial.replace(path)
+
+
+def read_point(path: Path) -> Point:
+    """Reads a point's file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The point.
+    """
+    with np.load(path, allow_pickle=False) as arrays:
+        return Point(arrays["value"], arrays["statistics"])
+
+
+def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
+    """Reads an atlas, as far as it is made.
+
+    Args:
+        folder: Folder of the atlas.
+
+    Returns:
+        Its design, and its points by effect and number of the fabric.
+
+    Raises:
+        DiagnosisError: No atlas there.
+    """
+    path = folder / DESIGN_FILE
+    if not path.exists():
+        raise DiagnosisError(f"no atlas in {folder}; make one with `cusick-bench atlas build --out {folder}`")
+    design = Design(**json.loads(path.read_text()))
+    points: dict[str, dict[int, Point]] = {}
+    for number, name in design.tasks():
+        file = point_file(folder, number, name)
+        if file.exists():
+            points.setdefault(name, {})[number] = read_point(file)
+    return design, points
