@@ -13,8 +13,9 @@ from numpy import ndarray
 from cusick_bench.sim.contact.barrier import SelfContact
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
+from cusick_bench.sim.engine.descent import FALLING
 from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint
-from cusick_bench.sim.engine.equilibrium import FALLING, Equilibrium, equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged

@@ -71,11 +71,14 @@ def contact_drop(
 def check_contact(system: DrapeSystem, contact: SelfContact) -> None:
     """Checks that a contact acts on a system.
 
+    Args:
+        system: Cloth and support.
+        contact: How the cloth touches itself.
+
     Raises:
         SimulationError: The system's law has no energy, or the contact was made for another mesh.
     """
-    if system.law != "paper":
-        raise SimulationError(f"contact needs a law that derives from an energy, got {system.law!r}; use law 'paper'")
+    system.require_energy("contact")
     if contact.mesh is not system.mesh:
         raise SimulationError("the contact was made for another mesh than the system's; make it with system.mesh")
 

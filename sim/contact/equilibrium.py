@@ -1,11 +1,10 @@
 """Static equilibrium of a cloth that may rest on itself: Newton with a barrier, and gradients through the contacts.
 
-As in `cusick_bench.sim.engine.equilibrium`, mass times mu regularises the Hessian: an implicit Euler step of length
-1/sqrt(mu) without memory of velocity, which becomes Newton's step near rest. With contacts every step is also cut short
-of the first touch (continuous collision detection) and never raises the energy, so that a cloth laid down without
-intersections comes to rest without any. The path decides where it rests: until the net force is a small part of the
-weight the steps stay those of a falling cloth. `contact_drop` falls with memory of velocity, as `drop` does; a search
-from its end finds the rest that belongs to that fall.
+The way down is that of `cusick_bench.sim.engine.descent`. With contacts every step is also cut short of the first
+touch (continuous collision detection), so that a cloth laid down without intersections comes to rest without any. The
+path decides where it rests: until the net force is a small part of the weight the steps stay those of a falling cloth.
+`contact_drop` falls with memory of velocity, as `drop` does; a search from its end finds the rest that belongs to that
+fall.
 
 At rest the forces of cloth and contacts balance, F(x, p) + F_c(x) = 0. F_c does not depend on the parameters, hence
 dL/dp = lambda . dF/dp with (H + H_c) lambda = dL/dx.
@@ -15,31 +14,27 @@ References:
         inversion-free, large-deformation dynamics. ACM Transactions on Graphics 39(4), 2020, Algorithm 1.
     Huang, Tozoni, Gjoka, Ferguson, Schneider, Panozzo, Zorin. Differentiable solver for time-dependent deformation
         problems with contact. ACM Transactions on Graphics 43(3), 2024, Section 4 (adjoint through the barrier).
-    Kelley, Keyes. Convergence analysis of pseudo-transient continuation. SIAM J. Numerical Analysis 35(2), 1998.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.contact.barrier import ContactForces, SelfContact, smallest_distance
 from cusick_bench.sim.contact.drop import check_contact
 from cusick_bench.sim.contact.intersections import checked_positions
 from cusick_bench.sim.contact.matrix import ContactMatrix
-from cusick_bench.sim.engine.equilibrium import FALLING, equilibrium_adjoint
+from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
+from cusick_bench.sim.engine.equilibrium import equilibrium_adjoint
 from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
-from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 AT_REST = 0.05  # net force below which the cloth no longer falls, as a fraction of its weight
 _NEAR = 1e-2  # net force below which exact contact Hessians are tried first, as a fraction of the weight
-_SMALLEST = 0.1  # [1/s2] below it mu is dropped
-_LARGEST = 1e9
-_ROUNDING = 1e-13  # energy changes below this fraction of the energy are noise
 _HALVINGS = 3  # a step is halved this often before it is computed again with a larger mu
-_NUDGE = 1e-5  # [m] kick off a saddle
 
 
 @dataclass(frozen=True)
@@ -69,87 +64,58 @@ class ContactRest:
 
 @dataclass(frozen=True)
 class _State:
-    """Forces and energy of cloth and contacts at a configuration."""
+    """A configuration with its net forces on the free vertices, its energy and its Hessian's parts."""
 
     x: Float[ndarray, "vertices 3"]
-    force: Float[ndarray, "vertices 3"]
+    force: Float[ndarray, "rows 3"]
     cloth: Float[ndarray, "slots 3 3"]
     contacts: ContactForces
     energy: float
 
 
-@dataclass(frozen=True)
-class _Descent:
-    """What stays the same while a cloth comes to rest."""
+@dataclass(frozen=True, eq=False)
+class _TouchingEnergy:
+    """Energy of a cloth and of its contacts with itself."""
 
     system: DrapeSystem
     parameters: Parameters
     anchor: Float[ndarray, "vertices 3"]
     contact: SelfContact
     matrix: ContactMatrix
-    weight: float
 
-    def state(self, x: ndarray) -> _State:
+    @property
+    def free(self) -> Int[ndarray, "rows"]:
+        return self.system.free
+
+    @property
+    def mass(self) -> Float[ndarray, "vertices"]:
+        return self.parameters.mass
+
+    @property
+    def weight(self) -> float:
+        return self.system.gravity * float(self.mass.sum())
+
+    def at(self, x: Float[ndarray, "vertices 3"]) -> _State:
         force, cloth, energy = self.system.forces(x, self.anchor, self.parameters, exact=True)
         contacts = self.contact.forces(x)
-        return _State(x, force + contacts.force, cloth, contacts, energy + contacts.energy)
+        return _State(x, (force + contacts.force)[self.free], cloth, contacts, energy + contacts.energy)
 
-    def residual(self, state: _State) -> float:
-        return float(np.linalg.norm(state.force[self.system.free]) / self.weight)
-
-    def stable(self, state: _State) -> Factor:
-        """Factor of the exact Hessian; raises NotPositiveDefinite at a saddle."""
-        blocks = self.matrix.blocks(state.cloth, state.contacts, project=False)
-        return self.matrix.factorise(blocks, np.zeros(len(self.system.free)))
-
-    def nudged(self, state: _State) -> _State:
-        """The cloth a little off a saddle, for the next regularised step to fall off."""
-        kick = np.zeros_like(state.x)
-        kick[self.system.free, 2] = _NUDGE * np.sin(np.arange(len(self.system.free)))
-        return self.state(state.x + self.contact.free_share(state.x, kick) * kick)
-
-    def regularised(self, state: _State, mu: float, *, near: bool) -> tuple[Factor, float]:
-        """Factor of H + mu M, with contacts projected unless near rest, and mu raised until it is positive definite."""
-        mass = self.parameters.mass[self.system.free]
-        if near and state.contacts.count:
-            try:
+    def regularised(self, state: _State, mu: float, residual: float, old: Factor | None) -> tuple[Factor, float]:
+        """Factor of H + mu M; contacts are projected to positive-semidefinite Hessians unless near rest."""
+        mass = self.mass[self.free]
+        if residual < _NEAR and state.contacts.count:
+            with suppress(NotPositiveDefinite):
                 exact = self.matrix.blocks(state.cloth, state.contacts, project=False)
                 return self.matrix.factorise(exact, mu * mass), mu
-            except NotPositiveDefinite:
-                pass
         blocks = self.matrix.blocks(state.cloth, state.contacts, project=True)
-        while True:
-            try:
-                return self.matrix.factorise(blocks, mu * mass), mu
-            except NotPositiveDefinite:
-                mu = max(4 * mu, 1.0)
-                if mu > _LARGEST:
-                    raise DrapeDiverged("the Hessian stays indefinite however large the regularisation") from None
+        return first_definite(lambda at_least: self.matrix.factorise(blocks, at_least * mass), mu)
 
-    def searched(self, state: _State, step: ndarray, mu: float) -> tuple[_State, float, float] | None:
-        """Follows a step as far as nothing touches and the energy falls as promised.
+    def stable(self, state: _State, old: Factor | None) -> Factor:
+        blocks = self.matrix.blocks(state.cloth, state.contacts, project=False)
+        return self.matrix.factorise(blocks, np.zeros(len(self.free)))
 
-        Returns:
-            New state, share of the step taken, and fall of the energy in terms of what the quadratic model (without
-            mu) promises; None where the energy does not fall.
-        """
-        free, mass = self.system.free, self.parameters.mass
-        force = state.force[free]
-        slope = float((step[free] * force).sum())
-        curvature = slope - mu * float((mass[free, None] * step[free] ** 2).sum())
-        share = self.contact.free_share(state.x, step)
-        for _ in range(_HALVINGS + 1):
-            new = self.state(state.x + share * step)
-            promised = share * slope - 0.5 * share**2 * curvature
-            noise = _ROUNDING * max(abs(state.energy), abs(new.energy))
-            if np.isfinite(new.energy):
-                if promised <= 10 * noise and np.linalg.norm(new.force[free]) <= np.linalg.norm(force):
-                    return new, share, 1.0
-                agreement = (state.energy - new.energy) / promised
-                if agreement > 1e-3:
-                    return new, share, agreement
-            share *= 0.5
-        return None
+    def free_share(self, x: Float[ndarray, "vertices 3"], step: Float[ndarray, "vertices 3"]) -> float:
+        return self.contact.free_share(x, step)
 
 
 def contact_equilibrium(
@@ -182,71 +148,30 @@ def contact_equilibrium(
             the start.
         DrapeDiverged: Energy or Hessian are not finite.
     """
-    descent = _descent(system, parameters, laid, contact)
+    check_contact(system, contact)
     x = checked_positions(system.mesh, laid if start is None else start).copy()
     x[system.fixed] = laid[system.fixed]
     contact.check_apart(x)
-    falling = start is None
-    mu = FALLING if falling else 0.0
-    state = descent.state(x)
-    energies = [state.energy]
-    factor, taken = None, 0
-    for taken in range(iterations + 1):
-        residual = descent.residual(state)
-        if not np.isfinite(residual) or not np.isfinite(state.energy):
-            raise DrapeDiverged(f"Newton step {taken}: forces are no longer finite; check stiffness and density")
-        falling = falling and residual > AT_REST
-        if residual <= tolerance:
-            try:
-                factor = descent.stable(state)
-                break
-            except NotPositiveDefinite:
-                mu, state = max(mu, 1.0), descent.nudged(state)
-        if taken == iterations:
-            break
-        moved = _moved(descent, state, mu, near=residual < _NEAR)
-        if moved is None:
-            break
-        state, mu = moved
-        mu = max(mu, FALLING) if falling else mu
-        energies.append(state.energy)
-    return ContactRest(
-        positions=state.x,
-        residual=descent.residual(state),
-        converged=factor is not None,
-        iterations=taken,
-        energies=energies,
-        contacts=state.contacts,
-        smallest_distance=smallest_distance(contact.mesh, state.x),
-        factor=factor,
+    cold = start is None
+    end = descend(
+        _TouchingEnergy(system, parameters, laid, contact, ContactMatrix(system)),
+        x,
+        tolerance=tolerance,
+        iterations=iterations,
+        mu=FALLING if cold else 0.0,
+        falls_above=AT_REST if cold else np.inf,
+        halvings=_HALVINGS,
     )
-
-
-def _descent(system: DrapeSystem, parameters: Parameters, laid: ndarray, contact: SelfContact) -> _Descent:
-    check_contact(system, contact)
-    weight = system.gravity * float(parameters.mass.sum())
-    return _Descent(system, parameters, laid, contact, ContactMatrix(system), weight)
-
-
-def _moved(descent: _Descent, state: _State, mu: float, *, near: bool) -> tuple[_State, float] | None:
-    """One step down, and the mu of the next; None where no step goes down."""
-    free = descent.system.free
-    step = np.zeros_like(state.x)
-    while True:
-        factor, mu = descent.regularised(state, mu, near=near)
-        step[free] = factor.solve(state.force[free])
-        found = descent.searched(state, step, mu)
-        if found is not None:
-            break
-        mu = max(4 * mu, 4.0)
-        if mu > _LARGEST:
-            return None
-    new, share, agreement = found
-    if agreement > 0.75 and share == 1.0:
-        mu = mu / 4 if mu > _SMALLEST else 0.0
-    elif agreement < 0.25:
-        mu = max(2 * mu, 1.0)
-    return new, mu
+    return ContactRest(
+        positions=end.state.x,
+        residual=end.residual,
+        converged=end.factor is not None,
+        iterations=end.iterations,
+        energies=end.energies,
+        contacts=end.state.contacts,
+        smallest_distance=smallest_distance(contact.mesh, end.state.x),
+        factor=end.factor,
+    )
 
 
 def contact_equilibrium_adjoint(

@@ -1,32 +1,21 @@
 """A drape as static equilibrium: Newton on the energy with its exact Hessian, gradients by implicit differentiation.
 
-Where the Hessian is not positive definite or a full step does not lower the energy enough, mass times mu is added to
-it: an implicit Euler step of length 1/sqrt(mu) without memory of velocity (pseudo-transient continuation). Far from
-rest the cloth falls; near rest mu -> 0 and the steps are Newton's.
-
-At rest F(x, p) = 0, hence dL/dp = lambda . dF/dp with H lambda = dL/dx, H = -dF/dx: one more solve.
-
-References:
-    Kelley, Keyes. Convergence analysis of pseudo-transient continuation. SIAM J. Numerical Analysis 35(2), 1998.
-    Nocedal, Wright. Numerical Optimization, 2nd edition, 2006, Chapter 4 (agreement of model and function).
+The way down is that of `cusick_bench.sim.engine.descent`. At rest F(x, p) = 0, hence dL/dp = lambda . dF/dp with
+H lambda = dL/dx, H = -dF/dx: one more solve.
 """
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.sparse import csr_array
 
+from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
 from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
-from cusick_bench.sim.errors import DrapeDiverged, SimulationError
-from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
-
-FALLING = 400.0  # [1/s2] mu of a cold start: pseudo steps of 0.05 s
-_SMALLEST = 0.1  # [1/s2] below it mu is dropped
-_LARGEST = 1e9
-_ROUNDING = 1e-13  # energy changes below this fraction of the energy are noise
+from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.linear.interface import Factor
 
 
 @dataclass(frozen=True)
@@ -53,43 +42,56 @@ class Equilibrium:
 
 
 @dataclass(eq=False)
-class _Point:
-    """A configuration with its forces, energy and Hessian; batches of one for the kernels."""
+class _State:
+    """A configuration with its net forces on the free vertices, its energy and its Hessian; a batch of one."""
 
-    system: DrapeSystem
-    p: Parameters
-    anchor: Float[ndarray, "members vertices 3"]
     x: Float[ndarray, "vertices 3"]
     force: Float[ndarray, "rows 3"]
     energy: float
     blocks: Float[ndarray, "members slots 3 3"]
-    added: float = 0.0  # mu in the blocks' diagonal
+    mu: float = 0.0  # mass times mu is part of the blocks' diagonal
 
-    @classmethod
-    def at(cls, system: DrapeSystem, p: Parameters, anchor: ndarray, x: ndarray, storage: ndarray | None) -> "_Point":
-        state = system.evaluate(x[None], anchor, p, exact=True)
-        blocks = state.matrix(diagonal=system.spring[None], out=storage)
-        return cls(system, p, anchor, x, state.force()[0, system.free], float(state.energy()[0]), blocks)
 
-    def moved(self, x: ndarray, storage: ndarray | None = None) -> "_Point":
-        """The same cloth elsewhere."""
-        return _Point.at(self.system, self.p, self.anchor, x, storage)
+@dataclass(frozen=True, eq=False)
+class _ClothEnergy:
+    """Energy of a cloth that may pass through itself."""
 
-    def factor(self, mu: float, old: Factor | None) -> Factor:
+    system: DrapeSystem
+    parameters: Parameters
+    anchor: Float[ndarray, "vertices 3"]
+
+    @property
+    def free(self) -> Int[ndarray, "rows"]:
+        return self.system.free
+
+    @property
+    def mass(self) -> Float[ndarray, "vertices"]:
+        return self.parameters.mass
+
+    @property
+    def weight(self) -> float:
+        return self.system.gravity * self.mass.sum()
+
+    def at(self, x: Float[ndarray, "vertices 3"]) -> _State:
+        system = self.system
+        elements = system.evaluate(x[None], self.anchor[None], self.parameters.batch(), exact=True)
+        blocks = elements.matrix(diagonal=system.spring[None])
+        return _State(x, elements.force()[0, system.free], float(elements.energy()[0]), blocks)
+
+    def regularised(self, state: _State, mu: float, residual: float, old: Factor | None) -> tuple[Factor, float]:
+        return first_definite(lambda at_least: self._factor(state, at_least, old), mu)
+
+    def stable(self, state: _State, old: Factor | None) -> Factor:
+        return self._factor(state, 0.0, old)
+
+    def free_share(self, x: Float[ndarray, "vertices 3"], step: Float[ndarray, "vertices 3"]) -> float:
+        return 1.0
+
+    def _factor(self, state: _State, mu: float, old: Factor | None) -> Factor:
         """Factor of H + mu M."""
-        self.system.add_diagonal(self.blocks, (mu - self.added) * self.p.mass)
-        self.added = mu
-        return self.system.linear.factorise(self.blocks[0], out=old)
-
-    def regularised(self, mu: float, old: Factor | None) -> tuple[Factor, float]:
-        """Factor of H + mu M, with mu raised until it is positive definite."""
-        while True:
-            try:
-                return self.factor(mu, old), mu
-            except NotPositiveDefinite:
-                mu = max(4 * mu, 1.0)
-                if mu > _LARGEST:
-                    raise DrapeDiverged("the Hessian stays indefinite however large the regularisation") from None
+        self.system.add_diagonal(state.blocks, (mu - state.mu) * self.mass)
+        state.mu = mu
+        return self.system.linear.factorise(state.blocks[0], out=old)
 
 
 def equilibrium(
@@ -120,59 +122,13 @@ def equilibrium(
         SimulationError: The law has no energy.
         DrapeDiverged: Energy or Hessian are not finite.
     """
-    if system.law != "paper":
-        raise SimulationError(
-            f"equilibrium needs a law that derives from an energy, got {system.law!r}; use law 'paper', or mode 'drop'"
-        )
-    mass, free = parameters.mass[system.free, None], system.free
-    weight = system.gravity * parameters.mass.sum()
-    point = _Point.at(system, parameters.batch(), anchor[None], start.copy(), None)
-    spare = np.zeros_like(point.blocks)  # two sets of blocks take turns
-    energies = [point.energy]
-    factor: Factor | None = None
-    bifurcations, taken, residual = 0, 0, np.inf
-    for taken in range(iterations + 1):
-        residual = float(np.linalg.norm(point.force) / weight)
-        if not np.isfinite(residual) or not np.isfinite(point.energy):
-            raise DrapeDiverged(f"Newton step {taken}: forces are no longer finite; check stiffness and density")
-        if residual <= tolerance:
-            try:
-                rest = point.factor(0.0, factor)
-                return Equilibrium(point.x, residual, True, taken, bifurcations, energies, rest)
-            except NotPositiveDefinite:
-                mu = max(mu, 1.0)  # a saddle: fall off it along the next regularised step
-                bifurcations += 1
-                x = point.x.copy()
-                x[free, 2] += 1e-5 * np.sin(np.arange(len(free)))
-                point = point.moved(x)
-        if taken == iterations:
-            break
-        while True:
-            wanted = mu
-            factor, mu = point.regularised(mu, factor)
-            bifurcations += int(mu > wanted)
-            step = factor.solve(point.force)
-            # decrease that the quadratic model (without mu) promises
-            promised = 0.5 * float((step * point.force).sum()) + 0.5 * mu * float((mass * step**2).sum())
-            x = point.x.copy()
-            x[free] += step
-            trial = point.moved(x, spare)
-            noise = _ROUNDING * max(abs(point.energy), abs(trial.energy))
-            agreement = (point.energy - trial.energy) / promised
-            if promised <= 10 * noise and np.linalg.norm(trial.force) <= np.linalg.norm(point.force):
-                agreement = 1.0
-            if agreement > 1e-3:
-                break
-            mu = max(4 * mu, 4.0)
-            if mu > _LARGEST:
-                return Equilibrium(point.x, residual, False, taken, bifurcations, energies, None)
-        point, spare = trial, point.blocks
-        energies.append(point.energy)
-        if agreement > 0.75:
-            mu = mu / 4 if mu > _SMALLEST else 0.0
-        elif agreement < 0.25:
-            mu = max(2 * mu, 1.0)
-    return Equilibrium(point.x, residual, False, taken, bifurcations, energies, None)
+    system.require_energy("an equilibrium")
+    end = descend(
+        _ClothEnergy(system, parameters, anchor), start.copy(), tolerance=tolerance, iterations=iterations, mu=mu
+    )
+    return Equilibrium(
+        end.state.x, end.residual, end.factor is not None, end.iterations, end.bifurcations, end.energies, end.factor
+    )
 
 
 @runtime_checkable

@@ -115,6 +115,20 @@ class DrapeSystem:
             raise SimulationError("every vertex is fixed: nothing can drape; is the plate larger than the cloth?")
         object.__setattr__(self, "elements", elements_of(self.mesh))
 
+    def require_energy(self, what: str) -> None:
+        """Checks that the forces derive from an energy.
+
+        Args:
+            what: What needs it, for the message.
+
+        Raises:
+            SimulationError: They do not.
+        """
+        if self.law != "paper":
+            raise SimulationError(
+                f"{what} needs a law that derives from an energy, got {self.law!r}; use law 'paper', or mode 'drop'"
+            )
+
     def with_elements(self, elements: Elements) -> "DrapeSystem":
         """This system with other constants of its faces and hinges; it shares the analysis of this one.
 
