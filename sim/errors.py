@@ -11,6 +11,20 @@ class SimulationError(CusickError, ValueError):
     """A drape cannot be simulated as asked (bad mesh, material or settings)."""
 
 
+class BadMeshFile(SimulationError):
+    """A file cannot be read as a triangle mesh.
+
+    Args:
+        where: The file.
+        what: The rule that is broken and the value found.
+        kind: Fixed short name of the fault, as an audit lists it.
+    """
+
+    def __init__(self, where: object, what: str, *, kind: str = "unreadable-mesh") -> None:
+        super().__init__(f"{where}: {what}")
+        self.where, self.what, self.kind = str(where), what, kind
+
+
 class DrapeDiverged(SimulationError):
     """A drape did not converge: positions became non-finite or the solver ran out of iterations."""
 

@@ -22,7 +22,7 @@ from cusick_bench.garment.measure import seen_from_above, seen_from_front
 from cusick_bench.garment.motion import WaistMotion
 from cusick_bench.garment.pictures import draw_skirt, save_gif, strip, turntable
 from cusick_bench.garment.skirt import Skirt
-from cusick_bench.sim.cloth.mesh import write_obj
+from cusick_bench.sim.cloth.obj import write_obj
 
 _IN_ROW = 6
 _MOST_SHOWN = 12  # draws in one picture

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cusick_bench.datasets.errors import DataError, DataNotFound
-from cusick_bench.datasets.files import image, mesh_file
+from cusick_bench.datasets.files import image
 from cusick_bench.datasets.irregularity import Irregularity
+from cusick_bench.sim.cloth import obj
 
 NAMED_SETS = "bnn_image_gt"
 _MAXIMUM_FILES = 200_000
@@ -135,7 +136,7 @@ def scan(root: str | Path) -> Layout:
     silhouettes, meshes, unused = [], [], []
     for path in _files(folder, problems):
         name = path.name.lower()
-        entry = _parse(folder, path) if name.endswith(image.SUFFIXES + mesh_file.SUFFIXES) else None
+        entry = _parse(folder, path) if name.endswith(image.SUFFIXES + obj.SUFFIXES) else None
         if entry is None:
             if not _SIDE_FILES.fullmatch(path.name):
                 unused.append(path.relative_to(folder).as_posix())
@@ -223,7 +224,7 @@ _PATTERNS = {"fabric": _FABRIC, "sample": _SAMPLE, "capture": _CAPTURE, "observa
 
 def _named(path: Path, root: Path, cloth: str, stem: str, number: dict[str, int]) -> Entry | None:
     face, drape = _FACE.search(stem), _first(_DRAPE, stem)
-    if not number["sample"] or path.name.lower().endswith(mesh_file.SUFFIXES):
+    if not number["sample"] or path.name.lower().endswith(obj.SUFFIXES):
         return None
     capture = drape + 2 * (face[1] == "down") if face and drape in (1, 2) else 0
     where = path.relative_to(root).as_posix()

@@ -4,7 +4,6 @@ References:
     Croissant metadata format 1.0, MLCommons, 2024.
 """
 
-import gzip
 import hashlib
 import json
 import shutil
@@ -18,7 +17,7 @@ from PIL import Image
 
 from cusick_bench.datasets.files.checksums import CHECKSUMS
 from cusick_bench.datasets.synthetic_set import recipe
-from cusick_bench.sim.cloth.mesh import write_obj
+from cusick_bench.sim.cloth.obj import write_obj
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 
@@ -33,11 +32,8 @@ def _write_drape(drape: recipe.TrueDrape, fabric: Path) -> None:
     image = render(torch.from_numpy(drape.vertices), drape.faces, ParallelCamera()).numpy()
     grey = np.round(255 * (1 - image)).astype(np.uint8)
     Image.fromarray(grey).save(fabric / "silhouettes" / f"{_name(drape)}.png", optimize=True)
-    plain = fabric / "meshes" / f"{_name(drape)}.obj"
-    write_obj(plain, np.round(drape.vertices, _DECIMALS) + 0.0, drape.faces)
-    with open(f"{plain}.gz", "wb") as packed:
-        packed.write(gzip.compress(plain.read_bytes(), mtime=0))
-    plain.unlink()
+    positions = np.round(drape.vertices, _DECIMALS) + 0.0  # adding zero turns -0 into 0
+    write_obj(fabric / "meshes" / f"{_name(drape)}.obj.gz", positions, drape.faces)
 
 
 def _truth(cloths: list[recipe.Cloth]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Triangle meshes of the cloth disc: seeded near-uniform disc mesher, OBJ reader, and the topology that forces need.
+"""Triangle meshes of the cloth disc: seeded near-uniform disc mesher, and the topology that forces need.
 
 The mesher keeps a ring of vertices on the rim and one on the plate edge, so that both circles are resolved exactly at
 every mesh size, and relaxes the other vertices to the area-weighted centroids of their triangle fans
@@ -11,7 +11,6 @@ References:
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,7 +22,6 @@ from cusick_bench.sim.errors import SimulationError
 
 _MINIMUM_VERTICES = 60
 _RELAXATION_SWEEPS = 60
-_MAXIMUM_OBJ_BYTES = 256 * 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,67 +247,3 @@ def disc_mesh(
     faces[clockwise] = faces[clockwise][:, ::-1]
     faces = faces[_signed_areas(points, faces) > 1e-4 * spacing**2]  # slivers between collinear rim points
     return Mesh(points, faces)
-
-
-def read_obj(path: str | Path) -> tuple[Float[ndarray, "vertices 3"], Int[ndarray, "faces 3"]]:
-    """Reads vertex positions and triangles of a Wavefront OBJ file; everything else in it is ignored.
-
-    Args:
-        path: File to read, at most 256 MiB.
-
-    Returns:
-        Positions [m] and faces (zero-based).
-
-    Raises:
-        SimulationError: Missing, oversized or malformed file, or faces that are no triangles.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise SimulationError(f"no mesh file at {path}; give the path of a Wavefront OBJ file")
-    if path.stat().st_size > _MAXIMUM_OBJ_BYTES:
-        raise SimulationError(f"{path} is larger than {_MAXIMUM_OBJ_BYTES >> 20} MiB; a cloth mesh is far smaller")
-    positions: list[list[float]] = []
-    faces: list[list[int]] = []
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        for number, line in enumerate(lines, 1):
-            words = line.split()
-            if not words or words[0] not in ("v", "f"):
-                continue
-            try:
-                if words[0] == "v":
-                    positions.append([float(word) for word in words[1:4]])
-                else:
-                    faces.append([int(word.split("/")[0]) - 1 for word in words[1:]])
-            except ValueError as error:
-                raise SimulationError(f"{path}, line {number}: cannot read {line.strip()[:60]!r} as OBJ") from error
-            if len((positions if words[0] == "v" else faces)[-1]) != 3:
-                raise SimulationError(
-                    f"{path}, line {number}: need 3 coordinates or a triangle, got {line.strip()[:60]!r}"
-                )
-    if not positions or not faces:
-        raise SimulationError(f"{path} holds {len(positions)} vertices and {len(faces)} faces; need a triangle mesh")
-    points, triangles = np.array(positions), np.array(faces, dtype=np.int64)
-    if triangles.min() < 0 or triangles.max() >= len(points) or not np.isfinite(points).all():
-        raise SimulationError(f"{path}: a face refers to a vertex that is not there, or a coordinate is not finite")
-    return points, triangles
-
-
-def mesh_from_obj(path: str | Path) -> Mesh:
-    """Reads a flat cloth mesh: x and y are its material coordinates [m], z must be 0.
-
-    Raises:
-        SimulationError: Unreadable file, or the cloth is not flat.
-    """
-    positions, faces = read_obj(path)
-    if np.ptp(positions[:, 2]) > 1e-6:
-        raise SimulationError(
-            f"{path} is not flat (z spans {np.ptp(positions[:, 2]):.3g} m); give the cloth's rest mesh"
-        )
-    return Mesh(positions[:, :2], faces)
-
-
-def write_obj(path: str | Path, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> None:
-    """Writes positions [m] and triangles as a Wavefront OBJ file."""
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in positions]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
-    Path(path).write_text("\n".join(lines) + "\n")

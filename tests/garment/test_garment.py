@@ -32,7 +32,8 @@ from cusick_bench.garment import (
 from cusick_bench.garment import output as files
 from cusick_bench.garment.fitting import AIR, State
 from cusick_bench.problem import StiffnessPrior
-from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh, read_obj
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.obj import read_obj
 from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.elements import elements_of

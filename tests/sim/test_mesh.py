@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh, mesh_from_obj, read_obj, write_obj
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.obj import mesh_from_obj, read_obj, write_obj
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
 
@@ -170,7 +171,6 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         ("", "0 vertices"),
         (TRIANGLE, "0 faces"),
         (TRIANGLE + "f 1 2\n", "line 4"),
-        (TRIANGLE + "f 1 2 3 1\n", "line 4"),
         (TRIANGLE + "f 1 2 4\n", "not there"),
         (TRIANGLE + "f 0 1 2\n", "not there"),
         (TRIANGLE + "f 1 2 three\n", "line 4.*three"),
@@ -185,6 +185,21 @@ def test_malformed_obj_is_refused_with_file_and_line(tmp_path: Path, text: str, 
     with pytest.raises(SimulationError, match=message) as refused:
         read_obj(path)
     assert "bad.obj" in str(refused.value)
+
+
+def test_obj_polygons_are_fans_and_negative_indices_count_back(tmp_path: Path):
+    path = tmp_path / "square.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nf -3 -2 -1\nv 5 5 5\nf -1 -2 -3\n")
+    assert read_obj(path)[1].tolist() == [[0, 1, 2], [0, 2, 3], [1, 2, 3], [4, 3, 2]]
+
+
+def test_gzipped_obj_is_the_same_mesh_and_the_same_bytes_every_time(tmp_path: Path):
+    mesh = disc_mesh(60)
+    for name in ("plain.obj", "packed.obj.gz", "again.obj.gz"):
+        write_obj(tmp_path / name, mesh.flat, mesh.faces)
+    for mine, other in zip(read_obj(tmp_path / "packed.obj.gz"), read_obj(tmp_path / "plain.obj"), strict=True):
+        assert np.array_equal(mine, other)
+    assert (tmp_path / "packed.obj.gz").read_bytes() == (tmp_path / "again.obj.gz").read_bytes()
 
 
 def test_missing_binary_and_draped_files_are_refused(tmp_path: Path):

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cusick_bench.sim.cloth.mesh import Mesh, read_obj
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.obj import read_obj
 from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint
 from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 

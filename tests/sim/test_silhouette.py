@@ -8,7 +8,8 @@ import pytest
 import torch
 from PIL import Image
 
-from cusick_bench.sim.cloth.mesh import disc_mesh, read_obj
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.obj import read_obj
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.render import silhouette
 from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera

@@ -28,7 +28,8 @@ from cusick_bench.datasets.profile import (
 from cusick_bench.problem import Scene, parse_causes
 from cusick_bench.sim.cloth.heterogeneity import random_heterogeneity
 from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, Material, uniform_material
-from cusick_bench.sim.cloth.mesh import disc_mesh, mesh_from_obj, write_obj
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.obj import mesh_from_obj, write_obj
 from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
 from cusick_bench.sim.effects import Cause
 from cusick_bench.sim.engine.settings import DrapeSettings
