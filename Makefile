@@ -10,12 +10,12 @@ OUT ?= runs/bench
 GATE := --data synthetic --solver homo --solver nlopt:LN_BOBYQA --solver nlopt:GN_ESCH --solver null:disc \
   --solver null:random-phase,draws=50 --vertices 150 --steps 40 --budget 30 --seeds 2
 
-.PHONY: bench test slow check baseline lint types imports wheel clean
+.PHONY: bench test slow check baseline lint types imports packaging docs picture readme clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "cusick-bench needs Python 3.11 or newer; pass PYTHON=..."'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
 	touch $(READY)
 
 bench: $(READY)  ## The main job on the shipped synthetic set: fit, score, leaderboard, report
@@ -49,8 +49,17 @@ types: $(READY)
 imports: $(READY)
 	$(BIN)/lint-imports
 
-wheel: $(READY)  ## Builds the wheel and runs it outside the checkout
-	.ci/wheel-smoke $(BIN)/python
+packaging: $(READY)  ## Wheel, sdist, editable install and a clone without symbolic links, each run outside the checkout
+	.ci/packaging $(BIN)/python
+
+docs: $(READY)  ## The documentation in build/docs; broken links fail
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+
+picture: $(READY)  ## docs/architecture.svg from the import contracts
+	$(BIN)/python docs/architecture_picture.py
+
+readme: $(READY)  ## The README's leaderboard from the results of `make bench`
+	$(BIN)/python docs/readme_leaderboard.py $(OUT)
 
 clean:
 	rm -rf build dist *.egg-info runs

@@ -1,0 +1,39 @@
+"""The README is short, and its leaderboard says what the committed table says."""
+
+import csv
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MOST_LINES, MOST_EXAMPLE_LINES = 150, 12
+
+
+def test_readme_stays_short():
+    assert README.count("\n") < MOST_LINES
+    for example in re.findall(r"^```python\n(.*?)^```", README, re.M | re.S):
+        assert example.count("\n") <= MOST_EXAMPLE_LINES
+
+
+def test_links_of_the_readme_lead_to_files():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / target).is_file(), target
+
+
+def _short(text: str) -> str:
+    return f"{float(text):.4f}".replace("0.", ".", 1)
+
+
+def test_leaderboard_says_what_the_committed_table_says():
+    block = re.search(r"<!-- leaderboard:begin -->(.*)<!-- leaderboard:end -->", README, re.S)
+    assert block is not None
+    lines = [line for line in block[1].splitlines() if line.startswith("|")]
+    shown = {cells[2]: cells for line in lines if (cells := [cell.strip() for cell in line.split("|")])}
+    with (ROOT / "leaderboards" / "synthetic.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["solver"] for row in rows} == set(shown) - {"solver", ":---", "repeat of the same drape"}
+    for row in rows:
+        cells = shown[row["solver"]]
+        interval = f"[{_short(row['test_mse_low'])}, {_short(row['test_mse_high'])}]"
+        scores = [_short(row["train_mse"]), f"{_short(row['test_mse'])} {interval}"]
+        assert cells[3:7] == [row["kind"], row["cells"], *scores]

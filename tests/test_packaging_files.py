@@ -1,0 +1,73 @@
+"""What would be installed: every package and its data, under one version. CI builds the wheel and compares it too."""
+
+import re
+import runpy
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+import setuptools
+from package_files import package_files
+
+import cusick_bench
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def wanted() -> set[str]:
+    try:
+        return package_files(ROOT)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("not a git checkout: what belongs into the package is not known")
+
+
+def _installed(monkeypatch: pytest.MonkeyPatch, root: Path) -> set[str]:
+    """Files that setup.py and pyproject.toml install, as paths inside a wheel."""
+    given: dict[str, dict[str, str]] = {}
+    monkeypatch.setattr(setuptools, "setup", lambda **options: given.update(options))
+    monkeypatch.chdir(root)
+    runpy.run_path(str(root / "setup.py"))
+    data = PROJECT["tool"]["setuptools"]["package-data"]
+    files: set[str] = set()
+    for package in given["packages"]:
+        place = Path(package.replace(".", "/"))
+        folder = root / given["package_dir"].get(package, place)
+        for pattern in ("*.py", *data.get(package, [])):
+            files |= {(place / path.relative_to(folder)).as_posix() for path in folder.glob(pattern) if path.is_file()}
+    return files
+
+
+def test_every_module_and_data_file_is_installed(monkeypatch: pytest.MonkeyPatch, wanted: set[str]):
+    assert sorted(wanted - _installed(monkeypatch, ROOT)) == []
+
+
+def test_nothing_else_is_installed(monkeypatch: pytest.MonkeyPatch, wanted: set[str]):
+    untracked = _installed(monkeypatch, ROOT) - wanted
+    assert {name for name in untracked if not name.endswith(".py")} == set()  # modules may be new
+
+
+def test_a_nested_package_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch, wanted: set[str]):
+    monkeypatch.setattr(setuptools, "find_packages", lambda *_args, **_options: [])
+    assert "cusick_bench/sim/engine/drop.py" in wanted - _installed(monkeypatch, ROOT)
+
+
+def test_version_is_said_alike_everywhere():
+    citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.M)
+    assert citation is not None
+    assert cusick_bench.__version__ == PROJECT["project"]["version"] == citation[1]
+
+
+def test_what_is_named_is_pinned():
+    def plain(name: str) -> str:
+        return re.sub(r"[-_.]+", "-", re.split(r"[\[<>=]", name)[0]).lower()
+
+    pins = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
+    assert all(re.fullmatch(r"[\w.-]+==[\w.]+", pin) for pin in pins)
+    extras = PROJECT["project"]["optional-dependencies"]
+    named = {
+        plain(want) for group in (PROJECT["project"]["dependencies"], extras["dev"], extras["docs"]) for want in group
+    }
+    assert sorted(named - {plain(pin) for pin in pins}) == []
