@@ -58,16 +58,3 @@ def test_version_is_said_alike_everywhere():
     citation = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.M)
     assert citation is not None
     assert cusick_bench.__version__ == PROJECT["project"]["version"] == citation[1]
-
-
-def test_what_is_named_is_pinned():
-    def plain(name: str) -> str:
-        return re.sub(r"[-_.]+", "-", re.split(r"[\[<>=]", name)[0]).lower()
-
-    pins = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
-    assert all(re.fullmatch(r"[\w.-]+==[\w.]+", pin) for pin in pins)
-    extras = PROJECT["project"]["optional-dependencies"]
-    named = {
-        plain(want) for group in (PROJECT["project"]["dependencies"], extras["dev"], extras["docs"]) for want in group
-    }
-    assert sorted(named - {plain(pin) for pin in pins}) == []
