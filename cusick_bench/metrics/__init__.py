@@ -12,7 +12,7 @@ from cusick_bench.metrics.profile import (
     quantile_distance,
     spectrum_distance,
 )
-from cusick_bench.metrics.proper_scores import crps, energy_distance, energy_score, variogram_score
+from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
 from cusick_bench.metrics.ruled import ruled_surface
 from cusick_bench.metrics.score import expected_best, from_levels, score, to_levels
 from cusick_bench.metrics.shape import Shape
@@ -47,7 +47,7 @@ __all__ = [
     "crps",
     "distribution_scores",
     "drape_statistics",
-    "energy_distance",
+    "energy_distance_of_draws",
     "energy_score",
     "expected_best",
     "fold_test",

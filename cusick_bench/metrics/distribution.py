@@ -15,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 
 from cusick_bench.metrics.calibration import coverage, fold_test, ranks
-from cusick_bench.metrics.proper_scores import crps, energy_distance, energy_score, variogram_score
+from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
 from cusick_bench.metrics.shape import Shape
 from cusick_bench.metrics.statistics import LOCKED, PHASE_FREE, STATISTICS, drape_statistics, standardised
 
@@ -74,7 +74,7 @@ def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paire
 
 
 def _distance(drawn: ndarray, seen: ndarray, names: Sequence[str]) -> float:
-    return energy_distance(standardised(drawn, names), standardised(seen, names))
+    return energy_distance_of_draws(standardised(drawn, names), standardised(seen, names))
 
 
 def _sample_scores(radii: ndarray, targets: ndarray, drawn: ndarray, seen: ndarray) -> dict[str, float]:

@@ -29,26 +29,45 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial.distance import cdist, pdist
 
+from cusick_bench.metrics.energy import cluster_distances
 from cusick_bench.metrics.errors import MetricError
 
 VARIOGRAM_ORDER = 0.5  # p
 
 
 def energy_score(draws: Float[ndarray, "draws numbers"], samples: Float[ndarray, "samples numbers"]) -> float:
-    """Mean over samples of the fair energy score, with root-mean-square distances; smaller is better.
+    """Fair energy score, with root-mean-square distances; smaller is better.
+
+    Args:
+        draws: Vectors of the draws.
+        samples: Vectors of the held-out samples.
+
+    Returns:
+        Mean over samples, in the unit of the numbers.
 
     Raises:
         MetricError: No draws, no samples, vectors of different lengths, or values that are not finite.
     """
     _check(draws, samples)
-    return _mean_distance(draws, samples) - _spread(draws) / 2
+    root = sqrt(draws.shape[1])
+    spread = float(pdist(draws).mean()) / root if len(draws) > 1 else 0.0
+    return float(cdist(draws, samples).mean()) / root - spread / 2
 
 
-def energy_distance(draws: Float[ndarray, "draws numbers"], samples: Float[ndarray, "samples numbers"]) -> float:
-    """Unbiased energy distance of two sets, with root-mean-square distances.
+def energy_distance_of_draws(
+    draws: Float[ndarray, "draws numbers"], samples: Float[ndarray, "samples numbers"]
+) -> float:
+    """Unbiased energy distance of two sets, with root-mean-square distances; a single draw counts as a point.
 
     Its expectation is 0 for draws from the distribution of the samples and positive otherwise; single values can
-    be negative. NaN for one sample, whose distribution cannot be known.
+    be negative.
+
+    Args:
+        draws: Vectors of the draws.
+        samples: Vectors of the held-out samples.
+
+    Returns:
+        The distance, in the unit of the numbers; NaN for one sample, whose distribution cannot be known.
 
     Raises:
         MetricError: No draws, no samples, vectors of different lengths, or values that are not finite.
@@ -56,11 +75,20 @@ def energy_distance(draws: Float[ndarray, "draws numbers"], samples: Float[ndarr
     _check(draws, samples)
     if len(samples) < 2:
         return nan
-    return 2 * _mean_distance(draws, samples) - _spread(draws) - _spread(samples)
+    pairs = cluster_distances(draws, samples)
+    first = pairs.in_first.astype(np.float64)
+    return float(pairs.distance(first, 1 - first, spread_of_one=0.0)) / sqrt(draws.shape[1])
 
 
 def crps(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"]) -> float:
-    """Mean over samples of the fair continuous ranked probability score, in the unit of the numbers.
+    """Fair continuous ranked probability score.
+
+    Args:
+        draws: Numbers drawn.
+        samples: Numbers of the held-out samples.
+
+    Returns:
+        Mean over samples, in the unit of the numbers.
 
     Raises:
         MetricError: No draws, no samples, or values that are not finite.
@@ -69,10 +97,17 @@ def crps(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"]) -
 
 
 def variogram_score(draws: Float[ndarray, "draws angles"], samples: Float[ndarray, "samples angles"]) -> float:
-    """Mean over samples of the fair variogram score of functions on the circle, p = 1/2, in the functions' unit.
+    """Fair variogram score of functions on the circle, p = 1/2.
 
     It sees how values at two angles depend on each other, which the energy score hardly does. A pair of angles
     weighs as the inverse of its separation, all weights adding up to 1.
+
+    Args:
+        draws: Values of the drawn functions at equidistant angles.
+        samples: Values of the held-out functions at the same angles.
+
+    Returns:
+        Mean over samples, in the functions' unit.
 
     Raises:
         MetricError: No draws, no samples, vectors of different lengths, or values that are not finite.
@@ -91,15 +126,6 @@ def _variogram_term(draws: ndarray, samples: ndarray, separation: int) -> float:
     )
     excess = drawn.var(0, ddof=1).mean() / len(draws) if len(draws) > 1 else 0.0
     return float(((seen - drawn.mean(0)) ** 2).mean() - excess)
-
-
-def _mean_distance(draws: ndarray, samples: ndarray) -> float:
-    return float(cdist(draws, samples).mean()) / sqrt(draws.shape[1])
-
-
-def _spread(points: ndarray) -> float:
-    """Mean distance of two different points; 0 for one point."""
-    return float(pdist(points).mean()) / sqrt(points.shape[1]) if len(points) > 1 else 0.0
 
 
 def _check(draws: ndarray, samples: ndarray) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
-from cusick_bench.diagnosis.measure.energy import Standardisation, cluster_distances, energy_by_group
+from cusick_bench.diagnosis.measure.energy import Standardisation, energy_by_group
 from cusick_bench.diagnosis.measure.floors import repeat_floor, split_half_floor
 from cusick_bench.diagnosis.measure.resampling import sign_flip_test, two_sample_test
 from cusick_bench.diagnosis.measure.statistics import (
@@ -24,6 +24,7 @@ from cusick_bench.diagnosis.measure.statistics import (
     columns,
     specimen_statistics,
 )
+from cusick_bench.metrics.energy import cluster_distances
 
 REPEATING = ("fabric_2", "fabric_4", "fabric_5", "fabric_9")
 FABRICS = ("fabric_1", "fabric_3", *REPEATING)

@@ -12,7 +12,7 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile, drape_coefficient, profile_from_image
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import ANGLES, captures_from_profiles, read_captures
-from cusick_bench.diagnosis.measure.energy import Standardisation, cluster_distances, energy_by_group, energy_distance
+from cusick_bench.diagnosis.measure.energy import Standardisation, energy_by_group
 from cusick_bench.diagnosis.measure.floors import repeat_floor, split_half_floor, spread_by_level
 from cusick_bench.diagnosis.measure.resampling import (
     bootstrap_distance,
@@ -34,6 +34,8 @@ from cusick_bench.diagnosis.measure.statistics import (
     rotated,
     specimen_statistics,
 )
+from cusick_bench.metrics.energy import cluster_distances, energy_distance
+from cusick_bench.metrics.errors import MetricError
 
 THETA = np.arange(ANGLES) * (2 * pi / ANGLES)
 
@@ -388,11 +390,11 @@ def test_a_change_of_one_group_shows_in_that_group_alone():
 
 
 def test_sets_without_an_energy_distance():
-    with pytest.raises(DiagnosisError, match="finite"):
+    with pytest.raises(MetricError, match="finite"):
         energy_distance(np.full((3, 2), np.nan), np.zeros((3, 2)))
-    with pytest.raises((DiagnosisError, TypeCheckError), match=r"same statistics|second"):  # whichever looks first
+    with pytest.raises((MetricError, TypeCheckError), match=r"same statistics|second"):  # whichever looks first
         energy_distance(np.zeros((3, 2)), np.zeros((3, 1)))
-    with pytest.raises(DiagnosisError, match="vectors"):
+    with pytest.raises(MetricError, match="vectors"):
         energy_distance(np.zeros((0, 2)), np.zeros((3, 2)))
     assert np.isnan(energy_distance(np.zeros((3, 2)), np.ones((2, 2)), np.zeros(3, dtype=int)))
 

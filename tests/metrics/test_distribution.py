@@ -27,7 +27,7 @@ from cusick_bench.metrics import (
     crps,
     distribution_scores,
     drape_statistics,
-    energy_distance,
+    energy_distance_of_draws,
     energy_score,
     expected_best,
     fold_test,
@@ -151,10 +151,12 @@ def test_scales_are_what_the_release_shows(real_data: Path):
 
 def test_energy_distance_of_equal_distributions_is_zero_on_average_and_of_shifted_ones_is_known():
     generator = np.random.default_rng(1)
-    equal = [energy_distance(generator.normal(size=(7, 3)), generator.normal(size=(11, 3))) for _ in range(1500)]
+    equal = [
+        energy_distance_of_draws(generator.normal(size=(7, 3)), generator.normal(size=(11, 3))) for _ in range(1500)
+    ]
     assert_mean(equal, 0.0)
     shift, draws = 1.5, [
-        energy_distance(generator.normal(1.5, 1, (8, 1)), generator.normal(0, 1, (6, 1))) for _ in range(1500)
+        energy_distance_of_draws(generator.normal(1.5, 1, (8, 1)), generator.normal(0, 1, (6, 1))) for _ in range(1500)
     ]  # fmt: skip
     apart = shift * (2 * norm.cdf(shift / np.sqrt(2)) - 1) + 2 * np.sqrt(2) * norm.pdf(shift / np.sqrt(2))
     assert_mean(draws, 2 * apart - 2 * 2 / np.sqrt(np.pi))
@@ -186,8 +188,8 @@ def test_a_single_draw_is_scored_by_its_distance():
     assert energy_score(draw, samples) == pytest.approx(0.15)
     assert crps(np.array([0.2]), np.array([0.1, 0.5])) == pytest.approx(0.2)
     assert variogram_score(draw, samples) == pytest.approx(0)
-    assert energy_distance(draw, samples) == pytest.approx(2 * 0.15 - 0.3)
-    assert np.isnan(energy_distance(draw, samples[:1]))
+    assert energy_distance_of_draws(draw, samples) == pytest.approx(2 * 0.15 - 0.3)
+    assert np.isnan(energy_distance_of_draws(draw, samples[:1]))
 
 
 Drawer = Callable[[np.random.Generator, int], np.ndarray]
@@ -237,7 +239,7 @@ def _scores(scored, wrong: Drawer, trials: int) -> tuple[list[float], list[float
 
 
 def test_scores_refuse_what_cannot_be_compared():
-    for scored in (energy_score, energy_distance, variogram_score):
+    for scored in (energy_score, energy_distance_of_draws, variogram_score):
         with pytest.raises(MetricError, match="one length"):
             scored(np.zeros((3, 4)), np.zeros((3, 5)))
         with pytest.raises(MetricError, match="at least one draw"):

@@ -1,33 +1,24 @@
-"""Squared energy distance of two sets of statistics whose members come in clusters.
+"""Units of statistics in which energy distances are taken, and the distance on each group of statistics alone.
 
-    E = 2 mean |x_i - y_k| - mean |x_i - x_j| - mean |y_k - y_l|
-
-is 0 for one distribution and positive for two. With means over pairs of *different clusters* only it is unbiased
-although captures of one sample are alike; pairs within a cluster would make a set look tighter than it is, and every
-gap too large. Distances are Euclidean in units of a scale or of a covariance, divided by the root of the number of
-statistics, so that distances on groups of statistics compare.
-
-All that resampling needs of the pairs are their sums between clusters: `ClusterDistances` holds these, and a
-distance of reweighted or relabelled clusters is two small products.
+Distances are Euclidean in units of a scale or of a covariance, divided by the root of the number of statistics, so that
+distances on groups of statistics compare. The distance itself is `cusick_bench.metrics.energy`.
 
 References:
-    G. J. Szekely, M. L. Rizzo. Energy statistics: a class of statistics based on distances. Journal of Statistical
-        Planning and Inference 143 (2013), 1249-1272.
     J. Schaefer, K. Strimmer. A shrinkage approach to large-scale covariance matrix estimation. Statistical
         Applications in Genetics and Molecular Biology 4 (2005), 32.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import nan, sqrt
+from math import sqrt
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.linalg import solve_triangular
-from scipy.spatial.distance import cdist
 
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.metrics.energy import check_vectors, energy_distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +34,12 @@ class Standardisation:
     @classmethod
     def of_scales(cls, scales: Float[ndarray, " statistics"]) -> "Standardisation":
         """One scale for each statistic.
+
+        Args:
+            scales: Scales, each in its statistic's unit.
+
+        Returns:
+            The unit.
 
         Raises:
             DiagnosisError: A scale that is not > 0.
@@ -68,10 +65,14 @@ class Standardisation:
             resolution: Least scale of each statistic.
             correlated: Take the correlations too (whitening), shrunk towards 0 as far as so few clusters demand.
 
+        Returns:
+            The unit.
+
         Raises:
-            DiagnosisError: Fewer than two clusters, or values that are not finite.
+            DiagnosisError: Fewer than two clusters.
+            MetricError: No values, or some that are not finite.
         """
-        check_finite(values)
+        check_vectors(values)
         labels, row = np.unique(clusters, return_inverse=True)
         if len(labels) < 2:
             raise DiagnosisError("a spread needs at least 2 samples, got 1; give scales of another fabric")
@@ -84,7 +85,15 @@ class Standardisation:
     def apply(
         self, values: Float[ndarray, "rows statistics"], columns: Sequence[int] | None = None
     ) -> Float[ndarray, "rows chosen"]:
-        """Vectors whose Euclidean distance is the distance of the statistics, or of some of them alone."""
+        """Vectors whose Euclidean distance is the distance of the statistics, or of some of them alone.
+
+        Args:
+            values: Statistics.
+            columns: Which of the statistics; all by default.
+
+        Returns:
+            One vector a row of `values`.
+        """
         chosen = list(range(len(self.covariance)) if columns is None else columns)
         root = np.linalg.cholesky(self.covariance[np.ix_(chosen, chosen)])
         return solve_triangular(root, values[:, chosen].T, lower=True).T / sqrt(len(chosen))
@@ -106,104 +115,6 @@ def _shrunk_correlation(means: ndarray, scales: ndarray) -> Float[ndarray, "stat
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class ClusterDistances:
-    """Sums of distances between the clusters of two pooled sets.
-
-    A node is what one set holds of one cluster. Nodes of one cluster in both sets are not compared either.
-
-    Attributes:
-        sums: Sum of distances between the rows of two nodes; 0 for nodes of one cluster.
-        pairs: Number of these pairs of rows; 0 for nodes of one cluster.
-        in_first: Which nodes the first set holds.
-    """
-
-    sums: Float[ndarray, "nodes nodes"]
-    pairs: Float[ndarray, "nodes nodes"]
-    in_first: Bool[ndarray, " nodes"]
-
-    def distance(
-        self, first: Float[ndarray, "*batch nodes"], second: Float[ndarray, "*batch nodes"]
-    ) -> Float[ndarray, "*batch"]:
-        """Energy distances of sets of weighted nodes; NaN where a set has fewer than two clusters."""
-        return np.asarray(2 * self._mean(first, second) - self._mean(first, first) - self._mean(second, second))
-
-    def _mean(self, weights: ndarray, others: ndarray) -> ndarray:
-        total, number = ((weights @ part * others).sum(-1) for part in (self.sums, self.pairs))
-        return np.where(number > 0, total / np.where(number > 0, number, 1.0), nan)
-
-    @property
-    def observed(self) -> float:
-        """Energy distance of the two sets as they are."""
-        return float(self.distance(self.in_first.astype(float), (~self.in_first).astype(float)))
-
-
-def cluster_distances(
-    first: Float[ndarray, "rows numbers"],
-    second: Float[ndarray, "others numbers"],
-    first_clusters: Int[ndarray, " rows"] | None = None,
-    second_clusters: Int[ndarray, " others"] | None = None,
-    *,
-    shared: bool = False,
-) -> ClusterDistances:
-    """Sums of distances between clusters.
-
-    Args:
-        first, second: Standardised statistics of the two sets.
-        first_clusters, second_clusters: Sample of each row; each row is its own by default.
-        shared: Equal labels in both sets mean the same sample, whose pairs are left out between the sets too. By
-            default labels of one set have nothing to do with the other's.
-
-    Raises:
-        DiagnosisError: An empty set, other lengths, or values that are not finite.
-    """
-    check_finite(first)
-    check_finite(second)
-    if first.shape[1] != second.shape[1]:
-        raise DiagnosisError(f"both sets must hold the same statistics, got {first.shape[1]} and {second.shape[1]}")
-    own, own_row = _labels(first, first_clusters)
-    other, other_row = _labels(second, second_clusters)
-    if shared and (first_clusters is None or second_clusters is None):
-        raise DiagnosisError("shared clusters need labels of both sets")
-    values = np.concatenate([first, second])
-    row = np.concatenate([own_row, len(own) + other_row])
-    nodes = len(own) + len(other)
-    cluster = np.concatenate([own, other]) if shared else np.arange(nodes)
-    apart = cluster[:, None] != cluster[None, :]
-    sizes = np.bincount(row).astype(np.float64)
-    sums = _sums_by_node(values[np.argsort(row, kind="stable")], np.cumsum(sizes) - sizes)
-    return ClusterDistances(sums * apart, np.outer(sizes, sizes) * apart, np.arange(nodes) < len(own))
-
-
-def _sums_by_node(values: ndarray, starts: ndarray) -> Float[ndarray, "nodes nodes"]:
-    """Sums of distances; the rows of a node follow each other from its start."""
-    first = starts.astype(np.int64)
-    distances = cdist(values, values)
-    return np.add.reduceat(np.add.reduceat(distances, first, axis=0), first, axis=1)
-
-
-def _labels(values: ndarray, clusters: ndarray | None) -> tuple[ndarray, ndarray]:
-    """Labels of the clusters, and the place of each row's label among them."""
-    if clusters is None:
-        return np.arange(len(values)), np.arange(len(values))
-    if clusters.shape != (len(values),):
-        raise DiagnosisError(f"clusters must label each of {len(values)} rows, got shape {clusters.shape}")
-    labels, row = np.unique(clusters, return_inverse=True)
-    return labels, row
-
-
-def energy_distance(
-    first: Float[ndarray, "rows numbers"],
-    second: Float[ndarray, "others numbers"],
-    first_clusters: Int[ndarray, " rows"] | None = None,
-    second_clusters: Int[ndarray, " others"] | None = None,
-    *,
-    shared: bool = False,
-) -> float:
-    """Unbiased squared energy distance; see `cluster_distances`. NaN if a set has fewer than two clusters."""
-    return cluster_distances(first, second, first_clusters, second_clusters, shared=shared).observed
-
-
 def energy_by_group(
     first: Float[ndarray, "rows statistics"],
     second: Float[ndarray, "others statistics"],
@@ -215,23 +126,18 @@ def energy_by_group(
     """Energy distance on each group of statistics alone; the distances do not add up to that on all.
 
     Args:
-        first, second: Statistics, not standardised.
+        first: Statistics of the first set, not standardised.
+        second: Statistics of the second set.
         standardisation: Their unit.
         groups: Columns of each group.
-        first_clusters, second_clusters: Sample of each row.
+        first_clusters: Sample of each row of `first`; each row is its own by default.
+        second_clusters: Sample of each row of `second`.
+
+    Returns:
+        Group -> distance.
     """
     found = {}
     for name, columns in groups.items():
         own, other = (standardisation.apply(values, columns) for values in (first, second))
         found[name] = energy_distance(own, other, first_clusters, second_clusters)
     return found
-
-
-def check_finite(values: Float[ndarray, "rows numbers"]) -> None:
-    """Raises:
-    DiagnosisError: No rows, or values that are not finite.
-    """
-    if values.ndim != 2 or 0 in values.shape:
-        raise DiagnosisError(f"a set must hold vectors, got shape {values.shape}; is a face missing?")
-    if not np.isfinite(values).all():
-        raise DiagnosisError("statistics must be finite; leave out samples that lack a face or a capture")

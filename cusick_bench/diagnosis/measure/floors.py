@@ -14,8 +14,8 @@ from numpy import ndarray
 from scipy.spatial.distance import cdist
 
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.measure.energy import cluster_distances
 from cusick_bench.diagnosis.measure.resampling import halves_by_cluster
+from cusick_bench.metrics.energy import cluster_distances
 
 
 def split_half_floor(

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.measure.energy import ClusterDistances
+from cusick_bench.metrics.energy import ClusterDistances
 
 _ROUNDING = 1e-12  # relative: a permutation that gives the data back is as extreme as they are
 
