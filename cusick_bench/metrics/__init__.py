@@ -3,6 +3,7 @@
 from cusick_bench.metrics.calibration import coverage, fold_test, ranks
 from cusick_bench.metrics.classification import Classifier, Confusion, learn
 from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
+from cusick_bench.metrics.energy import energy_distance
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.hausdorff import hausdorff
 from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
@@ -47,6 +48,7 @@ __all__ = [
     "crps",
     "distribution_scores",
     "drape_statistics",
+    "energy_distance",
     "energy_distance_of_draws",
     "energy_score",
     "expected_best",

@@ -5,7 +5,6 @@ import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -60,17 +59,11 @@ def content_hash(path: Path) -> str:
         DataError: The file cannot be read.
     """
     try:
-        status = path.stat()
-        return _hash(path, status.st_mtime_ns, status.st_size)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         kind = "no-permission" if isinstance(error, PermissionError) else "invalid-data"
         raise DataError(f"cannot be read ({error})", where=path, remedy="change its mode", kind=kind) from error
-
-
-@lru_cache(maxsize=4096)
-def _hash(path: Path, modified: int, size: int) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _measure_mesh(path: Path, digest: str) -> MeshMeasure:

@@ -1,10 +1,17 @@
-"""Nominal values of an experiment, from `protocol.json`: sizes, camera, which captures show which face."""
+"""Nominal values of an experiment, from `protocol.json`: sizes, camera, which captures show which face.
+
+`Protocol` is the one model of that file; pydantic checks its fields whoever makes one.
+"""
 
 import json
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
+from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic.dataclasses import dataclass
 
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
@@ -12,21 +19,72 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_ME
 FILE = "protocol.json"
 _MAXIMUM_BYTES = 1 << 20
 _MAXIMUM_SIZE = 8192  # [px]
-_CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
-    "projection": {
-        "parallel": ("parallel", "orthographic", "orthogonal"),
-        "pinhole": ("pinhole", "perspective"),
-    },
-    "image_y": {"up": ("up",), "down": ("down",)},
-    "foreground": {
-        "dark": ("dark", "black", "1 - grey/255", "1-grey/255"),
-        "light": ("light", "bright", "white", "grey/255"),
-    },
+_PROJECTIONS = {"parallel": ("parallel", "orthographic", "orthogonal"), "pinhole": ("pinhole", "perspective")}
+_DIRECTIONS = {"up": ("up",), "down": ("down",)}
+_FOREGROUNDS = {
+    "dark": ("dark", "black", "1 - grey/255", "1-grey/255"),
+    "light": ("light", "bright", "white", "grey/255"),
 }
-_POSITIVE = ("cloth_radius_m", "plate_radius_m", "gravity_m_s2", "px_per_m")
 
 
-@dataclass(frozen=True)
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(float(value)):
+        raise ValueError("must be a finite number")
+    return float(value)
+
+
+def _positive(value: Any) -> float:
+    number = _number(value)
+    if number <= 0:
+        raise ValueError("must be > 0")
+    return number
+
+
+def _choice(spellings: dict[str, tuple[str, ...]]) -> BeforeValidator:
+    """One of several words, in any of its spellings."""
+
+    def chosen(value: Any) -> str:
+        for choice, accepted in spellings.items():
+            if isinstance(value, str) and value.strip().lower() in accepted:
+                return choice
+        raise ValueError(f"must be one of {', '.join(spellings)}")
+
+    return BeforeValidator(chosen)
+
+
+def _size(value: Any) -> int:
+    sizes = value if isinstance(value, list) and len(value) == 2 else [value, value]
+    numbers = [_number(size) for size in sizes]
+    if numbers[0] != numbers[1] or numbers[0] != int(numbers[0]) or not 16 <= numbers[0] <= _MAXIMUM_SIZE:
+        raise ValueError(f"must be one whole number of pixels from 16 to {_MAXIMUM_SIZE} (images are square)")
+    return int(numbers[0])
+
+
+def _centre(value: Any) -> tuple[float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise ValueError("must be [column, row]")
+    return _number(value[0]), _number(value[1])
+
+
+def _captures(value: Any) -> dict[int, str]:
+    rule = 'must map capture numbers to "up", "down" or ""'
+    if not isinstance(value, dict):
+        raise ValueError(rule)
+    sides = {str(number): str(side).strip().lower() for number, side in value.items()}
+    if not all(number.isdecimal() and side in ("up", "down", "") for number, side in sides.items()):
+        raise ValueError(rule)
+    return {int(number): side for number, side in sides.items()}
+
+
+def _words(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+_Positive = Annotated[float, BeforeValidator(_positive)]
+_Words = Annotated[str, BeforeValidator(_words)]
+
+
+@dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))
 class Protocol:
     """Nominal values of an experiment; the defaults are the public release's.
 
@@ -46,51 +104,68 @@ class Protocol:
         extra: Keys that are not used, as found.
     """
 
-    cloth_radius_m: float = CLOTH_RADIUS
-    plate_radius_m: float = PLATE_RADIUS
-    gravity_m_s2: float = 9.8
-    image_size_px: int = 256
-    px_per_m: float = PIXELS_PER_METRE
-    centre_px: tuple[float, float] = IMAGE_CENTRE
-    projection: str = "parallel"
-    image_y: str = "up"
-    foreground: str = "dark"
-    captures: dict[int, str] = field(default_factory=lambda: {1: "up", 2: "up", 3: "down", 4: "down"})
-    turn_over: str = ""
-    order: str = ""
-    extra: dict[str, Any] = field(default_factory=dict)
+    cloth_radius_m: _Positive = CLOTH_RADIUS
+    plate_radius_m: _Positive = PLATE_RADIUS
+    gravity_m_s2: _Positive = 9.8
+    image_size_px: Annotated[int, BeforeValidator(_size)] = 256
+    px_per_m: _Positive = PIXELS_PER_METRE
+    centre_px: Annotated[tuple[float, float], BeforeValidator(_centre)] = IMAGE_CENTRE
+    projection: Annotated[Literal["parallel", "pinhole"], _choice(_PROJECTIONS)] = "parallel"
+    image_y: Annotated[Literal["up", "down"], _choice(_DIRECTIONS)] = "up"
+    foreground: Annotated[Literal["dark", "light"], _choice(_FOREGROUNDS)] = "dark"
+    captures: Annotated[dict[int, str], BeforeValidator(_captures)] = Field(
+        default_factory=lambda: {1: "up", 2: "up", 3: "down", 4: "down"}
+    )
+    turn_over: _Words = ""
+    order: _Words = ""
+    extra: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _plate_is_smaller(self) -> "Protocol":
+        if self.plate_radius_m >= self.cloth_radius_m:
+            sizes = f"{self.plate_radius_m} >= {self.cloth_radius_m}"
+            raise ValueError(f"plate_radius_m must be below cloth_radius_m, got {sizes}")
+        return self
 
 
 def read_protocol(path: Path) -> Protocol:
     """Reads `protocol.json`; values that are left out keep their defaults, unknown keys are kept in `extra`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The nominal values.
 
     Raises:
         BadTable: Not a JSON object, or a value that breaks its rule.
     """
     document = read_json_object(path, "protocol-invalid")
     known = {item.name for item in fields(Protocol)} - {"extra"}
-    values: dict[str, Any] = {"extra": {key: document[key] for key in document if key not in known}}
-    for key in known & document.keys():
-        try:
-            values[key] = _checked(key, document[key])
-        except (TypeError, ValueError, OverflowError) as error:
-            found = json.dumps(document[key])[:80]
-            raise BadTable(
-                f"{key} {error}, got {found}", where=path, remedy="correct it", kind="protocol-invalid"
-            ) from error
-    protocol = Protocol(**values)
-    if protocol.plate_radius_m >= protocol.cloth_radius_m:
-        raise BadTable(
-            f"plate_radius_m must be below cloth_radius_m, got {protocol.plate_radius_m} >= {protocol.cloth_radius_m}",
-            where=path,
-            remedy="give both in metres",
-            kind="protocol-invalid",
-        )
-    return protocol
+    values = {key: value for key, value in document.items() if key in known}
+    extra = {key: value for key, value in document.items() if key not in known}
+    try:
+        return Protocol(**values, extra=extra)
+    except ValidationError as error:
+        raise BadTable(_first_fault(error), where=path, remedy="correct it", kind="protocol-invalid") from error
+
+
+def _first_fault(error: ValidationError) -> str:
+    """Key, rule and value of the first field that breaks its rule; the model's own rules say all three themselves."""
+    fault = error.errors()[0]
+    rule = str(fault.get("ctx", {}).get("error", fault["msg"]))
+    return f"{fault['loc'][0]} {rule}, got {json.dumps(fault['input'])[:80]}" if fault["loc"] else rule
 
 
 def read_json_object(path: Path, kind: str) -> dict[str, Any]:
     """Reads a JSON file that must hold one object.
+
+    Args:
+        path: The file.
+        kind: Kind of the error, as an audit lists it.
+
+    Returns:
+        The object.
 
     Raises:
         BadTable: Too large, not JSON, or no object.
@@ -108,55 +183,3 @@ def read_json_object(path: Path, kind: str) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise BadTable("must hold one JSON object", where=path, remedy='write {"key": value, ...}', kind=kind)
     return document
-
-
-def _checked(key: str, value: Any) -> Any:
-    if key in _POSITIVE:
-        number = _number(value)
-        if number <= 0:
-            raise ValueError("must be > 0")
-        return number
-    if key in _CHOICES:
-        return _choice(key, value)
-    return {"image_size_px": _size, "centre_px": _centre, "captures": _captures}.get(key, _words)(value)
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError("must be a finite number")
-    return float(value)
-
-
-def _choice(key: str, value: Any) -> str:
-    for choice, spellings in _CHOICES[key].items():
-        if isinstance(value, str) and value.strip().lower() in spellings:
-            return choice
-    raise ValueError(f"must be one of {', '.join(_CHOICES[key])}")
-
-
-def _size(value: Any) -> int:
-    sizes = value if isinstance(value, list) and len(value) == 2 else [value, value]
-    numbers = [_number(size) for size in sizes]
-    if numbers[0] != numbers[1] or numbers[0] != int(numbers[0]) or not 16 <= numbers[0] <= _MAXIMUM_SIZE:
-        raise ValueError(f"must be one whole number of pixels from 16 to {_MAXIMUM_SIZE} (images are square)")
-    return int(numbers[0])
-
-
-def _centre(value: Any) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise ValueError("must be [column, row]")
-    return _number(value[0]), _number(value[1])
-
-
-def _captures(value: Any) -> dict[int, str]:
-    rule = 'must map capture numbers to "up", "down" or ""'
-    if not isinstance(value, dict):
-        raise ValueError(rule)
-    sides = {str(number): str(side).strip().lower() for number, side in value.items()}
-    if not all(number.isdecimal() and side in ("up", "down", "") for number, side in sides.items()):
-        raise ValueError(rule)
-    return {int(number): side for number, side in sides.items()}
-
-
-def _words(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)

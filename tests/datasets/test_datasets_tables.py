@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,3 +174,21 @@ def test_protocol_defaults_and_spellings(tmp_path):
     assert protocol.order == '["up", "down"]'
     assert Protocol().px_per_m == 723
     assert Protocol().captures == {1: "up", 2: "up", 3: "down", 4: "down"}
+
+
+def test_a_protocol_is_checked_whoever_makes_it():
+    with pytest.raises(ValueError, match=r"px_per_m\n.*must be > 0"):
+        Protocol(px_per_m=-1)
+    with pytest.raises(ValueError, match="px_per_metre"):
+        Protocol(**{"px_per_metre": 723})
+    with pytest.raises(ValueError, match=r"must be below cloth_radius_m, got 0\.15 >= 0\.12"):
+        replace(Protocol(), plate_radius_m=0.15, cloth_radius_m=0.12)
+    assert replace(Protocol(), centre_px=(np.float64(3.0), 4.0)).centre_px == (3.0, 4.0)
+
+
+def test_a_wrong_value_is_named_with_its_key_rule_and_file(tmp_path):
+    path = tmp_path / "protocol.json"
+    path.write_text('{"order": "1 first", "centre_px": [1, "2"]}')
+    with pytest.raises(BadTable) as caught:
+        read_protocol(path)
+    assert str(caught.value) == f'{path}: centre_px must be a finite number, got [1, "2"]; correct it'
