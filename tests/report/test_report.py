@@ -3,12 +3,16 @@
 import base64
 import io
 import json
+import re
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
 from html_page import Page
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -17,9 +21,11 @@ from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.report import View, cloth_colour, render_drape, write_report
 from cusick_bench.report.cell_view import load_cell_view, read_trace
-from cusick_bench.report.drawing.axes import frame, framed, level
+from cusick_bench.report.drawing.inline_svg import inline_svg, page_figure, panel, printable
 from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
+from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
 from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
+from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
 ANGLES = 2 * np.pi * np.arange(720) / 720
@@ -234,29 +240,84 @@ def test_nearer_cloth_hides_what_is_behind_it():
 
 
 def test_profile_graph_draws_both_lines_and_the_band():
-    graph = profile_graph(radii(), radii(8), np.stack([radii(6), radii(9)]), "two <drapes>")
-    assert graph.count("<polyline") == 2
-    assert graph.count("<polygon") == 1
-    assert "two &lt;drapes&gt;" in graph
-    assert "<polygon" not in profile_graph(radii(), radii(8), None, "no band")
+    (axes,) = profile_graph(radii(), radii(8), np.stack([radii(6), radii(9)])).axes
+    for colour, expected in ((REAL, radii()), (MODEL, radii(8))):
+        (line,) = (line for line in axes.lines if same_color(line.get_color(), colour))
+        np.testing.assert_allclose(line.get_ydata()[:-1], 1e3 * expected[::3])
+        assert line.get_ydata()[-1] == line.get_ydata()[0]
+    (band,) = axes.collections
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert heights.max() == pytest.approx(132)
+    assert heights.min() == pytest.approx(108)
+    (alone,) = profile_graph(radii(), radii(8), None).axes
+    assert not alone.collections
 
 
-def test_ticks_stand_where_their_values_are_and_levels_stay_inside():
-    panel = framed(300, 200, (0.0, 360.0), (90.0, 150.0))
-    drawn = Page("".join(frame(panel, "angle", "<radius>", (0, 180), (120,), y_words=lambda tick: f"{tick} mm")))
-    assert drawn.words == ["0", "180", "120 mm", "angle", "<radius>"]
-    left, middle = (float(text["x"] or "") for text in drawn.all("text")[:2])
-    assert (left, middle) == pytest.approx((panel.left, (panel.left + panel.right) / 2), abs=0.1)
-    (across,) = (line for line in drawn.all("line") if line["class"] == "grid")
-    assert float(across["y1"] or "") == pytest.approx((panel.top + panel.bottom) / 2, abs=0.1)
-    assert len(level(panel, 150.0, "flat cloth")) == 2
-    assert level(panel, 151.0, "flat cloth") == []
+def test_levels_are_named_and_stay_inside():
+    axes = panel(page_figure(300, 200), 40, 10, 250, 150)
+    label_axes(axes, (95.0, 160.0))
+    draw_levels(axes, named=True)
+    assert [text.get_text() for text in axes.texts] == ["flat cloth"]
+    assert [line.get_ydata()[0] for line in axes.lines] == [150]
 
 
-def test_trace_graph_needs_two_evaluations():
-    assert trace_graph(np.zeros((0, 2)), "none") == ""
-    assert trace_graph(np.array([[1.0, 0.1]]), "one") == ""
-    assert "polyline" in trace_graph(np.array([[1.0, 0.1], [2.0, 0.1]]), "constant")
+def test_trace_graph_needs_two_evaluations_and_falls_in_steps():
+    assert trace_graph(np.zeros((0, 2))) is None
+    assert trace_graph(np.array([[1.0, 0.1]])) is None
+    assert trace_graph(np.array([[1.0, 0.1], [2.0, 0.1]])) is not None
+    figure = trace_graph(np.array([[1.0, 0.1], [4.0, 0.02]]))
+    assert figure is not None
+    (axes,) = figure.axes
+    assert axes.get_yscale() == "log"
+    assert axes.lines[0].get_drawstyle() == "steps-post"
+    assert [text.get_text() for text in axes.get_yticklabels()] == [".02", ".05", ".1"]
+
+
+# -- figures as part of a page
+
+
+def some_figure(words: str = "radius") -> Figure:
+    figure = page_figure(300, 200)
+    axes = panel(figure, 40, 10, 250, 150)
+    axes.plot([0, 1], [0, 1], color=REAL)
+    axes.axhline(0.5, color="#00ff00")
+    axes.set_title(printable(words), parse_math=False)
+    return figure
+
+
+def test_a_figure_takes_the_colours_of_the_page_and_says_what_it_shows():
+    drawn = Page(inline_svg(some_figure("<r> $x$ \x00"), 'a "line" <upwards>', "wide"))
+    (graph,) = drawn.all("svg")
+    assert (graph["class"], graph["role"], graph["aria-label"]) == ("graph wide", "img", 'a "line" <upwards>')
+    assert graph["viewbox"] == "0 0 300 200"
+    assert "width" not in graph
+    assert "<r> $x$ ?" in drawn.text
+    styles = " ".join(attributes.get("style") or "" for _, attributes in drawn.tags)
+    assert "stroke: var(--real)" in styles
+    assert "#fe00" not in styles
+    assert "#00ff00" in styles
+    assert "font-family" not in styles
+    assert not {"style", "metadata"} & {tag for tag, _ in drawn.tags}  # they would hold for the whole page
+    assert drawn.asks_for() == []
+
+
+def test_the_same_figure_gives_the_same_bytes_and_others_share_no_id():
+    first, again, other = (inline_svg(some_figure(), words) for words in ("one", "one", "other"))
+    assert first == again
+    ids = [{attributes["id"] for _, attributes in Page(svg).tags if "id" in attributes} for svg in (first, other)]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+    for svg in (first, other):
+        known = [attributes["id"] for _, attributes in Page(svg).tags if "id" in attributes]
+        assert len(known) == len(set(known))
+        assert set(re.findall(r"url\(#([^)]+)\)|href=\"#([^\"]+)", svg)[0]) - {""} <= set(known)
+
+
+def test_every_colour_of_figures_has_a_light_and_a_dark_variable():
+    css = (resources.files("cusick_bench.report") / "templates" / "page.css").read_text(encoding="utf-8")
+    for variable in VARIABLES.values():
+        assert css.count(f"{variable}: ") == 2, variable
+    assert all(f"var({name})" not in css or f"{name}: " in css for name in re.findall(r"var\((--[\w-]+)\)", css))
 
 
 def test_cut_and_odd_trace_lines_are_passed_over(tmp_path):

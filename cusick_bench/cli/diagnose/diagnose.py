@@ -104,7 +104,7 @@ def _write(one: DiagnosisDocument, out: Path) -> _Written:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "diagnosis.json"
     one.write(path)
-    return _Written(one, path, write_diagnosis_page(one.content(), folder / "diagnosis.html"))
+    return _Written(one, path, write_diagnosis_page(one, folder / "diagnosis.html"))
 
 
 def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:

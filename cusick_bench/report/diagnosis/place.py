@@ -1,48 +1,88 @@
 """Where a diagnosis puts the gap: on the cloth, in which statistics, at which stage of the making of a drape."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from cusick_bench.diagnosis.inference.localise import EDGES, SECTORS
-from cusick_bench.report.diagnosis.graphs import Bar, Region, bars_graph, cloth_map
-from cusick_bench.report.diagnosis.values import mapping, mappings, number, pair, percent, plain, table, text
+import numpy as np
+from markupsafe import Markup
+
+from cusick_bench.diagnosis.document.model import DiagnosisDocument
+from cusick_bench.diagnosis.inference.localise import EDGES
+from cusick_bench.report.diagnosis.bars import Bar, bars_graph
+from cusick_bench.report.diagnosis.cloth_map import Arrow, Region, cloth_map
+from cusick_bench.report.diagnosis.number_format import percent, plain
 from cusick_bench.report.diagnosis.words import GROUPS, STAGES, place_in_words
+from cusick_bench.report.drawing.inline_svg import inline_svg
+from cusick_bench.report.drawing.palette import MODEL, PALE
 from cusick_bench.sim.effects import registered
 
 
-def place_content(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page's template asks for on the place."""
-    found = mapping(document.get("where"))
-    shares = table(found.get("map"), len(EDGES) - 1, SECTORS)
-    angle, radius = pair(found.get("angle_deg")), pair(found.get("radius_m"))
-    region = _region(angle, radius) if found.get("localisable") else None
-    arrow = _arrow(document) if text(found.get("kind")) == "direction" else None
+@dataclass(frozen=True)
+class PlaceSection:
+    """Where the gap lies.
+
+    Attributes:
+        words: The answer in sentences.
+        map: Map of the cloth.
+        caption: What the map shows.
+        groups: The gap by group of statistics; None where nothing was simulated.
+        has_floors: Whether `groups` shows floors.
+        stages: Probability by stage of the making of a drape; None where it is not known.
+    """
+
+    words: str
+    map: Markup
+    caption: str
+    groups: Markup | None
+    has_floors: bool
+    stages: Markup | None
+
+
+def place_section(document: DiagnosisDocument) -> PlaceSection:
+    """Where the gap lies.
+
+    Args:
+        document: The diagnosis.
+
+    Returns:
+        What the page shows.
+    """
+    where = document.where
+    region = _region(where.angle_deg, where.radius_m) if where.localisable else None
+    arrow = _arrow(document) if where.kind == "direction" else None
+    stages, groups = _stages(where.stage), _groups(document)
+    words = _in_words(document, region, stages)
+    shares = None if where.map is None else np.array(where.map, dtype=np.float64)
+    return PlaceSection(
+        words=words,
+        map=inline_svg(cloth_map(shares, region, arrow), f"Map of the cloth. {words}", "map"),
+        caption=_caption(region, arrow, known=shares is not None),
+        groups=_bars(groups, "Gap by group of statistics", plain) if groups else None,
+        has_floors=any(one.mark is not None for one in groups),
+        stages=_bars(stages, "Probability by stage", percent, percents=True) if stages else None,
+    )
+
+
+def _in_words(document: DiagnosisDocument, region: Region | None, stages: Sequence[Bar]) -> str:
     if region is not None:
         words = f"The cause sits in one place: {place_in_words(region.angle, region.radius)}."
-        caption = "Cloth from above, face up. Outlined: the place that holds most of the probability."
+    elif document.verdict == "none":
+        words = "Nothing is missing, so there is no place to name."
     else:
-        why = text(found.get("why_not")) or "no place was looked for"
-        words = f"No place on the cloth can be named: {why}."
-        if text(document.get("verdict")) == "none":
-            words = "Nothing is missing, so there is no place to name."
-        caption = "Cloth from above, face up. " + ("" if shares is None else "No place is named.")
-    if arrow is not None:
-        caption += f" Arrow: direction of the cause, {plain(arrow[0], 3)}° from warp."
-    stages = _stages(found)
+        words = f"No place on the cloth can be named: {document.where.why_not or 'no place was looked for'}."
     likeliest = max(stages, key=lambda one: one.value or 0.0, default=None)
     if likeliest is not None and likeliest.value:
         words += f" Likeliest stage: {likeliest.name} ({percent(likeliest.value)})."
-    groups = _groups(document)
-    return {
-        "words": words,
-        "caption": caption,
-        "map": cloth_map(shares, region, arrow, f"Map of the cloth. {words}"),
-        "stages": bars_graph(stages, _told("Probability by stage", stages, shares=True), percents=True)
-        if stages
-        else None,
-        "groups": bars_graph(groups, _told("Gap by kind of statistic", groups)) if groups else None,
-        "floors": any(one.mark is not None for one in groups),
-    }
+    return words
+
+
+def _caption(region: Region | None, arrow: Arrow | None, *, known: bool) -> str:
+    words = "Cloth from above, face up."
+    if region is not None:
+        words += " Outlined: the place that holds most of the probability."
+    elif known:
+        words += " No place is named."
+    return words if arrow is None else f"{words} Arrow: direction of the cause, {arrow.angle:.0f}° from warp."
 
 
 def _region(angle: tuple[float, float] | None, radius: tuple[float, float] | None) -> Region | None:
@@ -54,42 +94,44 @@ def _region(angle: tuple[float, float] | None, radius: tuple[float, float] | Non
     return Region(angle, radius) if angle or radius else None
 
 
-def _arrow(document: Mapping[str, Any]) -> tuple[float, bool] | None:
-    """Direction of the likeliest effect [deg], and whether its opposite is the same."""
-    for entry in mappings(document.get("causes")):
-        effect = registered().get(text(entry.get("effect")))
+def _arrow(document: DiagnosisDocument) -> Arrow | None:
+    """Direction of the likeliest effect; None where it has none."""
+    for cause in document.causes:
+        effect = registered().get(cause.effect)
         if effect is None:
             continue
         name = next((p.name for p in effect.parameters if p.role == "direction"), None)
-        value = number(mapping(mapping(entry.get("parameters")).get(name)).get("value")) if name else None
-        return None if value is None else (value % 360, effect.located == "direction" and effect.signed)
+        value = cause.parameters[name].value if name in cause.parameters else None
+        both_ways = effect.located == "direction" and effect.signed
+        return None if value is None else Arrow(value % 360, both_ways)
     return None
 
 
-def _stages(found: Mapping[str, Any]) -> list[Bar]:
-    stages = {name: number(value) for name, value in mapping(found.get("stage")).items()}
-    most = max((value for value in stages.values() if value is not None), default=0.0)
-    order = [name for name in STAGES if name in stages] + [name for name in stages if name not in STAGES]
+def _stages(stages: dict[str, float]) -> list[Bar]:
+    likeliest = max(stages.values(), default=0.0)
     return [
-        Bar(STAGES.get(name, name), stages[name], "base" if stages[name] == most and most > 0 else "pale")
-        for name in order
+        Bar(STAGES.get(name, name), stages[name], MODEL if stages[name] == likeliest > 0 else PALE)
+        for name in _in_order(stages, STAGES)
     ]
 
 
-def _groups(document: Mapping[str, Any]) -> list[Bar]:
-    groups = mapping(mapping(document.get("gap")).get("groups"))
-    order = [name for name in GROUPS if name in groups] + [name for name in groups if name not in GROUPS]
-    bars = []
-    for name in order:
-        entry = mapping(groups[name])
-        value, floor = number(entry.get("gap")), number(entry.get("floor"))
-        above = value is not None and floor is not None and value > max(2 * floor, 0.0)
-        bars.append(Bar(GROUPS.get(name, name), value, "base" if above else "pale", floor))
+def _groups(document: DiagnosisDocument) -> list[Bar]:
+    groups, bars = document.gap.groups, []
+    for name in _in_order(groups, GROUPS):
+        gap, floor = groups[name].gap, groups[name].floor
+        above = gap is not None and floor is not None and gap > max(2 * floor, 0.0)
+        bars.append(Bar(GROUPS.get(name, name), gap, MODEL if above else PALE, floor))
     return bars
 
 
-def _told(what: str, bars: list[Bar], *, shares: bool = False) -> str:
-    """Bars in words, largest first."""
-    known = sorted((one for one in bars if one.value is not None), key=lambda one: -(one.value or 0.0))
-    show = percent if shares else plain
-    return f"{what}: " + (", ".join(f"{one.name} {show(one.value)}" for one in known) or "not known")
+def _in_order(names: Iterable[str], known: Iterable[str]) -> list[str]:
+    """Known names in their usual order, then the others."""
+    names, known = list(names), list(known)
+    return sorted(names, key=lambda name: known.index(name) if name in known else len(known))
+
+
+def _bars(bars: list[Bar], title: str, words: Callable[[float | None], str], *, percents: bool = False) -> Markup:
+    """Bars with a description that lists them, the largest first."""
+    largest_first = sorted((one for one in bars if one.value is not None), key=lambda one: -(one.value or 0.0))
+    listed = ", ".join(f"{one.name} {words(one.value)}" for one in largest_first) or "not known"
+    return inline_svg(bars_graph(bars, percents=percents), f"{title}: {listed}")

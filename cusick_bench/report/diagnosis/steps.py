@@ -1,34 +1,49 @@
 """Causes taken off one after the other, as a table: what a fabric needs until no further one shows."""
 
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
 
+from cusick_bench.diagnosis.document.model import DiagnosisDocument, StepCause
 from cusick_bench.diagnosis.inference.stepwise import MOST
-from cusick_bench.report.diagnosis.values import mapping, mappings, measure, number, pair, percent, plain, text
-from cusick_bench.sim.effects import registered
+from cusick_bench.report.diagnosis.causes import parameters_in_words
+from cusick_bench.report.diagnosis.effect_words import parameter_units
+from cusick_bench.report.diagnosis.number_format import percent, plain
 
 
-def steps_content(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page's template asks for; no rows where one cause, or none, is enough."""
-    found = mapping(document.get("steps"))
-    causes = mappings(found.get("causes"))
-    start = number(found.get("misfit"))
-    if len(causes) < 2 or start is None:
-        return {"rows": [], "words": ""}
-    rows = [("base model", "", plain(start))]
-    rows += [(text(one.get("effect")), _parameters(one), plain(number(one.get("misfit_left")))) for one in causes]
-    return {"rows": rows, "words": _together(len(causes), number(found.get("closure")), pair(found.get("ci90")))}
+@dataclass(frozen=True)
+class StepTable:
+    """The table.
+
+    Attributes:
+        words: What it shows, in sentences.
+        rows: Model or cause, its parameters, the misfit that it leaves.
+    """
+
+    words: str
+    rows: list[tuple[str, str, str]]
 
 
-def _parameters(step: Mapping[str, Any]) -> str:
-    """Its parameters with their units."""
-    effect = registered().get(text(step.get("effect")))
-    units = {p.name: p.unit for p in effect.parameters} if effect else {}
-    known = {name: number(value) for name, value in mapping(step.get("parameters")).items()}
-    return ", ".join(f"{name} {measure(value, units.get(name, ''))}" for name, value in known.items())
+def step_table(document: DiagnosisDocument) -> StepTable | None:
+    """Causes taken off one after the other.
+
+    Args:
+        document: The diagnosis.
+
+    Returns:
+        The table; None where one cause, or none, is enough.
+    """
+    steps = document.steps
+    if len(steps.causes) < 2 or steps.misfit is None:
+        return None
+    rows = [("base model", "", plain(steps.misfit)), *(_row(one) for one in steps.causes)]
+    return StepTable(_in_words(len(steps.causes), steps.closure, steps.ci90), rows)
 
 
-def _together(count: int, closure: float | None, interval: tuple[float, float] | None) -> str:
+def _row(step: StepCause) -> tuple[str, str, str]:
+    words = parameters_in_words(step.parameters, parameter_units(step.effect))
+    return step.effect, words, plain(step.misfit_left)
+
+
+def _in_words(count: int, closure: float | None, interval: tuple[float, float] | None) -> str:
     least = "at least " if count >= MOST else ""
     words = (
         f"The base model needs {least}{count} causes, one after the other, before no further effect of the list shows. "

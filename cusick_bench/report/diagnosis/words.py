@@ -1,15 +1,13 @@
-"""A diagnosis' numbers in words: verdict, chance, what a cause would show, what a measurement is worth, the cloth."""
+"""A diagnosis' numbers in words: verdict, chance, gap, what a measurement is worth, statistics, places, the cloth."""
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
 from math import exp, log2
 
 from cusick_bench.diagnosis.atlas.base_model import LAYING_HEIGHT, REST_HEIGHT
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
-from cusick_bench.report.diagnosis.values import measure, percent, plain
+from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
+from cusick_bench.report.diagnosis.number_format import measure, plain
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
-from cusick_bench.sim.effects import Effect, registered
 
 VERDICTS: Mapping[str, tuple[str, str]] = {
     "none": ("No unmodelled effect", "The base model explains these drapes within their natural spread."),
@@ -17,7 +15,6 @@ VERDICTS: Mapping[str, tuple[str, str]] = {
     "ambiguous": ("Several causes possible", "Something is missing in the base model; these data cannot say which of "
                   "several causes it is."),
     "unknown": ("Unknown cause", "Something is missing in the base model that no effect on the list explains."),
-    "": ("No verdict", "The data did not allow a verdict; the notes say why."),
 }  # fmt: skip
 TWO_CAUSES = ("Two causes found", "The base model does not explain these drapes; two causes together do.")
 """In the place of `effect`, where the cause that is named acts together with another."""
@@ -54,22 +51,32 @@ _STATISTICS = {
     "skewness": "skewness of the radii",
 }
 _LARGEST_LOGARITHM = 50.0  # no ratio of stiffnesses is larger
-_CLAIMS = {
-    "none": "nothing is missing in the base model",
-    "unknown": "something that is not on the list of effects",
-}
 _LEAST_FLOOR = 1 / 50  # of the gap
 _WORTH = ((0.75, "would settle nearly all"), (0.4, "would settle about half"), (0.15, "would settle a part"),
           (0.0, "would settle little"))  # fmt: skip
 
 
 def percent_or_point(p: float) -> str:
-    """A probability of error, to be read as 'p = ...'."""
+    """A probability of error.
+
+    Args:
+        p: The probability.
+
+    Returns:
+        Such as "p = .02" or "p < .001".
+    """
     return "p < .001" if p < 0.001 else f"p = {plain(p)}".replace("0.", ".", 1)
 
 
 def chance(p: float | None) -> str:
-    """What a probability of the test says."""
+    """What the p-value of the base model says.
+
+    Args:
+        p: The p-value, None if unknown.
+
+    Returns:
+        A sentence.
+    """
     if p is None:
         return "How often chance alone gives such a distance is not known."
     often = "less than once in 1000 times" if p < 0.001 else f"about {plain(1000 * p)} times in 1000"
@@ -79,12 +86,30 @@ def chance(p: float | None) -> str:
 
 
 def times_floor(base: float, floor: float) -> float | None:
-    """Gap over floor; None where the floor, 0 but for chance, is too small to be a unit."""
+    """Gap over floor.
+
+    Args:
+        base: The gap.
+        floor: Its floor.
+
+    Returns:
+        The ratio; None where the floor, 0 but for chance, is too small to be a unit.
+    """
     return base / floor if floor > _LEAST_FLOOR * base else None
 
 
-def gap_in_words(base: float | None, floor: float | None, effect: float | None, *, causes: int = 1) -> str:
-    """How the gap compares with its floor, and with what a cause (or two) leaves of it."""
+def gap_in_words(base: float | None, floor: float | None, effect: float | None, *, two_causes: bool) -> str:
+    """How the gap compares with its floor, and with what the named cause leaves of it.
+
+    Args:
+        base: Gap of the base model, None if unknown.
+        floor: Its floor, None if unknown.
+        effect: Gap of the base model with the cause, None if unknown.
+        two_causes: Whether the cause is a pair.
+
+    Returns:
+        A sentence.
+    """
     if base is None:
         return "The gap was not measured: no drapes were simulated."
     if floor is None:
@@ -96,12 +121,20 @@ def gap_in_words(base: float | None, floor: float | None, effect: float | None, 
     if effect is None:
         return first + "."
     if ratio is None:
-        return f"{first}; {'both causes leave' if causes > 1 else 'a cause leaves'} less."
-    return f"{first}; with {'both causes' if causes > 1 else 'the cause'} {plain(effect / floor)} times."
+        return f"{first}; {'both causes leave' if two_causes else 'a cause leaves'} less."
+    return f"{first}; with {'both causes' if two_causes else 'the cause'} {plain(effect / floor)} times."
 
 
 def worth(bits: float | None, entropy: float) -> str:
-    """Bits of a measurement in words, against the doubt that there is."""
+    """How much of the doubt a measurement would settle.
+
+    Args:
+        bits: Expected drop of the entropy of the causes [bit], None if unknown.
+        entropy: Entropy of the causes now [bit].
+
+    Returns:
+        A clause.
+    """
     if bits is None:
         return "worth not known"
     if entropy < 0.05:
@@ -112,13 +145,27 @@ def worth(bits: float | None, entropy: float) -> str:
 
 
 def entropy_of(probabilities: Sequence[float]) -> float:
-    """Entropy of the causes [bit]; what is missing to 1 is one further cause."""
+    """Entropy of the causes.
+
+    Args:
+        probabilities: Of the causes; what is missing to 1 is that of one further cause.
+
+    Returns:
+        The entropy [bit].
+    """
     rest = 1 - sum(probabilities)
     return -sum(p * log2(p) for p in (*probabilities, rest) if p > 0)
 
 
 def statistic_name(name: str) -> str:
-    """A statistic in words; the name itself where it is not known."""
+    """A statistic in words.
+
+    Args:
+        name: As in `diagnosis.measure.statistics`.
+
+    Returns:
+        Its name in words; the name itself where it is not known.
+    """
     if name in _STATISTICS:
         return _STATISTICS[name]
     if found := re.fullmatch(r"quantile_(\d+)", name):
@@ -132,61 +179,16 @@ def statistic_name(name: str) -> str:
     return name.replace("_", " ")
 
 
-def claim(name: str) -> str:
-    """What a cause says happened."""
-    if name in _CLAIMS:
-        return _CLAIMS[name]
-    known = registered().get(name)
-    return known.summary if known else ""
-
-
-@cache
-def signature(name: str) -> str:
-    """What a cause would show if it acts, and by what it can be known; "" where the effect is not registered."""
-    known = registered().get(name)
-    return "" if known is None else " ".join(_signs(known))
-
-
-def _signs(effect: Effect) -> list[str]:
-    signs = []
-    if effect.kind == "imaging":
-        signs.append("Changes the picture, not the cloth: other samples on the same camera show it too.")
-    if in_lab(effect):
-        signs.append("Keeps its direction on the bench when the sample is turned or laid on its other face.")
-    elif effect.located == "direction":
-        signs.append("Turns with the cloth when the sample is turned on the plate.")
-    elif effect.located == "patch":
-        signs.append("Stays at its place of the cloth and turns with it.")
-    elif effect.located == "ring":
-        signs.append("Acts alike all around.")
-    if effect.face_odd:
-        signs.append("Acts the opposite way when the sample lies on its other face.")
-    elif effect.kind == "material":
-        signs.append("Acts alike on both faces.")
-    if acts_later(effect):
-        signs.append("Shows in later pictures of a drape only, not in the first.")
-    elif effect.kind == "history":
-        signs.append("Depends on how the cloth came to lie: lifted and laid again, it drapes otherwise.")
-    if effect.kind == "contact":
-        signs.append("Matters only where folds are deep enough to touch.")
-    return signs
-
-
-def physics(name: str) -> str:
-    """What a cause does, with its equation; "" where the effect is not registered."""
-    known = registered().get(name)
-    return known.physics.replace("`", "") if known else ""
-
-
-def parameter_meaning(name: str, parameter: str) -> str:
-    """What a parameter of an effect is."""
-    known = registered().get(name)
-    found = next((p for p in known.parameters if p.name == parameter), None) if known else None
-    return found.summary if found else ""
-
-
 def place_in_words(angle: tuple[float, float] | None, radius: tuple[float, float] | None) -> str:
-    """A place on the cloth."""
+    """A place on the cloth.
+
+    Args:
+        angle: First and last angle, counter-clockwise from warp [deg]; None for all around.
+        radius: Inner and outer radius [m]; None for all of them.
+
+    Returns:
+        Such as "from 45° to 90°, 120 to 150 mm from the centre".
+    """
     parts = []
     if angle is not None:
         first, last = angle
@@ -198,52 +200,62 @@ def place_in_words(angle: tuple[float, float] | None, radius: tuple[float, float
     return ", ".join(parts)
 
 
-def cloth_in_words(base: Mapping[str, float | None], density: float | None) -> list[tuple[str, str, str]]:
-    """Parameters of the base model that fit best, as (name, value, meaning); logarithms are undone.
+def cloth_in_words(base: BaseParameters, density: float | None) -> list[tuple[str, str, str]]:
+    """Parameters of the base model that fit best; logarithms are undone.
 
     Args:
-        base: By name, as the base model names them.
+        base: The parameters.
         density: Mass per area [kg/m2], None if unknown; only with it is there a stiffness in N m.
+
+    Returns:
+        Name, value, meaning.
     """
-    base = {name: value for name, value in base.items() if value is not None and abs(value) < _LARGEST_LOGARITHM}
     rows = []
-    level = base.get("bending")
-    if level is not None:
-        rows.append(("bending stiffness", f"{plain(exp(level), 3)} ρgR³", "in multiples of weight times radius cubed"))
+    if (bending := _exponential(base.bending)) is not None:
+        rows.append(("bending stiffness", f"{plain(bending, 3)} ρgR³", "in multiples of weight times radius cubed"))
         if density is not None:
-            stiffness = exp(level) * density * GRAVITY * CLOTH_RADIUS**3
+            stiffness = bending * density * GRAVITY * CLOTH_RADIUS**3
             rows.append(("", f"{1e6 * stiffness:.2g} µN m", f"at {1e3 * density:.0f} g/m²"))
-    for name, words, meaning in (
-        ("anisotropy", "warp to weft", "factor between the bending stiffness of the two"),
-        ("bias", "diagonal to mean", "factor on the bending stiffness at 45°"),
-        ("growth", "stiffening", "factor from little to sharply bent cloth"),
+    for level, words, meaning in (
+        (base.anisotropy, "warp to weft", "factor between the bending stiffness of the two"),
+        (base.bias, "diagonal to mean", "factor on the bending stiffness at 45°"),
+        (base.growth, "stiffening", "factor from little to sharply bent cloth"),
     ):
-        if (value := base.get(name)) is not None:
-            rows.append((words, f"× {plain(exp(value), 3)}", meaning))
-    if (value := base.get("shear")) is not None:
-        rows.append(("shear stiffness", f"{plain(exp(value))} ρgR", "in multiples of weight times radius"))
-    for name, words, unit, meaning in (
-        ("laying", "laid unevenly", LAYING_HEIGHT, "height of undulations when it is laid down"),
-        ("rest", "waves of its own", REST_HEIGHT, "height of undulations of the cloth at rest"),
+        if (value := _exponential(level)) is not None:
+            rows.append((words, f"× {plain(value, 3)}", meaning))
+    if (value := _exponential(base.shear)) is not None:
+        rows.append(("shear stiffness", f"{plain(value)} ρgR", "in multiples of weight times radius"))
+    for level, words, unit, meaning in (
+        (base.laying, "laid unevenly", LAYING_HEIGHT, "height of undulations when it is laid down"),
+        (base.rest, "waves of its own", REST_HEIGHT, "height of undulations of the cloth at rest"),
     ):
-        if (value := base.get(name)) is not None:
-            rows.append((words, measure(unit * exp(value), "m"), meaning))
+        if (value := _exponential(level)) is not None:
+            rows.append((words, measure(unit * value, "m"), meaning))
     return rows
 
 
-def data_in_words(data: Mapping[str, float | None]) -> str:
-    """How many drapes were looked at."""
+def _exponential(logarithm: float | None) -> float | None:
+    """The number behind a logarithm; None where it is not known or out of all reason."""
+    return None if logarithm is None or abs(logarithm) > _LARGEST_LOGARITHM else exp(logarithm)
 
-    def count(key: str, one: str, several: str) -> str:
-        value = data.get(key)
-        return "" if value is None else f"{value:.0f} {one if value == 1 else several}"
 
-    faces = " and ".join(filter(None, (count("up", "face up", "face up"), count("down", "face down", "face down"))))
-    captures = count("captures", "picture", "pictures") + (f" ({faces})" if faces else "")
-    later = data.get("later")
-    parts = [count("samples", "sample", "samples"), captures.strip()]
-    if later is not None and later > 0:
-        parts.append(f"{later:.0f} repeats" if later >= 1 else f"{percent(later)} of the pictures are repeats")
-    density = data.get("areal_density_kg_m2")
-    parts.append("mass per area not known" if density is None else f"{1e3 * density:.0f} g/m²")
+def data_in_words(data: DataCounts) -> str:
+    """How many drapes were looked at.
+
+    Args:
+        data: Their numbers.
+
+    Returns:
+        Such as "12 samples, 48 pictures (24 face up and 24 face down), 24 repeats, 192 g/m²".
+    """
+    faces = " and ".join(filter(None, (_counted(data.up, "face up"), _counted(data.down, "face down"))))
+    pictures = _counted(data.captures, "picture", "pictures") + (f" ({faces})" if faces else "")
+    density = data.areal_density_kg_m2
+    weight = "mass per area not known" if density is None else f"{1e3 * density:.0f} g/m²"
+    repeats = _counted(data.later or None, "repeat", "repeats")
+    parts = (_counted(data.samples, "sample", "samples"), pictures.strip(), repeats, weight)
     return ", ".join(part for part in parts if part)
+
+
+def _counted(count: int | None, one: str, several: str | None = None) -> str:
+    return "" if count is None else f"{count} {one if count == 1 else several or one}"

@@ -1,73 +1,80 @@
-"""Line graphs of a report: radius over angle, loss over cost."""
+"""Line graphs of a cell: radius over angle, loss over cost."""
 
 from math import ceil, floor, log10
 
-import numpy as np
 from jaxtyping import Float
-from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 
-from cusick_bench.report.drawing.axes import frame, framed, level
-from cusick_bench.report.drawing.svg import picture, polygon, polyline
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.report.drawing.inline_svg import page_figure, panel
+from cusick_bench.report.drawing.palette import MODEL, REAL
+from cusick_bench.report.drawing.radius_over_angle import (
+    draw_levels,
+    draw_range,
+    draw_turn,
+    label_axes,
+    radius_limits,
+)
 
 _HEIGHT = 214.0
 _PROFILE_WIDTH, _TRACE_WIDTH = 560.0, 415.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 8.0, 12.0, 40.0  # room around the axes [px]
+_POINTS = 3  # angles from point to point of a line
 
 
 def profile_graph(
     real: Float[ndarray, " angles"],
     simulated: Float[ndarray, " angles"],
     unseen: Float[ndarray, "samples angles"] | None,
-    description: str,
-) -> Markup:
-    """Radius over angle: the real training sample, the simulation, and the band that unseen samples fill.
+) -> Figure:
+    """Radius over angle: the real training sample, the simulation, and the range that unseen samples fill.
 
     Args:
         real: Radii at equidistant angles [m].
         simulated: Radii at the same angles [m].
         unseen: Radii of unseen samples [m], None where they are not at hand.
-        description: What a reader who cannot see the graph is told.
+
+    Returns:
+        The figure.
     """
-    every = [real, simulated] if unseen is None else [real, simulated, *unseen]
-    low = min(85.0, 5 * floor(200 * min(radii.min() for radii in every)))
-    high = max(153.0, 1e3 * max(radii.max() for radii in every) + 3)
-    panel = framed(_PROFILE_WIDTH, _HEIGHT, (0.0, 360.0), (low, high))
-    angle = np.arange(0, len(real) + 1, 3) * 360 / len(real)
-    ticks = [0.0, 90.0, 180.0, 270.0, 360.0], [90.0, 110.0, 130.0, 150.0]
-    parts = frame(panel, "angle from warp [deg]", "radius [mm]", *ticks)
-    parts += [*level(panel, 1e3 * PLATE_RADIUS, "plate"), *level(panel, 1e3 * CLOTH_RADIUS, "flat cloth")]
+    figure = page_figure(_PROFILE_WIDTH, _HEIGHT)
+    axes = panel(figure, _LEFT, _TOP, _PROFILE_WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM)
+    every = [real, simulated] if unseen is None else [real, simulated, unseen]
+    label_axes(axes, radius_limits(*every))
+    draw_levels(axes, named=True)
     if unseen is not None and len(unseen) > 1:
-        edges = [1e3 * np.append(edge, edge[0])[::3] for edge in (unseen.min(0), unseen.max(0))]
-        around = np.concatenate([angle, angle[::-1]]), np.concatenate([edges[0], edges[1][::-1]])
-        parts.append(polygon(panel.points(*around), "band"))
-    for radii, name in ((real, "real"), (simulated, "simulated")):
-        parts.append(polyline(panel.points(angle, 1e3 * np.append(radii, radii[0])[::3]), name))
-    return picture(parts, _PROFILE_WIDTH, _HEIGHT, description)
+        draw_range(axes, unseen[:, ::_POINTS], color=REAL, alpha=0.15)
+    draw_turn(axes, real[::_POINTS], color=REAL, linewidth=2)
+    draw_turn(axes, simulated[::_POINTS], color=MODEL, linewidth=2)
+    return figure
 
 
-def trace_graph(trace: Float[ndarray, "evaluations 2"], description: str) -> Markup:
-    """Best training loss over cost, on a logarithmic scale; empty where fewer than two evaluations are known.
+def trace_graph(trace: Float[ndarray, "evaluations 2"]) -> Figure | None:
+    """Best training loss over cost, on a logarithmic scale.
 
     Args:
         trace: Forward-equivalents and best loss after each evaluation.
-        description: What a reader who cannot see the graph is told.
+
+    Returns:
+        The figure, None where fewer than two evaluations are known.
     """
     trace = trace[(trace > 0).all(1)] if len(trace) else trace
     if len(trace) < 2:
-        return Markup("")
-    cost, loss = trace[:, 0], np.log10(trace[:, 1])
-    low, high = floor(4 * loss.min()) / 4, ceil(4 * loss.max() + 1e-9) / 4
-    panel = framed(_TRACE_WIDTH, _HEIGHT, (0.0, float(cost.max())), (low, max(high, low + 0.25)))
-    ticks = [log10(m * 10.0**e) for e in range(floor(low), ceil(high) + 1) for m in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= tick <= panel.y[1]]
-    step = 10 ** floor(log10(cost.max())) / (1 if cost.max() >= 4 * 10 ** floor(log10(cost.max())) else 2)
-    costs = np.arange(0, cost.max() + 1e-9, step).tolist()
-    parts = frame(panel, "cost [drapes]", "best loss", costs, shown, y_words=lambda tick: _number(10**tick))
-    stairs = np.repeat(np.column_stack([cost, loss]), 2, axis=0)
-    parts.append(polyline(panel.points(stairs[1:, 0], stairs[:-1, 1]), "simulated"))
-    return picture(parts, _TRACE_WIDTH, _HEIGHT, description)
+        return None
+    cost, loss = trace.T
+    figure = page_figure(_TRACE_WIDTH, _HEIGHT)
+    axes = panel(figure, _LEFT, _TOP, _TRACE_WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM)
+    axes.step(cost, loss, where="post", color=MODEL, linewidth=2)
+    low, high = floor(4 * log10(loss.min())) / 4, ceil(4 * log10(loss.max()) + 1e-9) / 4
+    axes.set(xlabel="cost [drapes]", ylabel="best loss", yscale="log", xlim=(0, cost.max()), ylim=(10**low, 10**high))
+    ticks = [m * 10.0**e for e in range(floor(low), ceil(high) + 1) for m in (1, 2, 5)]
+    shown = [tick for tick in ticks if 10**low <= tick <= 10**high]
+    axes.set_yticks(shown, [_short_number(tick) for tick in shown])
+    axes.minorticks_off()
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=7, integer=True))
+    return figure
 
 
-def _number(value: float) -> str:
+def _short_number(value: float) -> str:
     return f"{value:g}".replace("0.", ".", 1) if value < 1 else f"{value:g}"

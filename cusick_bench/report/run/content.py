@@ -1,7 +1,8 @@
-"""What a report's page holds, ready for its template: cloths, cards, numbers, embedded pictures and graphs."""
+"""What the page of a results folder holds, ready for its template: cloths, cards, numbers, pictures and graphs."""
 
 import base64
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy import ndarray
 from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
 from cusick_bench.leaderboard import short
 from cusick_bench.report.cell_view import CellView, shown_surface
+from cusick_bench.report.drawing.inline_svg import inline_svg
 from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
 from cusick_bench.report.drawing.pictures import (
     ONLY_REAL,
@@ -24,25 +26,40 @@ from cusick_bench.report.drawing.pictures import (
     silhouette_picture,
 )
 
-_SWATCH = '<span class="swatch" style="background:rgb{}"></span> '
-_DIFFERENCE_KEY = Markup(  # colours of `difference_picture`
-    _SWATCH.format(ONLY_SIMULATED) + "only simulated " + _SWATCH.format(ONLY_REAL) + "only real"
-)
+_DIFFERENCE_KEY = ((ONLY_SIMULATED, "only simulated"), (ONLY_REAL, "only real"))
+"""Colours of `difference_picture`."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """An embedded picture with what a reader who cannot see it is told."""
+    """An embedded picture.
+
+    Attributes:
+        source: Its bytes as a data URL.
+        alt: What a reader who cannot see it is told.
+        caption: Words below it.
+        width: Of the picture [px].
+        height: Of the picture [px].
+        key: Colours (red, green, blue) and what they mean.
+    """
 
     source: str
     alt: str
-    caption: str | Markup
-    wide: bool = False
+    caption: str
+    width: int
+    height: int
+    key: tuple[tuple[tuple[int, int, int], str], ...] = ()
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a card: what it is, its value, and what it is to be read against."""
+    """A number of a card.
+
+    Attributes:
+        name: What it measures.
+        value: The number with its unit.
+        of: What it is to be read against.
+    """
 
     name: str
     value: str
@@ -51,19 +68,86 @@ class Number:
 
 @dataclass(frozen=True)
 class Card:
-    """One solver on one cloth; `problem` says why there are no pictures."""
+    """One solver on one cloth.
+
+    Attributes:
+        solver: Its label.
+        kind: "solver", "null" or "oracle".
+        seeds: Which of several seeds is shown, in words.
+        numbers: Its results.
+        problem: Why there are no pictures.
+        pictures: Silhouettes: real, fitted, their difference.
+        drape: The fit from the side.
+        profile: Graph of radius over angle, None where the cell could not be read.
+        trace: Graph of loss over cost, None where nothing was simulated.
+        fitted: What the fit is called.
+        band: Number of unseen samples behind the band of `profile`.
+        draws: The first draws for unseen samples.
+    """
 
     solver: str
     kind: str
     seeds: str
     numbers: list[Number]
     problem: str = ""
-    pictures: list[Picture] = field(default_factory=list)
-    profile: str = ""
-    trace: str = ""
+    pictures: tuple[Picture, ...] = ()
+    drape: Picture | None = None
+    profile: Markup | None = None
+    trace: Markup | None = None
     fitted: str = ""
     band: int = 0
     draws: Picture | None = None
+
+
+@dataclass(frozen=True)
+class ClothSection:
+    """All solvers on one cloth.
+
+    Attributes:
+        name: Of the cloth.
+        anchor: Name of the section in links.
+        cards: The solvers.
+        real: The real training sample from the side, None where no cell could be read.
+        text: A sentence on it.
+    """
+
+    name: str
+    anchor: str
+    cards: list[Card]
+    real: Picture | None = None
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class BoardTable:
+    """A leaderboard as the page shows it.
+
+    Attributes:
+        table: HTML table.
+        notes: Sentences below it.
+    """
+
+    table: Markup
+    notes: Sequence[str]
+
+
+@dataclass(frozen=True)
+class RunPage:
+    """The page of a results folder.
+
+    Attributes:
+        title: Its title.
+        summary: What was run, in a sentence.
+        facts: Name and value of what identifies the run.
+        boards: Leaderboards.
+        cloths: The cells, cloth by cloth.
+    """
+
+    title: str
+    summary: str
+    facts: list[tuple[str, str]]
+    boards: list[BoardTable]
+    cloths: list[ClothSection]
 
 
 def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w 4"], unseen: ndarray | None) -> Card:
@@ -75,44 +159,60 @@ def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w
         view: The cell.
         drape: Its drape in 3D.
         unseen: Radii of unseen samples (samples, angles) [m], None where they are not at hand.
+
+    Returns:
+        The card with them.
     """
-    fitted = "simulated" if view.simulated else "predicted, without simulation"
-    overlap = 1 - np.abs(view.fit - view.target).sum() / np.maximum(view.fit, view.target).sum()
     where = f"{card.solver} on {cloth}"
+    fitted = "simulated" if view.simulated else "predicted, without simulation"
     from_side = "Simulated drape" if view.simulated else "Surface over the silhouette, not simulated"
-    pictures = [
+    trace = trace_graph(view.trace) if view.simulated else None
+    return replace(
+        card,
+        pictures=_silhouettes(view, cloth, where, fitted),
+        drape=_picture(drape, f"{from_side} of {where}, seen from the side", from_side),
+        profile=_profile(card.solver, cloth, view, unseen),
+        trace=None if trace is None else inline_svg(trace, f"Best training loss of {where} against cost"),
+        fitted=fitted,
+        band=0 if unseen is None else len(unseen),
+        draws=_draws(view, where) if len(view.draws) else None,
+    )
+
+
+def _silhouettes(view: CellView, cloth: str, where: str, fitted: str) -> tuple[Picture, ...]:
+    overlap = 1 - np.abs(view.fit - view.target).sum() / np.maximum(view.fit, view.target).sum()
+    alt = f"Difference of the silhouettes of {where}; they share {100 * overlap:.0f} per cent of their area"
+    difference = _picture(difference_picture(view.fit, view.target), alt, "")
+    return (
         _picture(silhouette_picture(view.target), f"Real silhouette of {cloth}", "Real, training sample"),
         _picture(silhouette_picture(view.fit), f"Silhouette of {where}", fitted.capitalize()),
-        _picture(
-            difference_picture(view.fit, view.target),
-            f"Difference of the silhouettes of {where}; they share {100 * overlap:.0f} per cent of their area",
-            _DIFFERENCE_KEY,
-        ),
-        _picture(drape, f"{from_side} of {where}, seen from the side", from_side, wide=True),
-    ]
+        replace(difference, key=_DIFFERENCE_KEY),
+    )
+
+
+def _profile(solver: str, cloth: str, view: CellView, unseen: ndarray | None) -> Markup:
     real, fit = view.target_profile, view.fit_profile
     description = (
         f"Radius over angle on {cloth}: the real drape has {fold_count(real)} folds and a mean radius of "
-        f"{1e3 * real.radii.mean():.0f} mm, {card.solver} {fold_count(fit)} and {1e3 * fit.radii.mean():.0f} mm"
+        f"{1e3 * real.radii.mean():.0f} mm, {solver} {fold_count(fit)} and {1e3 * fit.radii.mean():.0f} mm"
     )
-    trace = trace_graph(view.trace, f"Best training loss of {where} against cost") if view.simulated else Markup("")
-    draws = None
-    if len(view.draws):
-        text = f"The first {len(view.draws)} of its draws for unseen samples"
-        draws = _picture(contact_sheet(view.draws), f"{text}, {where}", text)
-    return replace(
-        card,
-        pictures=pictures,
-        profile=profile_graph(real.radii, fit.radii, unseen, description),
-        trace=trace,
-        fitted=fitted,
-        band=0 if unseen is None else len(unseen),
-        draws=draws,
-    )
+    return inline_svg(profile_graph(real.radii, fit.radii, unseen), description)
+
+
+def _draws(view: CellView, where: str) -> Picture:
+    text = f"The first {len(view.draws)} of its draws for unseen samples"
+    return _picture(contact_sheet(view.draws), f"{text}, {where}", text)
 
 
 def numbers(cell: pd.Series) -> list[Number]:
-    """The numbers of a card, from a row of the table of cells."""
+    """The numbers of a card.
+
+    Args:
+        cell: A row of the table of cells.
+
+    Returns:
+        What is known of the cell.
+    """
 
     def value(name: str) -> float:
         number = cell.get(name, nan)
@@ -141,7 +241,16 @@ def numbers(cell: pd.Series) -> list[Number]:
 
 
 def real_drape(cloth: str, target: Float[ndarray, "256 256"], profile: Profile) -> tuple[str, Picture]:
-    """A sentence on the real training sample, and its ruled surface in 3D."""
+    """The real training sample of a cloth.
+
+    Args:
+        cloth: Name of the cloth.
+        target: Its silhouette.
+        profile: Radius over angle of the silhouette.
+
+    Returns:
+        A sentence on it, and its ruled surface from the side.
+    """
     surface = shown_surface(profile)
     picture = drape_picture(np.asarray(surface.vertices), np.asarray(surface.faces), cloth)
     text = (
@@ -150,13 +259,13 @@ def real_drape(cloth: str, target: Float[ndarray, "256 256"], profile: Profile) 
         "as the release builds its meshes: an assumption, not a scan."
     )
     alt, caption = f"Surface over the real silhouette of {cloth}", "Real silhouette as a ruled surface"
-    return text, _picture(picture, alt, caption, wide=True)
+    return text, _picture(picture, alt, caption)
 
 
 def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.1f} mm" if isfinite(metres) else ""
 
 
-def _picture(pixels: ndarray, alt: str, caption: str | Markup, *, wide: bool = False) -> Picture:
+def _picture(pixels: UInt8[ndarray, "height width 4"], alt: str, caption: str) -> Picture:
     encoded = base64.b64encode(png(pixels)).decode()
-    return Picture(f"data:image/png;base64,{encoded}", alt, caption, wide)
+    return Picture(f"data:image/png;base64,{encoded}", alt, caption, pixels.shape[1], pixels.shape[0])

@@ -2,14 +2,15 @@
 
 from pathlib import Path
 
-import numpy as np
 from jaxtyping import Float, UInt8
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy import ndarray
 
 from cusick_bench.report.cell_view import CellView
 from cusick_bench.report.drawing.pictures import difference_picture, silhouette_picture
+from cusick_bench.report.drawing.radius_over_angle import draw_range, draw_turn, label_axes
 
 _REAL, _SIMULATED = "#c85a00", "#1c63b7"
 
@@ -43,15 +44,16 @@ def save_figure(
         axis.imshow(picture)
         axis.set_title(name, fontsize=9)
         axis.set_axis_off()
-    angle = np.linspace(0, 360, len(view.target_profile.radii) + 1)
-    if unseen is not None and len(unseen) > 1:
-        low, high = (1e3 * np.append(edge, edge[0]) for edge in (unseen.min(0), unseen.max(0)))
-        axes[4].fill_between(
-            angle, low, high, color=_REAL, alpha=0.15, linewidth=0, label=f"{len(unseen)} unseen samples"
-        )
-    for profile, colour, name in ((view.target_profile, _REAL, names[0]), (view.fit_profile, _SIMULATED, names[1])):
-        axes[4].plot(angle, 1e3 * np.append(profile.radii, profile.radii[0]), color=colour, label=name)
-    axes[4].set(xlabel="angle from warp [deg]", ylabel="radius [mm]", xlim=(0, 360), xticks=range(0, 361, 90))
-    axes[4].legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    _draw_profiles(axes[4], view, unseen, fitted=names[1])
     figure.suptitle(title, fontsize=11)
     figure.savefig(path)
+
+
+def _draw_profiles(axes: Axes, view: CellView, unseen: ndarray | None, *, fitted: str) -> None:
+    """Radius over angle of the real and the fitted drape, and the range of unseen samples."""
+    if unseen is not None and len(unseen) > 1:
+        draw_range(axes, unseen, color=_REAL, alpha=0.15, label=f"{len(unseen)} unseen samples")
+    draw_turn(axes, view.target_profile.radii, color=_REAL, label="real")
+    draw_turn(axes, view.fit_profile.radii, color=_SIMULATED, label=fitted)
+    label_axes(axes)
+    axes.legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)

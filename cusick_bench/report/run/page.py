@@ -2,11 +2,10 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pandas as pd
 from jaxtyping import Float
 from markupsafe import Markup
@@ -16,26 +15,23 @@ from cusick_bench.leaderboard import Cells, Leaderboard, html_table, variants
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
 from cusick_bench.report.errors import ReportError
-from cusick_bench.report.run.content import Card, Picture, fill_card, numbers, real_drape
+from cusick_bench.report.page_template import render_page
+from cusick_bench.report.run.content import (
+    BoardTable,
+    Card,
+    ClothSection,
+    RunPage,
+    fill_card,
+    numbers,
+    real_drape,
+)
 from cusick_bench.report.run.figure import save_figure
-from cusick_bench.report.run.template import PAGE
 from cusick_bench.runner.environment import code_text
 
 TITLE = "Cusick drape report"
 
 Unseen = Mapping[str, Float[ndarray, "samples angles"]]
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class _Section:
-    """All solvers on one cloth."""
-
-    name: str
-    anchor: str
-    text: str
-    real: Picture | None
-    cards: list[Card]
 
 
 def write_report(
@@ -66,16 +62,15 @@ def write_report(
         section, written = _section(cells, boards, cloth, (unseen or {}).get(cloth), pictures, progress)
         sections.append(section)
         files += written
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    page = environment.from_string(PAGE).render(
+    page = RunPage(
         title=TITLE,
         summary=_summary(cells, len(sections)),
         facts=_facts(cells, boards),
-        boards=[{"table": Markup(html_table(board)), "notes": board.notes} for board in boards],
+        boards=[BoardTable(Markup(html_table(board)), board.notes) for board in boards],
         cloths=sections,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page, encoding="utf-8")
+    out.write_text(render_page("run.html.j2", page=page), encoding="utf-8")
     return [out, *files]
 
 
@@ -86,8 +81,9 @@ def _section(
     unseen: ndarray | None,
     folder: Path | None,
     progress: Progress,
-) -> tuple[_Section, list[Path]]:
-    text, real, cards, files = "", None, [], []
+) -> tuple[ClothSection, list[Path]]:
+    """A cloth's part of the page, and the pictures written to the folder."""
+    section, files = ClothSection(cloth, _plain(cloth), []), []
     for label, group in _in_order(cells.table, boards):
         of_cloth = group.loc[group["cloth"] == cloth].sort_values(by="seed")
         if of_cloth.empty:
@@ -98,17 +94,18 @@ def _section(
         try:
             view = load_cell_view(Path(cell["folder"]))
         except ReportError as error:
-            cards.append(Card(label, card.kind, card.seeds, card.numbers, problem=str(error)))
+            section.cards.append(replace(card, problem=str(error)))
             continue
-        if real is None:
+        if section.real is None:
             text, real = real_drape(cloth, view.target, view.target_profile)
+            section = replace(section, text=text, real=real)
         drape = drape_picture(view.vertices, view.faces, cloth)
-        cards.append(fill_card(card, cloth, view, drape, unseen))
+        section.cards.append(fill_card(card, cloth, view, drape, unseen))
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             files.append(folder / f"{_plain(cloth)}_{_plain(label)}.png")
             save_figure(files[-1], f"{cloth}: {label}", view, drape, unseen)
-    return _Section(cloth, _plain(cloth), text, real, cards), files
+    return section, files
 
 
 def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -137,7 +134,8 @@ def _plain(name: str) -> str:
 def _summary(cells: Cells, cloths: int) -> str:
     solvers, count = len(set(cells.table["solver"])), len(cells.table)
     return (
-        f"{solvers} methods on {cloths} cloths, {count} finished cells. A solver sees one silhouette of a cloth, "
+        f"{solvers} method{'s' * (solvers != 1)} on {cloths} cloth{'s' * (cloths != 1)}, {count} finished "
+        f"cell{'s' * (count != 1)}. A solver sees one silhouette of a cloth, "
         "fits the cloth's stiffness to it, and is scored on silhouettes of other samples of the same cloth."
     )
 

@@ -1,0 +1,34 @@
+"""Colours of figures on a page: each stands for a colour of the style sheet, which has a light and a dark mode.
+
+Matplotlib wants fixed colours. The ones below are drawn nowhere else; `inline_svg` replaces each by its variable of
+`templates/page.css`.
+"""
+
+from collections.abc import Mapping
+
+INK = "#fe0001"  # text
+SOFT = "#fe0002"  # axes, ticks
+RULE = "#fe0003"  # grid
+TINT = "#fe0004"  # plate
+CARD = "#fe0005"  # what a figure lies on
+REAL = "#fe0006"  # real drapes
+MODEL = "#fe0007"  # simulated drapes
+CAUSE = "#fe0008"  # simulated drapes with the cause of a gap
+FLOOR = "#fe0009"  # floor of a gap
+PALE = "#fe000a"  # model, where little is to be seen
+MAP = "#fe000b"  # probability of a place
+
+VARIABLES: Mapping[str, str] = {
+    INK: "--ink",
+    SOFT: "--soft",
+    RULE: "--rule",
+    TINT: "--tint",
+    CARD: "--card",
+    REAL: "--real",
+    MODEL: "--model",
+    CAUSE: "--cause",
+    FLOOR: "--floor",
+    PALE: "--pale",
+    MAP: "--map",
+}
+"""Variable of the style sheet for each colour."""

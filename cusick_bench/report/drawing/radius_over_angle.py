@@ -1,0 +1,95 @@
+"""Radius over angle: axes, and lines that close after a whole turn."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from numpy import ndarray
+
+from cusick_bench.report.drawing.palette import SOFT
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+
+WHOLE_TURN = (0, 90, 180, 270, 360)
+"""Ticks of the angle [deg]."""
+
+
+def radius_limits(*radii: Float[ndarray, "*drapes angles"]) -> tuple[float, float]:
+    """Limits of the radius that show the radius of the plate, that of the flat cloth, and all drapes.
+
+    Args:
+        radii: Radii of drapes [m].
+
+    Returns:
+        Lower and upper limit [mm].
+    """
+    low = min(1e3 * PLATE_RADIUS - 5, *(1e3 * one.min() - 2 for one in radii))
+    high = max(1e3 * CLOTH_RADIUS + 3, *(1e3 * one.max() + 2 for one in radii))
+    return float(low), float(high)
+
+
+def label_axes(axes: Axes, limits: tuple[float, float] | None = None, angle: str = "angle from warp [deg]") -> None:
+    """Titles, ticks and limits of radius over angle.
+
+    Args:
+        axes: Where to draw.
+        limits: Of the radius [mm]; those of what is drawn by default.
+        angle: Title of the angle.
+    """
+    axes.set(xlabel=angle, ylabel="radius [mm]", xlim=(0, 360), xticks=WHOLE_TURN)
+    if limits is not None:
+        axes.set_ylim(limits)
+
+
+def draw_levels(axes: Axes, *, named: bool = False, colour: str = SOFT) -> None:
+    """Dotted lines at the radius of the plate and of the flat cloth.
+
+    Args:
+        axes: Where to draw.
+        named: Whether their names stand above them.
+        colour: Of the lines.
+    """
+    low, high = axes.get_ylim()
+    for radius, name in ((1e3 * PLATE_RADIUS, "plate"), (1e3 * CLOTH_RADIUS, "flat cloth")):
+        if not low <= radius <= high:
+            continue
+        axes.axhline(radius, color=colour, linewidth=0.9, linestyle=(0, (3, 4)), zorder=1)
+        if named:
+            place = {"xytext": (-2, 3), "textcoords": "offset points", "ha": "right"}
+            axes.annotate(name, (360, radius), color=colour, fontsize=11, annotation_clip=False, **place)
+
+
+def draw_turn(axes: Axes, radii: Float[ndarray, " angles"], **style: Any) -> None:
+    """A line through the radii of one drape.
+
+    Args:
+        axes: Where to draw.
+        radii: At equidistant angles from 0 [m].
+        style: Of matplotlib's line.
+    """
+    axes.plot(np.linspace(0, 360, len(radii) + 1), 1e3 * closed(radii), solid_joinstyle="round", **style)
+
+
+def draw_range(axes: Axes, radii: Float[ndarray, "drapes angles"], **style: Any) -> None:
+    """The range that several drapes fill.
+
+    Args:
+        axes: Where to draw.
+        radii: At equidistant angles from 0 [m].
+        style: Of matplotlib's area.
+    """
+    angle = np.linspace(0, 360, radii.shape[1] + 1)
+    low, high = 1e3 * closed(radii.min(0)), 1e3 * closed(radii.max(0))
+    axes.fill_between(angle, low, high, linewidth=0, zorder=1.5, **style)
+
+
+def closed(values: Float[ndarray, " angles"]) -> Float[ndarray, " points"]:
+    """Values at equidistant angles with the first one again at the end.
+
+    Args:
+        values: At equidistant angles from 0.
+
+    Returns:
+        One value more.
+    """
+    return np.append(values, values[0])
