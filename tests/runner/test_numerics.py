@@ -1,0 +1,42 @@
+"""Numbers of every part of the numerics are those of its version: who changes them raises it (`support/golden.py`)."""
+
+from dataclasses import replace
+
+import pytest
+from golden import PATH, changes, goldens, stored
+
+from cusick_bench.solvers.registry import registered
+
+GOLDENS = goldens()
+pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
+
+
+@pytest.mark.parametrize("part", GOLDENS)
+def test_numbers_are_those_of_the_version(part):
+    golden, kept = GOLDENS[part], stored().get(part)
+    write = f"run `python tests/support/golden.py --write` and commit {PATH.name}"
+    assert kept is not None, f"{part} has no golden numbers yet; {write}"
+    assert kept["versions"] == dict(golden.versions), f"{part} or what it uses has a new version; {write}"
+    wrong = changes(golden, kept)
+    assert not wrong, (
+        f"numbers of {part} have changed and its version has not: bump the version of {part}, or of what it uses where "
+        f"that fails here too ({', '.join(golden.versions)}), or undo the change of its numbers\n" + "\n".join(wrong)
+    )
+
+
+def test_every_solver_has_golden_numbers():
+    """Of a family such as NLopt's some members stand for all: they share one class."""
+    checked = {part.removeprefix("solver ") for part in GOLDENS if part.startswith("solver ")}
+    families = {name.partition(":")[0] for name in checked if name.startswith("nlopt:")}
+    lacking = {name for name in registered() if name not in checked and name.partition(":")[0] not in families}
+    assert lacking == set()
+
+
+def test_a_changed_number_is_found():
+    golden = GOLDENS["test functions"]
+    kept = {"values": golden.values()}
+    assert changes(golden, kept) == []
+    name = next(iter(kept["values"]))
+    moved = {name: [1.00001 * number for number in kept["values"][name]]}
+    assert changes(replace(golden, values=lambda: kept["values"] | moved), kept) != []
+    assert changes(replace(golden, values=lambda: moved), kept) != []  # a number that is no longer there
