@@ -1,0 +1,51 @@
+"""A kernel on disk must not outlive a change of a function that was compiled into it from another file."""
+
+import ast
+from pathlib import Path
+
+from numba.core import config
+
+import cusick_bench
+from cusick_bench.sim import kernel_cache
+
+ROOT = Path(cusick_bench.__file__).parent
+
+
+def _compiled(tree: ast.Module) -> set[str]:
+    """Functions of a file that numba compiles."""
+    found = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    return {
+        f.name for f in found if any("njit" in ast.unparse(d) or "kernel" in ast.unparse(d) for d in f.decorator_list)
+    }
+
+
+def test_kernels_lie_where_the_content_of_called_files_says(monkeypatch, tmp_path):
+    def folder() -> str:
+        monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+        kernel_cache.keep_by_content()
+        return config.CACHE_DIR
+
+    called = tmp_path / "sim" / "laws" / "paper.py"
+    called.parent.mkdir(parents=True)
+    called.write_text("stiffness = 1")
+    monkeypatch.setattr(kernel_cache, "__file__", str(tmp_path / "sim" / "kernel_cache.py"))
+    before = folder()
+    Path(before).mkdir()
+    assert folder() == before
+    called.write_text("stiffness = 2")
+    assert folder() != before
+    assert not Path(before).exists()  # nobody reads it any more
+
+
+def test_every_file_whose_kernels_others_call_is_watched():
+    folders = [folder for folder in ROOT.iterdir() if folder.is_dir()]  # some are links, which rglob would not enter
+    trees = {path: ast.parse(path.read_text()) for folder in folders for path in folder.rglob("*.py")}
+    compiled = {path: _compiled(tree) for path, tree in trees.items()}
+    assert ROOT / "sim" / "laws" / "paper.py" in trees
+    watched = {path for pattern in kernel_cache.CALLED for path in ROOT.glob(pattern)}
+    for path, tree in trees.items():
+        for node in ast.walk(tree) if compiled[path] else ():
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("cusick_bench."):
+                source = ROOT / (str(node.module).removeprefix("cusick_bench.").replace(".", "/") + ".py")
+                names = {alias.name for alias in node.names}
+                assert not names & compiled.get(source, set()) or source in watched, f"{path} calls kernels of {source}"
