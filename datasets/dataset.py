@@ -71,7 +71,7 @@ class DrapeDataset(Dataset[dict[str, Any]]):
     """Silhouettes of drapes with their meshes and what is known of the cloth; made by `load`.
 
     Attributes:
-        name: Of the data set.
+        name: Name of the data set.
         root: Folder of its files.
         protocol: Nominal values of the experiment.
         corrected: Corrections that were applied.
@@ -126,7 +126,13 @@ class DrapeDataset(Dataset[dict[str, Any]]):
         }
 
     def image(self, i: int) -> Float[Tensor, "size size"]:
-        """Silhouette of row i, float64 in [0, 1], cloth = 1.
+        """Reads the silhouette of a row.
+
+        Args:
+            i: Row of the index.
+
+        Returns:
+            Coverage, float64 in [0, 1], cloth = 1.
 
         Raises:
             BadImage: The file cannot be used.
@@ -139,7 +145,13 @@ class DrapeDataset(Dataset[dict[str, Any]]):
         return torch.from_numpy(np.array(pixels))
 
     def sample(self, i: int) -> DrapeSample:
-        """Image, profile and (read when first used) mesh of row i.
+        """Reads the drape of a row.
+
+        Args:
+            i: Row of the index.
+
+        Returns:
+            Its image, profile and mesh; the mesh is read when it is first used.
 
         Raises:
             BadImage: The image cannot be used.
@@ -151,7 +163,11 @@ class DrapeDataset(Dataset[dict[str, Any]]):
     def select(self, **conditions: Any) -> "DrapeDataset":
         """The part whose rows have the given values, e.g. `select(cloth="cotton_blue", sample=[1, 2])`.
 
-        Rows are numbered anew from 0.
+        Args:
+            **conditions: Column of the index = value, or values, that it may have.
+
+        Returns:
+            The data set with these rows alone, numbered anew from 0.
 
         Raises:
             DataError: An unknown column, or nothing is left.
@@ -187,6 +203,9 @@ class DrapeDataset(Dataset[dict[str, Any]]):
             cloths: Sets to split. By default all; with `paper`, the named sets alone if there are any.
             generator: Draws the training sample of sets that have no published one.
 
+        Returns:
+            One split for each cloth; with `leave-one-sample-out` one for each sample of each cloth.
+
         Raises:
             DataError: Unknown protocol or cloth, or a cloth with fewer than two samples.
         """
@@ -197,6 +216,12 @@ class DrapeDataset(Dataset[dict[str, Any]]):
 
         For a row of a named set these are captures of the fabric in which the identical image lies (`same_as`);
         a named image that is in no fabric has none. Observations of one drape over time are no repeats.
+
+        Args:
+            i: Row of the index.
+
+        Returns:
+            Other rows of the index.
         """
         row, table = self._row(i), self.table
         if row["same_as"]:
@@ -214,7 +239,13 @@ class DrapeDataset(Dataset[dict[str, Any]]):
     def repeat_pairs(self, cloth: str) -> list[tuple[int, int]]:
         """All pairs of rows that show one drape twice; for a named set, in the fabric that holds its images.
 
-        Their mean difference is the floor of any score. Empty where no drape was captured again.
+        Their mean difference is the floor of any score.
+
+        Args:
+            cloth: Name of a set.
+
+        Returns:
+            Pairs of rows of the index; none where no drape was captured again.
         """
         same_as = set(self.table["same_as"][self.table["cloth"] == cloth])
         sources = {cloth} | {
@@ -224,7 +255,13 @@ class DrapeDataset(Dataset[dict[str, Any]]):
         return [(row, other) for row in rows for other in self.repeats(row) if other > row]
 
     def require_density(self, i: int) -> float:
-        """Areal density of row i [kg/m2].
+        """Areal density of a row, which must be known.
+
+        Args:
+            i: Row of the index.
+
+        Returns:
+            Areal density [kg/m2].
 
         Raises:
             DataError: It is not known.

@@ -52,7 +52,17 @@ class Survey:
 
 
 def survey(layout: Layout, protocol: Protocol, *, measure: bool, progress: Progress | None = None) -> Survey:
-    """Hashes all images and, if asked, measures every file; a file that cannot be used is noted, not raised."""
+    """Hashes all images and, if asked, measures every file; a file that cannot be used is noted, not raised.
+
+    Args:
+        layout: Files of the folder.
+        protocol: Nominal values of the experiment.
+        measure: Whether to measure profiles and meshes too.
+        progress: Called with (files done, files).
+
+    Returns:
+        Hashes and measures by path, and what is wrong with files that cannot be used.
+    """
     found = Survey()
     total = len(layout.silhouettes) + len(layout.meshes)
     for count, entry in enumerate((*layout.silhouettes, *layout.meshes), 1):
@@ -82,12 +92,15 @@ def build_index(
     """One row per silhouette.
 
     Args:
-        name: Of the data set.
+        name: Name of the data set.
         layout: Files.
         protocol: Nominal values.
-        fabrics: From `fabrics.csv`, by `fabric_key`.
-        found: From `survey`.
-        correct: Which of `CORRECTIONS` to apply.
+        fabrics: Rows of `fabrics.csv`, by `fabric_key`.
+        found: Result of `survey`.
+        correct: Those of `CORRECTIONS` that are applied.
+
+    Returns:
+        Columns as in `DrapeDataset.index`.
     """
     alike = named.twins(layout.silhouettes, found.hashes, found.images)
     assigned = assign_meshes(layout, found, alike, correct)
@@ -114,7 +127,17 @@ def build_index(
 def assign_meshes(
     layout: Layout, found: Survey, alike: Mapping[str, named.Twin], correct: Collection[str]
 ) -> dict[str, pairing.Assignment]:
-    """The mesh of every silhouette, corrected as asked."""
+    """Assigns a mesh to every silhouette, corrected as asked.
+
+    Args:
+        layout: Files of the folder.
+        found: What `survey` found in the files.
+        alike: Result of `named.twins`, by path.
+        correct: Those of `CORRECTIONS` that are applied.
+
+    Returns:
+        Path of a silhouette -> its mesh.
+    """
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
     assigned = pairing.assign_by_name(captures, layout.meshes)
     if "pairing" in correct or "rotation" in correct:
@@ -128,7 +151,16 @@ def assign_meshes(
 
 
 def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str]:
-    """Fabrics whose meshes mostly belong to captures of the other face: there capture numbers tell no face."""
+    """Fabrics whose meshes mostly belong to captures of the other face: there capture numbers tell no face.
+
+    Args:
+        layout: Files of the folder.
+        protocol: Nominal values of the experiment.
+        found: What `survey` found in the files.
+
+    Returns:
+        Names of their sets.
+    """
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
     votes: dict[str, list[bool]] = defaultdict(list)
     for match in pairing.match_meshes(captures, layout.meshes, found.images, found.outlines):
@@ -139,7 +171,15 @@ def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str
 
 
 def recognised_cloths(layout: Layout, found: Survey) -> dict[str, str]:
-    """Sets that are known to be a published cloth: set -> cloth."""
+    """Finds sets that are known to be a published cloth.
+
+    Args:
+        layout: Files of the folder.
+        found: What `survey` found in the files.
+
+    Returns:
+        Name of a set -> published cloth.
+    """
     known = {entry.cloth: entry.cloth for entry in layout.silhouettes if entry.is_named and entry.cloth in CLOTHS}
     for entry in layout.silhouettes:
         if found.hashes.get(entry.path) in FINGERPRINTS and not entry.is_named:
@@ -148,7 +188,17 @@ def recognised_cloths(layout: Layout, found: Survey) -> dict[str, str]:
 
 
 def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recognised: Mapping[str, str]) -> Fabric:
-    """Density and thickness: the user's table first, by cloth, then by fabric; then what is published."""
+    """Looks up density and thickness: in the user's table first, by cloth, then by fabric; then in what is published.
+
+    Args:
+        cloth: Name of a set.
+        source: The set of captures that a named set is taken from; else `cloth`.
+        fabrics: Rows of `fabrics.csv`, by `fabric_key`.
+        recognised: Result of `recognised_cloths`.
+
+    Returns:
+        Density and thickness, NaN where unknown.
+    """
     keys = (cloth, source, source.removesuffix("_observations"))
     given = [fabrics[key] for key in keys if key in fabrics]
     if cloth in recognised:

@@ -30,13 +30,16 @@ def load(
     Args:
         name_or_path: `synthetic`, `cusick` (in the folder that the environment variable CUSICK_DATA names), or a
             folder in the public release's layout.
-        correct: Which known faults to correct; each correction is noted in the index. `pairing`: meshes go to the
+        correct: Known faults that are corrected; each correction is noted in the index. `pairing`: meshes go to the
             silhouettes that they fit. `rotation`: meshes are turned by quarter turns. `side`: faces are unknown
             where meshes contradict the capture numbers. `centre`: off-centre images are moved, so that scores
             differ from the paper's; not by default. True means all, False none.
         fabrics_csv: Table of areal densities and thicknesses; by default `fabrics.csv` beside the data.
         strict: Whether an image or mesh that cannot be used is an error now rather than when it is sampled.
         progress: Called with (files done, files) while the files are measured.
+
+    Returns:
+        The data set.
 
     Raises:
         DataError: Nothing to load, a malformed table, a shipped file that was changed, or with `strict` a bad file.

@@ -16,7 +16,7 @@ class Twin:
 
     Attributes:
         capture: None if its fabric is not there.
-        difference: Of the profiles [m]; 0 for identical files.
+        difference: Root-mean-square difference of the profiles [m]; 0 for identical files.
     """
 
     capture: Entry | None = None
@@ -24,7 +24,15 @@ class Twin:
 
 
 def sources(silhouettes: Sequence[Entry], hashes: Mapping[str, str]) -> dict[str, str]:
-    """The set of captures that each named set is taken from: by identical images, else as published."""
+    """Finds the set of captures that each named set is taken from: by identical images, else as published.
+
+    Args:
+        silhouettes: Silhouette files.
+        hashes: SHA-256 by path.
+
+    Returns:
+        Name of a named set -> name of the set of captures.
+    """
     owners = {hashes[entry.path]: entry.cloth for entry in silhouettes if not entry.is_named and entry.path in hashes}
     present = set(owners.values())
     votes: dict[str, Counter[str]] = {entry.cloth: Counter() for entry in silhouettes if entry.is_named}
@@ -43,7 +51,16 @@ def twins(
     hashes: Mapping[str, str],
     images: Mapping[str, Profile],
 ) -> dict[str, Twin]:
-    """For each named image: the capture of its sample that it equals or comes nearest to."""
+    """Finds the capture that each named image equals or, within its sample, comes nearest to.
+
+    Args:
+        silhouettes: Silhouette files.
+        hashes: SHA-256 by path.
+        images: Profiles by path.
+
+    Returns:
+        Path of a named image -> its twin.
+    """
     origin = sources(silhouettes, hashes)
     found: dict[str, Twin] = {}
     for entry in (entry for entry in silhouettes if entry.is_named):
@@ -71,13 +88,18 @@ def assign_meshes(
     outlines: Mapping[str, Profile],
     assigned: Mapping[str, Assignment],
 ) -> dict[str, Assignment]:
-    """Meshes of named images: the identical capture's, else the one of its sample that fits the silhouette best.
+    """Assigns meshes to named images: the identical capture's, else the one of its sample that fits best.
 
     Args:
-        silhouettes, meshes: Files.
-        found: From `twins`.
-        images, outlines: Profiles by path; without them only identical images get a mesh.
+        silhouettes: Silhouette files.
+        meshes: Mesh files.
+        found: Result of `twins`.
+        images: Profiles of silhouettes by path; without them only identical images get a mesh.
+        outlines: Profiles of meshes by path.
         assigned: Meshes of the captures.
+
+    Returns:
+        Path of a named image -> its mesh.
     """
     result = {}
     for entry in (entry for entry in silhouettes if entry.is_named):

@@ -61,12 +61,28 @@ class MeshMatch:
 
 
 def quarter_turns(image: Profile, mesh: Profile) -> Float[ndarray, "4"]:
-    """Profile differences [m] with the mesh turned by 0, 90, 180, 270 degrees."""
+    """Compares a silhouette with a mesh in its four quarter turns about z.
+
+    Args:
+        image: Profile of the silhouette.
+        mesh: Profile of the mesh.
+
+    Returns:
+        Root-mean-square differences [m] with the mesh turned by 0, 90, 180, 270 degrees.
+    """
     return np.array([image.rms(mesh.rotated(90 * turn)) for turn in range(4)])
 
 
 def best_turn(image: Profile, mesh: Profile) -> tuple[float, int]:
-    """Smallest difference [m] and its turn [degrees]; 0 unless a turn clearly helps."""
+    """Finds the quarter turn of a mesh that fits a silhouette best; a turn must clearly help.
+
+    Args:
+        image: Profile of the silhouette.
+        mesh: Profile of the mesh.
+
+    Returns:
+        Root-mean-square difference [m] and turn [degrees].
+    """
     rms = quarter_turns(image, mesh)
     turn = int(rms.argmin())
     turn = turn if rms[turn] < _ROTATION_GAIN * rms[0] else 0
@@ -82,8 +98,13 @@ def match_meshes(
     """Compares every mesh with the silhouettes of its sample.
 
     Args:
-        silhouettes, meshes: Files.
-        images, outlines: Profiles by path; files without one are left out.
+        silhouettes: Silhouette files.
+        meshes: Mesh files.
+        images: Profiles of silhouettes by path; files without one are left out.
+        outlines: Profiles of meshes by path, likewise.
+
+    Returns:
+        One match a mesh.
     """
     samples: dict[tuple[str, int], list[Entry]] = defaultdict(list)
     for entry in silhouettes:
@@ -123,7 +144,15 @@ class Assignment:
 
 
 def assign_by_name(silhouettes: Sequence[Entry], meshes: Sequence[Entry]) -> dict[str, Assignment]:
-    """Takes file names at their word."""
+    """Assigns to each silhouette the mesh of the same name.
+
+    Args:
+        silhouettes: Silhouette files.
+        meshes: Mesh files.
+
+    Returns:
+        Path of a silhouette -> its mesh.
+    """
     named = {mesh.key: mesh for mesh in reversed(meshes)}
     return {
         entry.path: Assignment(named[entry.key].path) if entry.key in named else Assignment(notes=("no mesh",))
@@ -137,10 +166,13 @@ def correct_assignment(
     """Applies what the comparison found; every change is noted.
 
     Args:
-        assigned: From `assign_by_name`.
-        matches: From `match_meshes`.
+        assigned: Result of `assign_by_name`.
+        matches: Result of `match_meshes`.
         pairing: Give meshes to the silhouettes that they fit.
         rotation: Turn meshes.
+
+    Returns:
+        The corrected assignment.
     """
     corrected = dict(assigned)
     strays = [match for match in matches if pairing and match.belongs_elsewhere]

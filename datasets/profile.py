@@ -37,11 +37,25 @@ class Profile:
         return _angles(len(self.radii))
 
     def rotated(self, degrees: int) -> "Profile":
-        """The profile of the drape turned counter-clockwise about z, to the nearest angle step."""
+        """The profile of the drape turned counter-clockwise about z, to the nearest angle step.
+
+        Args:
+            degrees: Angle of the turn [degrees].
+
+        Returns:
+            The turned profile.
+        """
         return Profile(np.roll(self.radii, round(degrees * len(self.radii) / 360)))
 
     def rms(self, other: "Profile") -> float:
-        """Root-mean-square difference of the radii [m]."""
+        """Root-mean-square difference of the radii.
+
+        Args:
+            other: A profile at the same angles.
+
+        Returns:
+            The difference [m].
+        """
         return float(np.sqrt(np.mean((self.radii - other.radii) ** 2)))
 
 
@@ -123,6 +137,9 @@ def profile_from_mesh(
         vertices: Positions [m], z along the plate's axis.
         faces: Triangles.
         angles: Number of angles.
+
+    Returns:
+        The profile.
     """
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     keys = np.unique(edges[:, 0] * len(vertices) + edges[:, 1])
@@ -168,12 +185,29 @@ def drape_coefficient(
 
 
 def fold_count(profile: Profile, *, prominence: float = FOLD_PROMINENCE, harmonics: int = FOLD_HARMONICS) -> int:
-    """Number of folds: peaks of the profile's harmonics 0..harmonics that stand out by `prominence` [m]."""
+    """Counts folds: peaks of the low harmonics of a profile that stand out.
+
+    Args:
+        profile: The profile.
+        prominence: By how much a fold stands out at least [m].
+        harmonics: Highest harmonic that is kept.
+
+    Returns:
+        Number of folds.
+    """
     return ring_folds(profile.radii, prominence=prominence, harmonics=harmonics)
 
 
 def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Float[ndarray, " modes"]:
-    """Amplitudes [m] of harmonics 0..modes: the mean radius, then c_m of c_m cos(m angle - phase)."""
+    """Amplitudes c_m of the harmonics c_m cos(m angle - phase) of a profile.
+
+    Args:
+        profile: The profile.
+        modes: Highest order m.
+
+    Returns:
+        Mean radius (m = 0), then the amplitudes of m = 1 to `modes` [m].
+    """
     harmonics = np.abs(np.fft.rfft(profile.radii))[: modes + 1] / len(profile.radii)
     harmonics[1:] *= 2
     return harmonics

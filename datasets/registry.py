@@ -14,9 +14,9 @@ class Registered:
     """A data set with a name.
 
     Attributes:
-        folder: Where its files are on this machine; raises DataNotFound, with a remedy, where they are not.
-        licence, citation, summary: For people.
-        source: Where the files are from, or to be had.
+        folder: Gives the folder of its files on this machine; raises DataNotFound, with a remedy, if there is none.
+        licence, citation, summary: Texts for people to read.
+        source: Address or command by which the files are had.
     """
 
     folder: Callable[[], Path]
@@ -67,6 +67,12 @@ REGISTRY = {
 
 def folder_of(name_or_path: str | Path) -> Path:
     """Folder of a registered name, or the path itself.
+
+    Args:
+        name_or_path: A registered name, or a folder.
+
+    Returns:
+        The folder.
 
     Raises:
         DataNotFound: Neither a name nor a folder.

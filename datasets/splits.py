@@ -29,7 +29,17 @@ class Split:
 def split_rows(
     table: pd.DataFrame, protocol: str, cloths: Sequence[str] | None, generator: np.random.Generator | None
 ) -> list[Split]:
-    """Splits the samples of each cloth; see `DrapeDataset.split`."""
+    """Splits the samples of each cloth; see `DrapeDataset.split`.
+
+    Args:
+        table: Index of a data set.
+        protocol: One of `PROTOCOLS`.
+        cloths: Sets to split; None for all that the protocol is for.
+        generator: Draws the training sample of sets that have no published one.
+
+    Returns:
+        The splits.
+    """
     if protocol not in PROTOCOLS:
         raise DataError(f"unknown split {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
     present = list(dict.fromkeys(table["cloth"]))

@@ -30,7 +30,7 @@ class Difference:
     """A paired difference with its uncertainty.
 
     Attributes:
-        mean: Of the differences.
+        mean: Mean of the differences.
         error: Standard error of the mean.
         count: Number of pairs.
     """
@@ -41,7 +41,14 @@ class Difference:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "Difference":
-        """Mean and standard error of differences."""
+        """Mean and standard error of differences.
+
+        Args:
+            values: Differences of pairs.
+
+        Returns:
+            Mean, standard error and number.
+        """
         count = len(values)
         if count < 2:
             return cls(float(np.mean(values)) if count else nan, nan, count)
@@ -63,13 +70,13 @@ class ClothStatistics:
 
     Attributes:
         cloth: Its name.
-        silhouettes, samples, units: Their numbers; a unit is one face of one sample.
+        silhouettes, samples, units: Number of each; a unit is one face of one sample.
         unusable: Images left out: unreadable, or with a wrong scale.
         drape_coefficient, drape_coefficient_sd: Mean and spread over units.
         folds, folds_sd: Likewise.
         spectrum: Mean amplitudes [m] of harmonics 0 to `SPECTRUM_MODES`.
         mse_repeat, mse_flip, mse_other_sample, mse_other_fabric: Mean image differences; NaN without such pairs.
-        down_minus_up: Of the drape coefficient, paired by sample.
+        down_minus_up: Difference of the drape coefficient between the faces, paired by sample.
         drift: Observation of a series -> change of the drape coefficient since the first, paired by sample.
     """
 
@@ -130,6 +137,9 @@ def statistics(
         dataset: Data.
         cloths: Names; all by default.
         progress: Called with each cloth's name when it is read.
+
+    Returns:
+        One a cloth, in the order asked for.
 
     Raises:
         DataError: A name that is not there.

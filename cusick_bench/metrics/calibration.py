@@ -31,6 +31,14 @@ def coverage(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"
     Where the interval's ends lie between two draws, samples between those count in part: so the expected share is
     `level` for any distribution, which it is not for ends that are interpolated.
 
+    Args:
+        draws: Numbers drawn.
+        samples: Numbers of the held-out samples.
+        level: Probability of the interval, in (0, 1).
+
+    Returns:
+        The share, 0 to 1.
+
     Raises:
         MetricError: No draws, or a level that is not between 0 and 1.
     """
@@ -58,6 +66,13 @@ def ranks(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"]) 
 
     A histogram of them that is low in the middle says that the draws differ too little, one that leans to a side
     that they are shifted. Ties count half.
+
+    Args:
+        draws: Numbers drawn.
+        samples: Numbers of the held-out samples.
+
+    Returns:
+        One scaled rank a sample.
     """
     below = (draws[:, None] < samples).sum(0) + 0.5 * (draws[:, None] == samples).sum(0)
     return (below + 0.5) / (len(draws) + 1)
@@ -77,8 +92,8 @@ def fold_test(
     Args:
         drawn: Numbers of folds of the draws.
         seen: Numbers of folds of held-out samples.
-        generator: Of the permutations.
-        permutations: How many.
+        generator: Source of randomness of the permutations.
+        permutations: Number of permutations.
 
     Returns:
         The probability of a difference this large if there is none; for a single draw 1 if all samples have its

@@ -61,7 +61,7 @@ class Classifier:
 
     Attributes:
         cloths: Names.
-        means: Of their statistics.
+        means: Mean of the statistics of each cloth.
         spread: Standard deviation within cloths, pooled.
         reach: Distance from a cloth's mean beyond which a drape is none of it.
     """
@@ -72,16 +72,37 @@ class Classifier:
     reach: float = inf
 
     def distances(self, statistics: Float[ndarray, "drapes statistics"]) -> Float[ndarray, "drapes cloths"]:
-        """Root-mean-square distance of drapes from the means, in units of the spread."""
+        """Distance of drapes from the means of the cloths.
+
+        Args:
+            statistics: Statistics of the drapes.
+
+        Returns:
+            Root-mean-square distances in units of the spread.
+        """
         apart = (statistics[:, None] - self.means) / self.spread
         return np.sqrt((apart**2).mean(2))
 
     def assign(self, statistics: Float[ndarray, "drapes statistics"]) -> Int[ndarray, " drapes"]:
-        """Index of the cloth that each drape is taken for, or `NONE`."""
+        """Takes each drape for the nearest cloth, or for none.
+
+        Args:
+            statistics: Statistics of the drapes.
+
+        Returns:
+            Index of the cloth, or `NONE`.
+        """
         return _nearest(self.distances(statistics), self.reach)
 
     def confusion(self, statistics: Float[ndarray, "drapes statistics"], cloths: Sequence[str]) -> Confusion:
         """Takes drapes of known cloths for what they look like.
+
+        Args:
+            statistics: Statistics of the drapes.
+            cloths: Name of the cloth of each.
+
+        Returns:
+            How many were taken for what.
 
         Raises:
             MetricError: A cloth that the classifier does not know.
@@ -96,9 +117,9 @@ def learn(
     """Learns cloths from real drapes, and how well a drape of an unseen sample is recognised.
 
     Args:
-        statistics: Of the drapes.
-        cloths: Their cloths.
-        samples: Which drapes are of one sample of a cloth, and so left out together.
+        statistics: Statistics of the drapes.
+        cloths: Name of the cloth of each drape.
+        samples: Label of the sample of each drape; drapes of one sample are left out together.
 
     Returns:
         The classifier, and what every drape is taken for by one that has not seen its sample.

@@ -49,7 +49,7 @@ class ClusterDistances:
     Attributes:
         sums: Sum of distances between the rows of two nodes; 0 for nodes of one cluster.
         pairs: Number of these pairs of rows; 0 for nodes of one cluster.
-        in_first: Which nodes the first set holds.
+        in_first: Whether the first set holds the node.
     """
 
     sums: Float[ndarray, "nodes nodes"]

@@ -20,6 +20,13 @@ _CHUNK = 128  # images held in float64 at a time: 64 MiB
 def mse(image: ArrayLike, target: ArrayLike) -> float:
     """Mean squared error per pixel of two silhouettes in [0, 1].
 
+    Args:
+        image: A silhouette.
+        target: A silhouette of the same size.
+
+    Returns:
+        The mean, 0 to 1.
+
     Raises:
         MetricError: The images differ in size or hold values that are not finite.
     """
@@ -28,6 +35,13 @@ def mse(image: ArrayLike, target: ArrayLike) -> float:
 
 def iou(image: ArrayLike, target: ArrayLike) -> float:
     """Intersection over union of the cloth in two silhouettes (coverage > 0.5); 1 where both are empty.
+
+    Args:
+        image: A silhouette.
+        target: A silhouette of the same size.
+
+    Returns:
+        The share, 0 to 1.
 
     Raises:
         MetricError: The images differ in size or hold values that are not finite.
@@ -41,6 +55,9 @@ def mse_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
     Args:
         images: Silhouettes (N, H, W), floats in [0, 1] or bytes.
         targets: Silhouettes (M, H, W).
+
+    Returns:
+        One row an image, one column a target.
 
     Raises:
         MetricError: The sizes differ, or values are not finite.
@@ -60,6 +77,9 @@ def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
         images: Silhouettes (N, H, W), floats in [0, 1] or bytes.
         targets: Silhouettes (M, H, W).
 
+    Returns:
+        One row an image, one column a target.
+
     Raises:
         MetricError: The sizes differ, or values are not finite.
     """
@@ -74,7 +94,14 @@ def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
 
 
 def cloth(images: Float[ndarray, "*shape"]) -> Bool[ndarray, "*shape"]:
-    """Where a silhouette shows cloth rather than background."""
+    """Where a silhouette shows cloth rather than background.
+
+    Args:
+        images: Silhouettes in [0, 1].
+
+    Returns:
+        True where the coverage is above 0.5.
+    """
     return images > 0.5
 
 

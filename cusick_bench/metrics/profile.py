@@ -16,11 +16,14 @@ _MODES = 30  # highest harmonic of the amplitude spectrum, as in the fold count
 
 
 def profile_rms(first: Float[ndarray, "..."], second: Float[ndarray, "..."]) -> float:
-    """Root mean square difference of two radius profiles over the angle [m].
+    """Root mean square difference of two radius profiles over the angle.
 
     Args:
         first: Radii at equidistant angles over the full turn [m].
         second: Radii at the same angles [m].
+
+    Returns:
+        The difference [m].
 
     Raises:
         MetricError: The profiles have different lengths or values that are not finite.
@@ -40,6 +43,9 @@ def profile_rms_rotated(first: Float[ndarray, "..."], second: Float[ndarray, "..
         first: Radii at equidistant angles over the full turn [m].
         second: Radii at the same angles [m].
 
+    Returns:
+        The difference [m].
+
     Raises:
         MetricError: The profiles have different lengths or values that are not finite.
     """
@@ -56,6 +62,13 @@ def quantile_distance(first: Float[ndarray, "..."], second: Float[ndarray, "..."
 
     Blind to the phase, the order and the number of folds; sees their depth and the drape coefficient.
 
+    Args:
+        first: Radii at equidistant angles over the full turn [m].
+        second: Radii at the same angles [m].
+
+    Returns:
+        The distance [m].
+
     Raises:
         MetricError: The profiles have different lengths or values that are not finite.
     """
@@ -68,6 +81,13 @@ def spectrum_distance(first: Float[ndarray, "..."], second: Float[ndarray, "..."
 
     With amplitudes A_m of the harmonics m = 1..30 it is sqrt(sum (A_m - B_m)^2 / 2): blind to the
     phases and to the mean radius, sees the number and the depth of the folds.
+
+    Args:
+        first: Radii at equidistant angles over the full turn [m].
+        second: Radii at the same angles [m].
+
+    Returns:
+        The distance [m].
 
     Raises:
         MetricError: The profiles have different lengths or values that are not finite.

@@ -96,7 +96,14 @@ def score(
 
 
 def to_levels(images: Float[ndarray, "*shape"]) -> UInt8[ndarray, "*shape"]:
-    """Silhouettes in [0, 1] as they are stored."""
+    """Rounds silhouettes to the levels in which draws are stored.
+
+    Args:
+        images: Silhouettes in [0, 1]; values beyond are clipped.
+
+    Returns:
+        Levels 0 to 255.
+    """
     levels = np.empty(np.shape(images), dtype=np.uint8)
     for place, image in enumerate(images):  # one at a time: a thousand in float64 would take half a gigabyte
         levels[place] = np.round(DRAW_LEVELS * np.clip(image, 0, 1))
@@ -104,7 +111,14 @@ def to_levels(images: Float[ndarray, "*shape"]) -> UInt8[ndarray, "*shape"]:
 
 
 def from_levels(levels: UInt8[ndarray, "*shape"]) -> Float[ndarray, "*shape"]:
-    """Stored silhouettes in [0, 1]."""
+    """Silhouettes of stored levels; inverse of `to_levels` up to rounding.
+
+    Args:
+        levels: Levels 0 to 255.
+
+    Returns:
+        Silhouettes in [0, 1], float32.
+    """
     return levels.astype(np.float32) / DRAW_LEVELS
 
 
@@ -112,6 +126,13 @@ def expected_best(values: Matrix, count: int) -> float:
     """Mean over samples of the expected minimum over `count` draws, picked without replacement from all.
 
     The i-th smallest of N values is the minimum of n picked ones with probability C(N - i, n - 1) / C(N, n).
+
+    Args:
+        values: Distance of every draw from every sample.
+        count: Number n of draws that are picked.
+
+    Returns:
+        The mean, in the unit of the values.
 
     Raises:
         MetricError: `count` is not within 1 .. N.

@@ -119,7 +119,7 @@ def standardised(
     """Chosen columns of statistics, in units of `SCALES`.
 
     Args:
-        statistics: From `drape_statistics`.
+        statistics: Result of `drape_statistics`.
         names: Names among `STATISTICS`.
 
     Returns:

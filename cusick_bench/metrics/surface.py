@@ -49,7 +49,14 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: "Surface | trimesh.Trimesh") -> "Surface":
-        """Takes a mesh as it is; a `Surface` is returned unchanged, so that its tree is built only once."""
+        """Takes a mesh as it is; a `Surface` is returned unchanged, so that its tree is built only once.
+
+        Args:
+            mesh: A triangle mesh.
+
+        Returns:
+            The surface.
+        """
         return mesh if isinstance(mesh, Surface) else cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
     @cached_property
@@ -112,7 +119,15 @@ def _dot(ax, ay, az, bx, by, bz):
 
 @numba.njit(cache=True)
 def squared_distance_to_triangle(point, triangle):
-    """Squared distance of a point to a triangle [m2]; exact for slivers and degenerate triangles too."""
+    """Squared distance of a point to a triangle; exact for slivers and degenerate triangles too.
+
+    Args:
+        point: A point [m].
+        triangle: Three corners, one a row [m].
+
+    Returns:
+        Squared distance [m2].
+    """
     px, py, pz = point
     ax, ay, az = triangle[0, 0] - px, triangle[0, 1] - py, triangle[0, 2] - pz
     bx, by, bz = triangle[1, 0] - px, triangle[1, 1] - py, triangle[1, 2] - pz
@@ -158,9 +173,17 @@ def _squared_distance_to_box(point, box):
 
 @numba.njit(cache=True)
 def nearest(point, triangles, boxes, ranges, guess):
-    """Squared distance [m2] of a point to a surface with this tree, and the triangle that is nearest.
+    """Finds the triangle of a surface that is nearest to a point, by descent through its tree.
 
-    `guess` is a triangle that is probably near: a good guess prunes most of the tree.
+    Args:
+        point: A point [m].
+        triangles: Corners of the triangles in the order of the tree [m].
+        boxes: Bounding boxes of the nodes of the tree [m].
+        ranges: First and last triangle of each node.
+        guess: A triangle that is probably near: a good guess prunes most of the tree.
+
+    Returns:
+        Squared distance [m2], and the index of the triangle.
     """
     best, winner = squared_distance_to_triangle(point, triangles[guess]), guess
     first_leaf = len(boxes) // 2

@@ -36,7 +36,7 @@ class Variability:
     """How drapes of one cloth differ.
 
     Attributes:
-        drapes: How many were compared.
+        drapes: Number of drapes that were compared.
         pair_mse: Mean squared error per pixel of two of them.
         dc_sd: Standard deviation of the drape coefficient.
         folds_sd: Standard deviation of the number of folds.
@@ -53,6 +53,9 @@ def variability(images: Images) -> Variability:
 
     Args:
         images: Silhouettes, cloth = 1 (or 255 in bytes): samples of a cloth, or draws.
+
+    Returns:
+        Mean differences and spreads with their standard errors.
 
     Raises:
         MetricError: Fewer than three drapes.
@@ -77,10 +80,13 @@ def variability(images: Images) -> Variability:
 
 
 def variability_rows(sets: Mapping[str, Images]) -> list[dict[str, str | float]]:
-    """A row for each set of drapes: its name, their number, every measure and its `_error`.
+    """Tabulates how drapes differ within each of several sets.
 
     Args:
         sets: Name, such as "samples" or a solver's, to silhouettes of one cloth.
+
+    Returns:
+        A row a set: its name, the number of its drapes, every measure and its `_error`.
     """
     rows: list[dict[str, str | float]] = []
     for name, images in sets.items():

@@ -148,6 +148,12 @@ class Meter:
         """Keeps drapes back while a solver searches, so that it can still afford its prediction.
 
         Their time is kept back, too, as far as it can be told; afterwards they are granted however late it is.
+
+        Args:
+            drapes: Number of forward-equivalents that are kept back.
+
+        Yields:
+            Nothing; the drapes are granted at the end of the `with` block.
         """
         self._reserved += drapes
         try:
@@ -161,7 +167,7 @@ class Meter:
 
         Args:
             kind: "loss", "gradient", "drape", "slope" (a drape with a gradient of what is seen of it) or "draw".
-            count: How many.
+            count: Number of evaluations.
             replayed: Whether an earlier run has made them: then there was time for them.
         """
         cost = count * COST[kind]
@@ -186,12 +192,20 @@ class Meter:
             )
 
     def record(self, evaluation: Evaluation) -> None:
-        """Adds an evaluation to the trace and tells the observers."""
+        """Adds an evaluation to the trace and tells the observers.
+
+        Args:
+            evaluation: What was paid for.
+        """
         self.trace.append(evaluation)
         for observer in self.observers:
             observer(evaluation)
 
     def replay(self, evaluation: Evaluation) -> None:
-        """Records an evaluation of an earlier, killed run, and sets the clock to what it showed then."""
+        """Records an evaluation of an earlier, killed run, and sets the clock to what it showed then.
+
+        Args:
+            evaluation: An evaluation from the journal.
+        """
         self._clock_zero = time.perf_counter() - evaluation.wall_seconds
         self.record(evaluation)

@@ -75,12 +75,12 @@ class DrapeProblem:
         train_image: Silhouette to fit, cloth = 1.
         simulator: Simulator with its mesh and settings.
         space: What the parameter vector means.
-        thickness: Of the cloth [m], NaN where unknown.
+        thickness: Thickness of the cloth [m], NaN where unknown.
         camera: How the drape is seen.
         renderer: "coverage" or "soft".
         loss: Name in `LOSSES`.
         initial: How the cloth is laid down, None for the simulator's own way [m].
-        follow: In equilibrium mode, start each drape from the best one so far.
+        follow: Whether each drape starts from the best one so far, in equilibrium mode.
         meter: Counts, budget, trace.
         journal: Evaluations kept for resumption.
         checkpoint: Place for a solver's own state.
@@ -126,11 +126,24 @@ class DrapeProblem:
         return self.space.bounds
 
     def sample_prior(self, generator: np.random.Generator) -> Vector:
-        """A parameter vector drawn from the prior."""
+        """Draws a parameter vector from the prior.
+
+        Args:
+            generator: Source of randomness.
+
+        Returns:
+            Parameter vector in the unconstrained, scaled space.
+        """
         return self.space.sample_prior(generator)
 
     def evaluate(self, tau: Vector) -> float:
-        """Loss at tau; inf where the drape fails.
+        """Drapes a cloth and compares it with the training silhouette.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+
+        Returns:
+            The loss; inf where the drape fails.
 
         Raises:
             BudgetExceeded: The budget does not allow for another drape.
@@ -139,7 +152,13 @@ class DrapeProblem:
         return float(self.evaluate_batch(np.asarray(tau)[None])[0])
 
     def evaluate_and_gradient(self, tau: Vector) -> tuple[float, Vector]:
-        """Loss and its gradient at tau; (inf, 0) where the drape fails.
+        """As `evaluate`, with the gradient of the loss by the adjoint.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+
+        Returns:
+            Loss and gradient with respect to tau; (inf, 0) where the drape fails.
 
         Raises:
             BudgetExceeded: The budget does not allow for another drape and its adjoint.
@@ -149,7 +168,13 @@ class DrapeProblem:
         return float(losses[0]), gradients[0]
 
     def observe(self, tau: Vector) -> Observation:
-        """The drape at tau and how it is seen; costs one forward-equivalent.
+        """Drapes a cloth and looks at it; costs one forward-equivalent.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+
+        Returns:
+            The drape and how it is seen.
 
         Raises:
             DrapeDiverged: The drape fails.
@@ -159,13 +184,16 @@ class DrapeProblem:
         return self._seen(self._draped("drape", tau))
 
     def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
-        """The drape at tau, how it is seen, and the gradient of a measure of that; raises as `observe`.
+        """As `observe`, with the gradient of a measure of the silhouette.
 
         Costs two forward-equivalents.
 
         Args:
-            tau: Parameter vector.
-            measure: From a silhouette to a number.
+            tau: Parameter vector in the unconstrained, scaled space.
+            measure: Differentiable function from a silhouette to a number.
+
+        Returns:
+            The drape and how it is seen, and the gradient of the measure with respect to tau.
 
         Raises:
             ProblemError: The space has no gradients either.
@@ -175,7 +203,14 @@ class DrapeProblem:
         return self._seen(entry), entry.arrays["gradient"]
 
     def evaluate_batch(self, taus: Vectors) -> Float[np.ndarray, " members"]:
-        """Losses of several vectors, draped together, which is faster than one by one; raises as `evaluate`."""
+        """Losses of several vectors, draped together, which is faster than one by one; raises as `evaluate`.
+
+        Args:
+            taus: Parameter vectors, one a row.
+
+        Returns:
+            One loss a vector.
+        """
         return np.array([entry.evaluation.loss for entry in self._metered("loss", taus)])
 
     def evaluate_and_gradient_batch(
@@ -186,6 +221,9 @@ class DrapeProblem:
         Args:
             taus: Parameter vectors.
             measure: What to take the gradients of, instead of the sum of the losses.
+
+        Returns:
+            Losses, and gradients, one row a vector.
         """
         self._check_differentiable()
         entries = self._metered("gradient", taus, measure)
@@ -194,7 +232,13 @@ class DrapeProblem:
         return losses, np.stack([entry.arrays.get("gradient", nothing) for entry in entries])
 
     def draw_batch(self, taus: Vectors) -> list[Observation | None]:
-        """Drapes of parameters drawn from what a solver has learned, None where one fails; they cost no budget.
+        """Drapes vectors that were drawn from what a solver has learned; they cost no budget.
+
+        Args:
+            taus: Parameter vectors, one a row.
+
+        Returns:
+            One observation a vector; None where the drape fails.
 
         Raises:
             ProblemError: A vector has a wrong length or holds NaN or infinity.
@@ -202,7 +246,14 @@ class DrapeProblem:
         return [None if entry.evaluation.failure else self._seen(entry) for entry in self._metered("draw", taus)]
 
     def image(self, tau: Vector) -> Float[np.ndarray, "256 256"]:
-        """Silhouette of the drape at tau (see `observe`)."""
+        """Silhouette of the drape at tau; costs and raises as `observe`.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+
+        Returns:
+            Coverage in [0, 1], cloth = 1.
+        """
         return self.observe(tau).image
 
     def drape(self, tau: Vector) -> Float[np.ndarray, "vertices 3"]:
@@ -216,7 +267,10 @@ class DrapeProblem:
 
         Args:
             taus: Parameter vectors.
-            warm: Where equilibria are sought from [m]; by default from the branch that is followed.
+            warm: Positions from which equilibria are sought [m]; by default from the branch that is followed.
+
+        Returns:
+            The drapes.
         """
         specimens = [self.space.specimen(tau) for tau in taus]
         materials = [one.material for one in specimens]
@@ -235,7 +289,14 @@ class DrapeProblem:
         )
 
     def render(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "256 256"]:
-        """Silhouette of given vertices, as the problem's camera and renderer see them."""
+        """Silhouette of given vertices, as the problem's camera and renderer see them.
+
+        Args:
+            vertices: Positions [m].
+
+        Returns:
+            Coverage in [0, 1], cloth = 1.
+        """
         if self.scene is not None:
             vertices = self.scene.seen(vertices)
         return render(vertices, self.simulator.mesh.faces, self.camera, method=self.renderer)

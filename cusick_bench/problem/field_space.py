@@ -44,7 +44,7 @@ class FieldPrior:
         amplitude: Median, in the field's unit.
         length: Median [m].
         amplitude_sd: Standard deviation of the logarithm of the amplitude.
-        length_sd: Of the length.
+        length_sd: Standard deviation of the log of the correlation length.
         level: Standard deviation between specimens of what is uniform over the cloth, in the field's unit.
     """
 
@@ -60,7 +60,7 @@ class Trait:
     """Normal prior of something in which cloths differ.
 
     Attributes:
-        mean: Of all cloths.
+        mean: Mean over all cloths.
         sd: Standard deviation between cloths.
     """
 
@@ -113,27 +113,63 @@ class FieldSpace(ParameterSpace):
         return slice(CLOTH, self.dimension)
 
     def weights(self, name: str) -> slice:
-        """Entries of tau that are the weights of a field."""
+        """Entries of tau that are the weights of a field.
+
+        Args:
+            name: Name of the field, among `FIELDS`.
+
+        Returns:
+            Their range.
+        """
         begin = self.specimen_level.start + MODES * list(FIELDS).index(name)
         return slice(begin, begin + MODES)
 
     @staticmethod
     def trait_entry(name: str) -> int:
-        """Entry of tau that is a trait's deviation from its mean, in its standard deviations."""
+        """Entry of tau that is a trait's deviation from its mean, in its standard deviations.
+
+        Args:
+            name: Name of the trait, among `TRAITS`.
+
+        Returns:
+            Its index.
+        """
         return HOMOGENEOUS + list(TRAITS).index(name)
 
     @staticmethod
     def amplitude(name: str) -> int:
-        """Entry of tau that is the logarithm of a field's amplitude."""
+        """Entry of tau that is the logarithm of a field's amplitude.
+
+        Args:
+            name: Name of the field, among `FIELDS`.
+
+        Returns:
+            Its index.
+        """
         return HOMOGENEOUS + len(TRAITS) + 2 * list(FIELDS).index(name)
 
     @staticmethod
     def length(name: str) -> int:
-        """Entry of tau that is the logarithm of a field's correlation length."""
+        """Entry of tau that is the logarithm of a field's correlation length.
+
+        Args:
+            name: Name of the field, among `FIELDS`.
+
+        Returns:
+            Its index.
+        """
         return FieldSpace.amplitude(name) + 1
 
     def root(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " modes"]:
-        """Standard deviations of a field's coefficients, in the field's unit times metres."""
+        """Standard deviations of a field's coefficients.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+            name: Name of the field, among `FIELDS`.
+
+        Returns:
+            One a mode, in the field's unit times metres.
+        """
         prior = FIELDS[name]
         amplitude = prior.amplitude * (prior.amplitude_sd * tau[self.amplitude(name)]).exp()
         length = prior.length * (prior.length_sd * tau[self.length(name)]).exp()
@@ -143,15 +179,32 @@ class FieldSpace(ParameterSpace):
         return (matern_root(modes, amplitude, length).square() + uniform.square()).sqrt()
 
     def trait(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, ""]:
-        """Value of a trait of the cloth."""
+        """Value of a trait of the cloth.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+            name: Name of the trait, among `TRAITS`.
+
+        Returns:
+            The value, in the trait's unit.
+        """
         prior = TRAITS[name]
         return prior.mean + prior.sd * tau[self.trait_entry(name)]
 
     def field(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " points"]:
-        """Values of a field: of stiffness on the hinges, of the others on the vertices."""
+        """Values of a field.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+            name: Name of the field, among `FIELDS`.
+
+        Returns:
+            On the hinges for stiffness, on the vertices for the others, in the field's unit.
+        """
         return self._basis[name] @ (self.root(tau, name) * tau[self.weights(name)])
 
     def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        """The cloth whose tables are homogeneous, with its traits and fields; see `ParameterSpace.specimen`."""
         stretch, bending = tau[:HOMOGENEOUS].split([STRETCH_SIZE, BENDING_SIZE])
         coefficients = self.root(tau, "stiffness") * tau[self.weights("stiffness")]
         on_hinges, on_faces = (self._basis[name] @ coefficients for name in ("stiffness", "faces"))
@@ -166,7 +219,14 @@ class FieldSpace(ParameterSpace):
         return Specimen(material, initial=laid, rest_angle=dihedral_angles(rest, self.mesh.hinges))
 
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
-        """The most probable vector of a median cloth whose bending stiffnesses are all `factor` times as large."""
+        """The most probable vector of a median cloth whose bending stiffnesses are all multiplied by one factor.
+
+        Args:
+            factor: The factor, > 0.
+
+        Returns:
+            The parameter vector.
+        """
         table, trait = self.prior.bending_level_sd, TRAITS["bending"].sd
         share = table**2 / (table**2 + trait**2)
         level = np.zeros(self.dimension)
@@ -181,6 +241,9 @@ class FieldSpace(ParameterSpace):
 
         Args:
             height: Undulation of the vertices [m]; what lies on the plate does not count.
+
+        Returns:
+            One weight a mode.
         """
         prior = FIELDS["laying"]
         ramp = fade_in(self.mesh, self.plate_radius)

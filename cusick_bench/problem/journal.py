@@ -54,7 +54,14 @@ def _evaluation(record: dict[str, Any]) -> Evaluation:
 
 
 def read_trace(folder: Path) -> list[dict[str, Any]]:
-    """Complete lines of a folder's trace; a last line that a kill cut short is left out."""
+    """Reads the complete lines of a folder's trace; a last line that a kill cut short is left out.
+
+    Args:
+        folder: Folder of the run.
+
+    Returns:
+        One record a line.
+    """
     path = folder / TRACE
     if not path.exists():
         return []
@@ -71,7 +78,7 @@ class Journal:
     """Evaluations of one cell, kept in a folder, or in nothing where `folder` is None.
 
     Attributes:
-        folder: Where `trace.jsonl` and `state.bin` lie.
+        folder: Folder that holds `trace.jsonl` and `state.bin`.
     """
 
     folder: Path | None = None
@@ -121,7 +128,14 @@ class Journal:
         return self._position < len(self._past)
 
     def next(self, kind: str, digest: str) -> Entry | None:
-        """The earlier run's evaluation that this one repeats, or None where that run had got no further.
+        """The earlier run's evaluation that this one repeats.
+
+        Args:
+            kind: What is asked for: a loss, a gradient, a drape.
+            digest: Hash of the parameters it is asked for.
+
+        Returns:
+            The earlier run's entry; None where that run had got no further.
 
         Raises:
             ProblemError: The earlier run asked for something else here, so the folder belongs to another run.
@@ -148,6 +162,12 @@ class Journal:
 
         For solvers that go on from their own checkpoint instead of being fed from the journal. Drapes that follow
         are replayed, if there is a checkpoint; whatever else follows is forgotten.
+
+        Args:
+            evaluations: Number of entries that are kept.
+
+        Returns:
+            The entries kept.
         """
         done, rest = self._past[:evaluations], self._past[evaluations:]
         drapes = takewhile(lambda entry: entry.evaluation.kind in ("drape", "draw"), rest if done else [])
@@ -157,7 +177,11 @@ class Journal:
         return done
 
     def append(self, entry: Entry) -> None:
-        """Keeps an evaluation; once this returns, a kill of the process does not lose it."""
+        """Keeps an evaluation; once this returns, a kill of the process does not lose it.
+
+        Args:
+            entry: The evaluation.
+        """
         if self._trace is None or self._arrays is None:
             return
         kept = Entry(entry.evaluation, {k: v for k, v in entry.arrays.items() if v.size <= LONGEST})

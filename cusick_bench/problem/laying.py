@@ -31,7 +31,7 @@ def laid_like(
     Args:
         radii: Profile of the silhouette at equidistant angles, counter-clockwise from +x [m].
         mesh: The cloth.
-        plate_radius: Of the plate [m].
+        plate_radius: Radius of the plate [m].
         share: How much of the silhouette's depth it is given, 0 (flat) to 1.
 
     Returns:

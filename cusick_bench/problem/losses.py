@@ -35,7 +35,14 @@ def _ray_grid() -> Float[Tensor, "rays samples 2"]:
 
 
 def radius_profile(image: Image) -> Float[Tensor, "*batch rays"]:
-    """Radius of the silhouette along rays from the centre [m]: the length of cloth that each ray crosses."""
+    """Radius of the silhouette along rays from the centre: the length of cloth that each ray crosses.
+
+    Args:
+        image: Silhouettes, cloth = 1.
+
+    Returns:
+        Radii at equidistant angles, counter-clockwise from +x [m].
+    """
     stack = image.reshape(-1, 1, *image.shape[-2:]).to(torch.float64)
     grid = _ray_grid().to(stack.device).expand(len(stack), -1, -1, -1)
     values = torch.nn.functional.grid_sample(stack, grid, align_corners=False)
@@ -43,17 +50,41 @@ def radius_profile(image: Image) -> Float[Tensor, "*batch rays"]:
 
 
 def mse(image: Image, target: Image) -> Float[Tensor, "*batch"]:
-    """Mean squared pixel difference, of images in [0, 1]."""
+    """Mean squared pixel difference.
+
+    Args:
+        image: Simulated silhouettes in [0, 1].
+        target: Real silhouettes in [0, 1].
+
+    Returns:
+        One loss an image.
+    """
     return (image - target).square().mean((-2, -1))
 
 
 def profile(image: Image, target: Image) -> Float[Tensor, "*batch"]:
-    """Mean squared difference of the radius profiles, in units of the overhanging width (0.06 m)."""
+    """Mean squared difference of the radius profiles, in units of the overhanging width (0.06 m).
+
+    Args:
+        image: Simulated silhouettes in [0, 1].
+        target: Real silhouettes in [0, 1].
+
+    Returns:
+        One loss an image.
+    """
     return ((radius_profile(image) - radius_profile(target)) / OVERHANG_WIDTH).square().mean(-1)
 
 
 def mse_profile(image: Image, target: Image) -> Float[Tensor, "*batch"]:
-    """Sum of both."""
+    """Sum of `mse` and `profile`.
+
+    Args:
+        image: Simulated silhouettes in [0, 1].
+        target: Real silhouettes in [0, 1].
+
+    Returns:
+        One loss an image.
+    """
     return mse(image, target) + profile(image, target)
 
 

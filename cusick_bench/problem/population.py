@@ -76,8 +76,8 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
     """Derives `TRAITS`, the length of `FIELDS["laying"]`, the level of `FIELDS["stiffness"]`, and `DISCREPANCY` anew.
 
     Args:
-        folder: Of the public release.
-        vertices: Of the mesh.
+        folder: Folder of the public release.
+        vertices: Number of vertices of the mesh.
         cloths: Draped for the regression.
         specimens: Draped of every fabric and face for the spread between specimens.
 
@@ -129,7 +129,15 @@ def _beside(trait: str, spread: float) -> float:
 
 
 def fit_emulator(cloths: Float[ndarray, "cloths numbers"], statistics: Float[ndarray, "cloths statistics"]) -> Emulator:
-    """Regresses statistics of one specimen each on the five numbers of cloths."""
+    """Regresses statistics of one specimen a cloth on the five numbers that describe the cloths.
+
+    Args:
+        cloths: Traits and log of the laid shape's correlation length, one cloth a row.
+        statistics: Statistics of its specimen, in the order of `STATISTICS`.
+
+    Returns:
+        Expected statistics and the scatter of specimens about them.
+    """
     design = _features(cloths)
     coefficients, *_ = np.linalg.lstsq(design, statistics, rcond=None)
     residual = statistics - design @ coefficients
@@ -137,7 +145,15 @@ def fit_emulator(cloths: Float[ndarray, "cloths numbers"], statistics: Float[nda
 
 
 def nearest_cloth(emulator: Emulator, samples: Samples) -> Float[ndarray, " numbers"]:
-    """The cloth within the box whose expected statistics are nearest to the samples' mean."""
+    """Finds the cloth whose expected statistics are nearest to the mean of a fabric's samples.
+
+    Args:
+        emulator: Result of `fit_emulator`.
+        samples: Samples of one fabric.
+
+    Returns:
+        The five numbers of the cloth, within the box `LOW` to `HIGH`.
+    """
     chosen = [STATISTICS.index(name) for name in MATCHED]
     scatter = emulator.scatter[np.ix_(chosen, chosen)] * (1 / len(samples.statistics) + DISCREPANCY)
     target = samples.statistics.mean(0)[chosen]

@@ -132,7 +132,14 @@ class StiffnessPrior:
         return _symmetric_root(STRETCH_LEVEL_SD**2 * np.ones((18, 18)) + STRETCH_ENTRY_SD**2 * np.eye(18))
 
     def stretch(self, tau: Float[Tensor, "*batch 24"]) -> Float[Tensor, "*batch 6 4"]:
-        """Stretch tables [N/m], positive definite whatever tau: c12 = tanh(.) sqrt(c11 c22)."""
+        """Stretch tables, positive definite whatever tau: c12 = tanh(.) sqrt(c11 c22).
+
+        Args:
+            tau: Whitened vectors.
+
+        Returns:
+            Tables [N/m].
+        """
         tau = tau.unflatten(-1, (6, 4))
         diagonal = tau[..., [0, 2, 3]].flatten(-2) @ torch.as_tensor(self.stretch_root)
         median = torch.as_tensor(np.log(STRETCH_REFERENCE[:, [0, 2, 3]]))
@@ -141,16 +148,37 @@ class StiffnessPrior:
         return torch.stack([c11, coupling * (c11 * c22).sqrt(), c22, c33], -1)
 
     def bending(self, tau: Float[Tensor, "*batch 15"]) -> Float[Tensor, "*batch 3 5"]:
-        """Bending tables [N m], positive whatever tau."""
+        """Bending tables, positive whatever tau.
+
+        Args:
+            tau: Whitened vectors.
+
+        Returns:
+            Tables [N m].
+        """
         deviation = tau @ torch.as_tensor(self.bending_root)
         return (torch.as_tensor(self.bending_median) + deviation.unflatten(-1, (3, 5))).exp()
 
     def bending_tau(self, bending: Float[np.ndarray, "3 5"]) -> Float[np.ndarray, "15"]:
-        """The whitened vector of a bending table [N m]: inverse of `bending`."""
+        """The whitened vector of a bending table: inverse of `bending`.
+
+        Args:
+            bending: The table [N m].
+
+        Returns:
+            The whitened vector.
+        """
         return np.linalg.solve(self.bending_root, (np.log(bending) - self.bending_median).ravel())
 
     def bending_level(self, factor: float) -> Float[np.ndarray, "15"]:
-        """The whitened vector of the median bending table times `factor`."""
+        """The whitened vector of the median bending table times a factor.
+
+        Args:
+            factor: The factor, > 0.
+
+        Returns:
+            The whitened vector.
+        """
         return np.linalg.solve(self.bending_root, np.full(BENDING_SIZE, np.log(factor)))
 
     @property

@@ -30,7 +30,13 @@ _MIRROR = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
 
 
 def parse_causes(texts: Sequence[str]) -> tuple[Cause, ...]:
-    """Causes of texts as `plate-tilt:angle=2,direction=90`.
+    """Reads causes from texts such as `plate-tilt:angle=2,direction=90`.
+
+    Args:
+        texts: Effects with their parameters.
+
+    Returns:
+        The effects and the values of their parameters.
 
     Raises:
         SimulationError: An unknown effect or parameter, or a value that is no number or out of bounds.
@@ -39,7 +45,14 @@ def parse_causes(texts: Sequence[str]) -> tuple[Cause, ...]:
 
 
 def canonical(text: str) -> str:
-    """A cause with all its parameters, the same however it was written; raises as `parse_causes`."""
+    """Spells out a cause with all its parameters, the same however it was written; raises as `parse_causes`.
+
+    Args:
+        text: A cause.
+
+    Returns:
+        Its one spelling.
+    """
     cause = parse(text)
     full = cause.effect.complete(cause.value)
     return f"{cause.effect.name}:{','.join(f'{name}={float(value):.15g}' for name, value in full.items())}"
@@ -52,8 +65,8 @@ class Scene:
     Attributes:
         causes: What the base model leaves out, in the order in which it acts.
         mesh: The cloth without them.
-        settings: Of the simulator without them.
-        side: Which face lies up.
+        settings: Settings of the simulator without the causes.
+        side: Face that lies up.
         capture: Number of the picture, from 1.
         later: Whether an earlier picture of the same face lies before it.
         seed: Whatever is random in the causes follows from it.
@@ -99,16 +112,37 @@ class Scene:
         return next((c.effect.name for c in self.causes if c.apply(self._plain(_ANY_CLOTH)).states), "")
 
     def to_cloth(self, vertices: Float[Tensor, "*batch vertices 3"]) -> Float[Tensor, "*batch vertices 3"]:
-        """From the laboratory's frame to that of the simulated cloth, or back."""
+        """Turns points from the laboratory's frame to that of the simulated cloth, or back.
+
+        Args:
+            vertices: Positions [m].
+
+        Returns:
+            Turned positions [m].
+        """
         return vertices if self.side == "up" else vertices * _MIRROR
 
     def profile(self, radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, " angles"]:
-        """A silhouette's radii at equidistant angles from +x, an even number, in the frame of the simulated cloth."""
+        """Turns a radius profile to the frame of the simulated cloth.
+
+        Args:
+            radii: A silhouette's radii at an even number of equidistant angles from +x [m].
+
+        Returns:
+            The same radii in the order of the other frame [m].
+        """
         half, every = len(radii) // 2, np.arange(len(radii))
         return radii if self.side == "up" else radii[(half - every) % len(radii)]
 
     def seen(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
-        """Where points of the laboratory seem to be, for the nominal camera [m]."""
+        """Where points of the laboratory seem to be, for the nominal camera.
+
+        Args:
+            vertices: Positions in the laboratory [m].
+
+        Returns:
+            Apparent positions [m].
+        """
         return self._applied.to_camera(self.to_cloth(vertices))
 
     def drape(
@@ -122,11 +156,11 @@ class Scene:
         """Drapes cloths under the causes.
 
         Args:
-            simulator: Of the warped mesh and the simulated settings.
+            simulator: Simulator of the warped mesh with the simulated settings.
             materials: The cloths without the causes.
             initial: How they are laid down, in the frame of the simulated cloth [m].
-            rest_angle: Their stress-free dihedral angles, positive where convex seen from the face [rad].
-            warm: Where equilibria are sought from, in the laboratory's frame [m].
+            rest_angle: Stress-free dihedral angles, positive where convex seen from the face [rad].
+            warm: Positions from which equilibria are sought, in the laboratory's frame [m].
 
         Returns:
             The drapes, in the laboratory's frame, with gradients where no effect has internal variables.

@@ -42,7 +42,7 @@ class ParameterSpace(ABC):
     Attributes:
         mesh: The cloth's mesh.
         prior: Median and scale of the stiffness tables.
-        plate_radius: Of the plate that the cloth lies on [m].
+        plate_radius: Radius of the plate that the cloth lies on [m].
     """
 
     mesh: Mesh
@@ -58,11 +58,25 @@ class ParameterSpace(ABC):
 
     @abstractmethod
     def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
-        """The cloth that tau stands for; differentiable with respect to tau."""
+        """The cloth that tau stands for; differentiable with respect to tau.
+
+        Args:
+            tau: Parameter vector in the unconstrained, scaled space.
+
+        Returns:
+            Its material and fields.
+        """
 
     @abstractmethod
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
-        """The prior median with all bending stiffnesses times `factor`."""
+        """The prior median with all bending stiffnesses multiplied by one factor.
+
+        Args:
+            factor: The factor, > 0.
+
+        Returns:
+            The parameter vector.
+        """
 
     @property
     def specimen_level(self) -> slice:
@@ -75,7 +89,14 @@ class ParameterSpace(ABC):
         return np.full(self.dimension, -BOUND), np.full(self.dimension, BOUND)
 
     def sample_prior(self, generator: np.random.Generator) -> Float[np.ndarray, " dimension"]:
-        """A draw from the prior."""
+        """Draws a parameter vector from the prior.
+
+        Args:
+            generator: Source of randomness.
+
+        Returns:
+            The parameter vector.
+        """
         return generator.standard_normal(self.dimension)
 
     def density(self) -> Float[Tensor, ""]:
@@ -94,10 +115,12 @@ class HomogeneousSpace(ParameterSpace):
         return STRETCH_SIZE + BENDING_SIZE
 
     def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        """The cloth with one stretch and one bending table; see `ParameterSpace.specimen`."""
         stretch, bending = tau.split([STRETCH_SIZE, BENDING_SIZE])
         return Specimen(Material(self.prior.stretch(stretch), self.prior.bending(bending), self.density()))
 
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
+        """See `ParameterSpace.bending_level`."""
         return np.concatenate([np.zeros(STRETCH_SIZE), self.prior.bending_level(factor)])
 
 
@@ -112,6 +135,7 @@ class HeterogeneousSpace(ParameterSpace):
         return STRETCH_SIZE * len(self.mesh.faces) + BENDING_SIZE * len(self.mesh.hinges)
 
     def specimen(self, tau: Float[Tensor, " dimension"]) -> Specimen:
+        """The cloth with one stretch table a face and one bending table a hinge; see `ParameterSpace.specimen`."""
         stretch, bending = tau.split([STRETCH_SIZE * len(self.mesh.faces), BENDING_SIZE * len(self.mesh.hinges)])
         return Specimen(
             Material(
@@ -122,5 +146,6 @@ class HeterogeneousSpace(ParameterSpace):
         )
 
     def bending_level(self, factor: float) -> Float[np.ndarray, " dimension"]:
+        """See `ParameterSpace.bending_level`."""
         bending = np.tile(self.prior.bending_level(factor), len(self.mesh.hinges))
         return np.concatenate([np.zeros(STRETCH_SIZE * len(self.mesh.faces)), bending])

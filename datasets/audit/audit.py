@@ -71,6 +71,9 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
         name_or_path: A registered name or a folder.
         progress: Called with (files done, files).
 
+    Returns:
+        What the folder holds, and every irregularity.
+
     Raises:
         DataNotFound: There is no folder, or nothing in it that looks like a silhouette.
     """

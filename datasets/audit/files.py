@@ -17,7 +17,15 @@ _SPELLINGS = (("sil", "silhouettes"), ("mesh", "meshes"))
 
 
 def check_names(layout: Layout, protocol: Protocol) -> Iterator[Irregularity]:
-    """Names of folders and files, and captures that are too many or too few."""
+    """Checks names of folders and files, and looks for captures that are too many or too few.
+
+    Args:
+        layout: Files of the folder.
+        protocol: Nominal values of the experiment.
+
+    Yields:
+        One item for each fault.
+    """
     yield from _folders(layout)
     yield from _unused(layout)
     for entry in (*layout.silhouettes, *layout.meshes):
@@ -37,7 +45,17 @@ def check_names(layout: Layout, protocol: Protocol) -> Iterator[Irregularity]:
 def check_tables(
     layout: Layout, protocol: Protocol, fabrics: Mapping[str, Fabric], found: Survey
 ) -> Iterator[Irregularity]:
-    """Densities and thicknesses that are missing, tables' parts that are not used, faces that are not known."""
+    """Looks for densities and thicknesses that are missing, unused parts of tables, and faces that are not known.
+
+    Args:
+        layout: Files of the folder.
+        protocol: Nominal values of the experiment.
+        fabrics: Rows of `fabrics.csv`, by `fabric_key`.
+        found: What `survey` found in the files.
+
+    Yields:
+        One item for each fault.
+    """
     for key in protocol.extra:
         yield Irregularity("protocol.json", "protocol-unknown-key", f"{key} is kept but not used")
     origin = named.sources(layout.silhouettes, found.hashes)

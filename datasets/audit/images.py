@@ -13,7 +13,16 @@ from cusick_bench.datasets.pairing import FIT_LIMIT
 
 
 def check_images(layout: Layout, protocol: Protocol, found: Survey) -> Iterator[Irregularity]:
-    """Faults of single silhouettes, and identical files."""
+    """Looks for faults of single silhouettes, and for identical files.
+
+    Args:
+        layout: Files of the folder.
+        protocol: Nominal values of the experiment.
+        found: What `survey` found in the files.
+
+    Yields:
+        One item for each fault.
+    """
     for path, image in found.silhouettes.items():
         yield from _blemishes(path, image)
         yield from _on_plate(path, image, protocol)
@@ -54,7 +63,16 @@ def _on_plate(path: str, image: ImageMeasure, protocol: Protocol) -> Iterator[Ir
 
 
 def check_named_sets(layout: Layout, found: Survey, twins: Mapping[str, Twin]) -> Iterator[Irregularity]:
-    """Which captures named images copy, and sets that mix faces or observations."""
+    """Tells which captures named images copy, and which sets mix faces or observations.
+
+    Args:
+        layout: Files of the folder.
+        found: What `survey` found in the files.
+        twins: Result of `named.twins`, by path.
+
+    Yields:
+        One item for each fault.
+    """
     for path, twin in twins.items():
         if twin.capture is None:
             continue

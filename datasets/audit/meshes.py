@@ -17,7 +17,17 @@ _SIZES = (0.5, 2.0)  # a drape's mean radius lies between half the plate's and t
 def check_meshes(
     layout: Layout, protocol: Protocol, found: Survey, matches: Sequence[MeshMatch]
 ) -> Iterator[Irregularity]:
-    """Everything about mesh files."""
+    """Looks for faults of mesh files: missing, copied, damaged, turned, or of another capture.
+
+    Args:
+        layout: Files of the folder.
+        protocol: Nominal values of the experiment.
+        found: What `survey` found in the files.
+        matches: Result of `pairing.match_meshes`.
+
+    Yields:
+        One item for each fault.
+    """
     yield from _partners(layout)
     yield from _shapes(found, protocol)
     for match in matches:

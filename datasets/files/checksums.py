@@ -14,6 +14,9 @@ CHECKSUMS = "sha256.json"
 def verify_checksums(root: Path) -> None:
     """Checks every file that `sha256.json` lists.
 
+    Args:
+        root: Folder of the data set.
+
     Raises:
         BadTable: No such list, or a malformed one.
         DataError: A file is missing or differs.
@@ -23,7 +26,13 @@ def verify_checksums(root: Path) -> None:
 
 
 def changed_files(root: Path) -> Iterator[tuple[str, str]]:
-    """Files that are not as `sha256.json` says, and what is wrong.
+    """Finds files that are not as `sha256.json` says.
+
+    Args:
+        root: Folder of the data set.
+
+    Yields:
+        Relative path, and what is wrong with the file.
 
     Raises:
         BadTable: No such list, or a malformed one.

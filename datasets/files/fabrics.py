@@ -21,7 +21,7 @@ class Fabric:
     Attributes:
         areal_density: [kg/m2], NaN if unknown.
         thickness: [m], NaN if unknown.
-        source: Where the values are from.
+        source: File and line, or publication, that the values are from.
         extra: Other columns, as found.
     """
 
@@ -32,13 +32,23 @@ class Fabric:
 
 
 def fabric_key(name: str) -> str:
-    """One spelling for a fabric: `2`, `Fabric 2` and `fabric_2` are all `fabric_2`; other names in lower case."""
+    """One spelling for a fabric: `2`, `Fabric 2` and `fabric_2` are all `fabric_2`; other names in lower case.
+
+    Args:
+        name: Name of a fabric as somebody wrote it.
+
+    Returns:
+        The key under which tables hold it.
+    """
     key = name.strip().lower().replace("-", "_").replace(" ", "_")
     return f"fabric_{int(key)}" if key.isdecimal() else key
 
 
 def read_fabrics(path: Path) -> dict[str, Fabric]:
     """Reads `fabric,areal_density_kg_m2,thickness_m,...`; an empty field means unknown.
+
+    Args:
+        path: The table.
 
     Returns:
         Fabrics by `fabric_key`.

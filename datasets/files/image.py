@@ -32,11 +32,14 @@ _PLATE_TOLERANCE = 0.95  # share of the plate's radius that a silhouette must ho
 
 
 def read_silhouette(path: Path, protocol: Protocol | None = None) -> Float[ndarray, "size size"]:
-    """Coverage in [0, 1] with cloth = 1: 1 - grey/255 where the cloth is dark.
+    """Reads a silhouette: coverage 1 - grey/255 where the cloth is dark.
 
     Args:
         path: Image file.
         protocol: Gives the size and which part is the cloth; the public release's by default.
+
+    Returns:
+        Coverage in [0, 1], cloth = 1.
 
     Raises:
         BadImage: Unreadable, of another size, without cloth or without background, inverted, or with a second
@@ -46,7 +49,15 @@ def read_silhouette(path: Path, protocol: Protocol | None = None) -> Float[ndarr
 
 
 def inspect(path: Path, protocol: Protocol) -> tuple[Float[ndarray, "size size"], bool]:
-    """As `read_silhouette`; and whether the channels differ by more than compression explains."""
+    """Reads a silhouette and looks at its colours.
+
+    Args:
+        path: Image file.
+        protocol: Gives the size and which part is the cloth.
+
+    Returns:
+        What `read_silhouette` gives; and whether the channels differ by more than compression explains.
+    """
     levels = _decode(path, protocol.image_size_px)
     image = coverage(levels, protocol.foreground)
     _check(image, path)
@@ -54,7 +65,15 @@ def inspect(path: Path, protocol: Protocol) -> tuple[Float[ndarray, "size size"]
 
 
 def coverage(levels: ndarray, foreground: str) -> Float[ndarray, "height width"]:
-    """Cloth = 1 from grey levels (height, width) or channels (height, width, 3), 0 to 255."""
+    """Coverage of the cloth from grey levels or colours.
+
+    Args:
+        levels: Levels 0 to 255: (height, width), or (height, width, 3) with red first.
+        foreground: "dark" or "light": which part of the image is the cloth.
+
+    Returns:
+        Coverage in [0, 1], cloth = 1.
+    """
     grey = levels if levels.ndim == 2 else levels @ np.array([0.299, 0.587, 0.114])
     share = np.clip(grey / 255.0, 0.0, 1.0)
     return 1.0 - share if foreground == "dark" else share
@@ -182,6 +201,13 @@ def fit_plate(image: Float[ndarray, "size size"], protocol: Protocol) -> PlateFi
 
     If the plate's circle does not fit where it should be, it may fit elsewhere (the image is off-centre) or nowhere
     (the image has another scale).
+
+    Args:
+        image: Coverage, cloth = 1.
+        protocol: Gives the scale and where the plate should be.
+
+    Returns:
+        Where the plate fits, and what is wrong with the image.
     """
     plate = protocol.plate_radius_m * protocol.px_per_m
     column, row = protocol.centre_px
@@ -214,7 +240,14 @@ class Blemishes:
 
 
 def blemishes(image: Float[ndarray, "size size"]) -> Blemishes:
-    """Looks for small objects, holes and a cut cloth."""
+    """Looks for small objects, holes and a cut cloth.
+
+    Args:
+        image: Coverage, cloth = 1.
+
+    Returns:
+        Their number and sizes.
+    """
     cloth = image >= 0.5
     objects, gaps = _areas(cloth), _areas(~cloth)
     border = bool(cloth[[0, -1]].any() or cloth[:, [0, -1]].any())

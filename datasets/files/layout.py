@@ -100,7 +100,14 @@ class Layout:
         }
 
     def beside(self, name: str) -> Path | None:
-        """A table that belongs to the data: in the root, in its `data` folder, or above a fabric or data folder."""
+        """Finds a table that belongs to the data: in the root, in its `data` folder, or above a fabric or data folder.
+
+        Args:
+            name: File name of the table.
+
+        Returns:
+            Its path; None if there is none.
+        """
         places, top = [self.root, self.root / "data"], self.root
         while top.name == "data" or _FABRIC_FOLDER.fullmatch(top.name):
             top = top.parent
@@ -109,7 +116,14 @@ class Layout:
 
 
 def inside_root(root: Path, relative: str) -> Path:
-    """A file of the data set by its relative path.
+    """Finds a file of the data set by its relative path.
+
+    Args:
+        root: Folder of the data set, resolved.
+        relative: Path relative to it.
+
+    Returns:
+        The resolved path.
 
     Raises:
         DataError: The path leads out of the root.
@@ -122,6 +136,12 @@ def inside_root(root: Path, relative: str) -> Path:
 
 def scan(root: str | Path) -> Layout:
     """Lists a folder's silhouettes and meshes; links are not followed out of it.
+
+    Args:
+        root: The folder.
+
+    Returns:
+        What lies in it.
 
     Raises:
         DataNotFound: No such folder, no permission, or nothing in it that looks like a silhouette.

@@ -27,7 +27,7 @@ class MeshMeasure:
 
     Attributes:
         profile: Outline seen along z.
-        vertices, faces: Their numbers.
+        vertices, faces: Number of each.
     """
 
     profile: Profile
@@ -55,6 +55,12 @@ class ImageMeasure:
 def content_hash(path: Path) -> str:
     """SHA-256 of a file.
 
+    Args:
+        path: The file.
+
+    Returns:
+        64 hexadecimal digits.
+
     Raises:
         DataError: The file cannot be read.
     """
@@ -77,7 +83,13 @@ def _measure_mesh(path: Path, digest: str) -> MeshMeasure:
 
 
 def measure_mesh(path: Path) -> MeshMeasure:
-    """Outline and size of a mesh.
+    """Measures the outline and size of a mesh, or takes them from the cache.
+
+    Args:
+        path: Mesh file.
+
+    Returns:
+        Outline and size.
 
     Raises:
         BadMesh: See `read_mesh`.
@@ -91,7 +103,15 @@ def measure_mesh(path: Path) -> MeshMeasure:
 
 
 def profile_of(image: Float[ndarray, "size size"], protocol: Protocol) -> Profile:
-    """Profile of a silhouette by its protocol's scale, centre and orientation."""
+    """Profile of a silhouette as its protocol says that it was taken.
+
+    Args:
+        image: Coverage, cloth = 1.
+        protocol: Gives scale, centre and orientation.
+
+    Returns:
+        The radius-angle profile.
+    """
     return profile_from_image(
         image,
         pixels_per_metre=protocol.px_per_m,
@@ -101,7 +121,14 @@ def profile_of(image: Float[ndarray, "size size"], protocol: Protocol) -> Profil
 
 
 def measure_image(path: Path, protocol: Protocol) -> ImageMeasure:
-    """Profile and faults of a silhouette.
+    """Measures the profile and faults of a silhouette, or takes them from the cache.
+
+    Args:
+        path: Image file.
+        protocol: Nominal values of the experiment.
+
+    Returns:
+        Profile and faults.
 
     Raises:
         BadImage: See `read_silhouette`.

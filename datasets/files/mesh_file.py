@@ -33,7 +33,7 @@ def read_mesh(path: Path) -> DrapeMesh:
         path: OBJ file, plain or gzipped.
 
     Returns:
-        The mesh.
+        The triangle mesh.
 
     Raises:
         BadMesh: Missing, not permitted, too large, not OBJ, without faces, with coordinates that are not finite or

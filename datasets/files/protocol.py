@@ -100,7 +100,7 @@ class Protocol:
         foreground: "dark" if the cloth is the dark part of the image, else "light".
         captures: Capture number -> "up", "down" or "" (unknown).
         turn_over: How the cloth is turned to lie face down, in words.
-        order: In which order captures were taken, in words.
+        order: Order in which captures were taken, in words.
         extra: Keys that are not used, as found.
     """
 

@@ -101,7 +101,14 @@ def _croissant(files: dict[str, str]) -> dict[str, Any]:
 
 
 def checksums(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder, by its path relative to it; the checksum list itself is left out."""
+    """SHA-256 of every file below a folder; the checksum list itself is left out.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        Path relative to the folder -> 64 hexadecimal digits.
+    """
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != CHECKSUMS)
     return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
@@ -112,7 +119,7 @@ def write_synthetic(
     """Simulates the set and writes it.
 
     Args:
-        folder: Where to; the parts that are written replace older ones.
+        folder: Folder to write to; the parts that are written replace older ones.
         samples: Samples per cloth; fewer than 12 make a part of the set, e.g. for a check.
         step: Called with each capture's name when it is written.
 

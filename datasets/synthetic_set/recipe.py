@@ -62,10 +62,10 @@ class TrueDrape:
 
     Attributes:
         cloth: Its cloth.
-        sample: From 1.
-        capture: From 1.
+        sample: Number of the sample, from 1.
+        capture: Number of the capture, from 1.
         side: "up" or "down".
-        vertices: Where the cloth rests, in the camera's frame [m].
+        vertices: Positions of the cloth at rest, in the camera's frame [m].
         faces: Counter-clockwise seen from above where the cloth lies flat.
     """
 
@@ -78,7 +78,14 @@ class TrueDrape:
 
 
 def cloths(seed: int = SEED) -> list[Cloth]:
-    """The five cloths: bending stiffness over density in even steps over what drapes from limp to stiff."""
+    """The five cloths: bending stiffness over density in even steps over what drapes from limp to stiff.
+
+    Args:
+        seed: Seed of the set.
+
+    Returns:
+        The cloths, from limp to stiff.
+    """
     generator = np.random.default_rng([seed, 0])
     made = []
     for number, level in enumerate(np.linspace(np.log(8e-6), np.log(1.5e-4), 5), 1):
@@ -109,6 +116,9 @@ def drapes(cloth: Cloth, *, samples: int = SAMPLES, seed: int = SEED, vertices: 
         samples: Number of samples.
         seed: Seed of the set.
         vertices: Mesh size.
+
+    Yields:
+        One drape a capture.
     """
     mesh = disc_mesh(vertices, seed=MESH_SEED)
     simulator = DrapeSimulator(mesh, DrapeSettings())

@@ -88,7 +88,7 @@ def rotated(
     """Statistics of the same drapes turned counter-clockwise.
 
     Args:
-        statistics: In the order of `NAMES`.
+        statistics: Statistics in the order of `NAMES`.
         angle: Angle of the turn [rad]; one for all or one a row.
 
     Returns:
@@ -101,7 +101,7 @@ def mirrored(statistics: Float[ndarray, "*rows statistics"]) -> Float[ndarray, "
     """Statistics of the mirror images theta -> pi - theta of the same drapes.
 
     Args:
-        statistics: In the order of `NAMES`.
+        statistics: Statistics in the order of `NAMES`.
 
     Returns:
         Statistics of the mirror images.
@@ -124,7 +124,7 @@ class SpecimenStatistics:
     Attributes:
         samples: Numbers of the samples, ascending.
         mean: Mean over each specimen's captures, faces in the order of `SIDES`; NaN where there is none.
-        count: How many captures that were.
+        count: Number of these captures.
         face_even, face_odd: (down + up)/2 and (down - up)/2 of a sample's faces; NaN where one is missing.
         order_odd: A specimen's last capture minus its first, averaged over the sample's faces; NaN without repeats.
     """
