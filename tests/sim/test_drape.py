@@ -241,3 +241,11 @@ def test_cloth_stays_on_its_plate_and_hangs_around_it(support):
 def test_the_same_drape_twice_is_bitwise_the_same():
     first, second = (DrapeSimulator(MESH, DrapeSettings(steps=20)).drape(_material()).vertices for _ in range(2))
     assert torch.equal(first, second)
+
+
+def test_cloth_on_the_edge_of_the_plate_is_held():
+    drape = DrapeSimulator(MESH, DrapeSettings(steps=20)).drape(_material())
+    on_edge = np.isclose(np.hypot(*MESH.material.T), PLATE_RADIUS, rtol=0, atol=1e-9)
+    assert on_edge.sum() > 10  # the mesher puts vertices there
+    moved = np.abs(drape.vertices[on_edge].numpy() - MESH.flat[on_edge])
+    assert moved.max() < 1e-15  # [m]; weight and stiffness act on it, it stays to the last digit
