@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cusick_bench.datasets.errors import DataNotFound
 from cusick_bench.datasets.published import CITATION, HOME
+from cusick_bench.sim.errors import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,6 @@ def folder_of(name_or_path: str | Path) -> Path:
         raise DataNotFound(
             "no such folder and no registered data set",
             where=str(name_or_path),
-            remedy=f"give a folder, or one of {', '.join(REGISTRY)}",
+            remedy=f"{did_you_mean(str(name_or_path), REGISTRY)}give a folder, or one of {', '.join(REGISTRY)}",
         )
     return folder

@@ -8,6 +8,7 @@ import pandas as pd
 
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.sim.errors import did_you_mean
 
 PROTOCOLS = ("paper", "leave-one-sample-out")
 
@@ -47,7 +48,8 @@ def split_rows(
     chosen = list(cloths) if cloths is not None else named if named and protocol == "paper" else present
     unknown = [cloth for cloth in chosen if cloth not in present]
     if unknown:
-        raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"use one of {', '.join(present)}")
+        hint = did_you_mean(unknown[0], present)
+        raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"{hint}use one of {', '.join(present)}")
     if protocol == "paper":
         return [_paper_split(cloth, _samples(table, cloth), generator) for cloth in chosen]
     return [split for cloth in chosen for split in _leave_one_out(cloth, _samples(table, cloth))]

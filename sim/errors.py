@@ -1,6 +1,7 @@
 """Errors a user can act on: each states the rule, the value found, where, and the remedy."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class CusickError(Exception):
@@ -39,3 +40,17 @@ class MembersDiverged(DrapeDiverged):
     def __init__(self, message: str, members: Iterable[int]) -> None:
         super().__init__(message)
         self.members = tuple(int(member) for member in members)
+
+
+def did_you_mean(name: str, choices: Iterable[str]) -> str:
+    """Names the nearest choice to a name that does not exist.
+
+    Args:
+        name: What was written.
+        choices: What could have been meant.
+
+    Returns:
+        A question with a space at its end, empty where nothing is near.
+    """
+    near = get_close_matches(name, list(choices), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""

@@ -7,10 +7,10 @@ is a `Solver` subclass.
 import ast
 from collections.abc import Callable
 from dataclasses import fields
-from difflib import get_close_matches
 from importlib.metadata import entry_points
 from typing import Any
 
+from cusick_bench.sim.errors import did_you_mean
 from cusick_bench.solvers.base import Solver, SolverError
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
@@ -76,9 +76,7 @@ def solver_class(name: str) -> type[Solver]:
     family, _, member = name.partition(":")
     if family in _FAMILIES and member:
         return _FAMILIES[family](member)
-    near = get_close_matches(name, solvers, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise SolverError(f"unknown solver {name!r}; {hint}registered are {', '.join(solvers)}")
+    raise SolverError(f"unknown solver {name!r}; {did_you_mean(name, solvers)}registered are {', '.join(solvers)}")
 
 
 def make_solver(text: str) -> Solver:

@@ -1,5 +1,6 @@
 """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
@@ -8,29 +9,30 @@ from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
 
-COMMANDS = {
-    "data": "data.data",
-    "datasets": "data.datasets",
-    "simulate": "simulate.simulate",
-    "effects": "simulate.effects",
-    "garment": "simulate.garment",
-    "convergence": "simulate.convergence",
-    "robustness": "simulate.robustness",
-    "benchmark": "simulate.benchmark",
-    "run": "fit.run",
-    "solvers": "fit.solvers",
-    "optimisers": "fit.optimisers",
-    "paper": "fit.paper",
-    "leaderboard": "results.leaderboard",
-    "report": "results.report",
-    "verify": "results.verify",
-    "check": "results.check",
-    "submit": "results.submit",
-    "diagnose": "diagnose.diagnose",
-    "atlas": "diagnose.atlas",
-    "withheld": "diagnose.withheld",
+PANELS = {
+    "Data": {"data": "data.data", "datasets": "data.datasets"},
+    "Simulate": {
+        "simulate": "simulate.simulate",
+        "effects": "simulate.effects",
+        "garment": "simulate.garment",
+        "convergence": "simulate.convergence",
+        "robustness": "simulate.robustness",
+        "benchmark": "simulate.benchmark",
+    },
+    "Fit": {"run": "fit.run", "solvers": "fit.solvers", "optimisers": "fit.optimisers", "paper": "fit.paper"},
+    "Results": {
+        "leaderboard": "results.leaderboard",
+        "report": "results.report",
+        "verify": "results.verify",
+        "check": "results.check",
+        "submit": "results.submit",
+    },
+    "Diagnose": {"diagnose": "diagnose.diagnose", "atlas": "diagnose.atlas", "withheld": "diagnose.withheld"},
 }
-"""The module of every command, below this package: its `app` is imported when the command is called for."""
+"""The commands by panel of the help page, each with its module below this package, which is imported when needed."""
+
+COMMANDS = {name: module for commands in PANELS.values() for name, module in commands.items()}
+"""The module of every command."""
 
 _COMPLETION = ("install_completion", "show_completion")
 
@@ -48,8 +50,15 @@ class Commands(TyperGroup):
             return None
         command = get_command(import_module(f"{__name__}.{COMMANDS[cmd_name]}").app)
         command.name = cmd_name
+        command.rich_help_panel = next(panel for panel, commands in PANELS.items() if cmd_name in commands)
         _tidy(command)
         return command
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is called for; a name that does not exist is answered with the nearest that does."""
+        if args and args[0] not in COMMANDS and (near := get_close_matches(args[0], COMMANDS, n=1)):
+            ctx.fail(f"No such command {args[0]!r}. Did you mean {near[0]!r}?")
+        return super().resolve_command(ctx, args)
 
 
 def _tidy(command: Any) -> None:

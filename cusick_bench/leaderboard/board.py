@@ -26,6 +26,7 @@ from cusick_bench.leaderboard.bootstrap import (
 )
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.order import Direction, direction
 
 RANDOM_PHASE = "null:random-phase"
@@ -117,15 +118,15 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
 
     Args:
         cells: From `load_cells`.
-        by: Metric to rank by, best first: a coverage by its distance from what it promises.
+        by: Metric to rank by, in full or short (see `metric_called`), best first: a coverage by its distance from
+            what it promises.
         statistic: "mean" or "iqm" (interquartile mean), over cells.
         seed: Of the bootstrap.
 
     Raises:
         LeaderboardError: Unknown metric or statistic, or a metric that is neither better nor worse.
     """
-    if by not in (names := metric_names(cells.table)):
-        raise LeaderboardError(f"no metric {by!r} in {cells.folder}; rank by one of: {', '.join(names)}")
+    by = metric_called(by, metric_names(cells.table))
     if statistic not in STATISTICS:
         raise LeaderboardError(f"unknown statistic {statistic!r}; use one of: {', '.join(STATISTICS)}")
     ranking = _Ranking(by, direction(by), STATISTICS[statistic], np.random.default_rng(seed))

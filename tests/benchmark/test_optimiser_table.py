@@ -98,7 +98,7 @@ class TestTable:
 
 def test_command_adds_to_one_table(tmp_path):
     for function in ("hartmann6", "branin"):
-        words = ["optimisers", "--function", function, "--runs", "2", "--method", "sobol", "--out", str(tmp_path)]
+        words = ["optimisers", "--function", function, "--runs", "2", "--solver", "sobol", "--out", str(tmp_path)]
         result = CliRunner().invoke(app, [*words, "--json"])
         assert result.exit_code == 0, result.output
     rows = pd.read_csv(tmp_path / "optimisers.csv").set_index("function")

@@ -454,7 +454,7 @@ def test_command_writes_meshes_pictures_motion_and_numbers(tmp_path: Path, monke
     monkeypatch.setattr(files, "_ROUND_PICTURES", 6)
     monkeypatch.setattr(files, "_MOVING_PICTURES", 6)
     result = _run(
-        *NUMBERS, *SMALL, "--kind", "a-line", "--draws", "2", "--dynamic", "--seconds", "0.4", "--out",
+        *NUMBERS, *SMALL, "--kind", "a-line", "--draws", "2", "--dynamic", "--duration", "0.4", "--out",
         str(tmp_path / "out"), "--json",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -503,7 +503,7 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         ([*NUMBERS, "--kind", "a-line", "--hip", "0.4"], "must fit into the skirt"),
         ([*NUMBERS, "--hip", "0.05"], "waist <= hip"),
         ([*NUMBERS, "--vertices", "20"], "at least 150 vertices"),
-        ([*NUMBERS, "--spread", "-0.1"], "spread of log stiffness"),
+        ([*NUMBERS, "--heterogeneity", "-0.1"], "spread of log stiffness"),
         ([*NUMBERS, "--dynamic", "--period", "0"], "period and duration > 0"),
     ],
 )

@@ -244,7 +244,7 @@ class TestSubmission:
     def test_verify_finds_an_altered_line(self, copy, data, tmp_path):
         path = tmp_path / "synthetic.csv"
         append(path, rows_of(load_cells(copy), "synthetic"))
-        words = ["verify", str(copy), "--data", str(data), "--solver", "null:disc", "--table", str(path)]
+        words = ["verify", str(copy), "--data", str(data), "--solver", "null:disc", "--against", str(path)]
         assert CliRunner().invoke(app, words).exit_code == 0
         table = read_rows(path)
         table.loc[table["solver"] == "null:disc", "test_mse"] = "0.001"

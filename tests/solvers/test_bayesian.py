@@ -410,7 +410,7 @@ class TestBenchmark:
         assert math.isnan(summary([1.0, 2.0], None)["z"])
 
     def test_command_prints_ours_beside_theirs(self):
-        arguments = ["optimisers", "--function", "hartmann6", "--runs", "20", "--method", "sobol"]
+        arguments = ["optimisers", "--function", "hartmann6", "--runs", "20", "--solver", "sobol"]
         document = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)
         (row,) = document["methods"]
         assert document["evaluations"] == 200
@@ -422,7 +422,7 @@ class TestBenchmark:
 
     def test_bad_input_is_refused(self):
         for arguments, message in (
-            (["--method", "magic"], "unknown method 'magic'"),
+            (["--solver", "magic"], "unknown method 'magic'"),
             (["--function", "ackley"], "unknown test function"),
             (["--runs", "0"], "runs must be >= 1"),
             (["--dimension", "1"], "got dimension 1"),

@@ -168,7 +168,7 @@ def test_command(suite: Path, tmp_path: Path, one_thread: None) -> None:
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert out.exists()
-    result = CliRunner().invoke(app, [*arguments, "--without", "no-such-effect"])
+    result = CliRunner().invoke(app, [*arguments, "--without-effect", "no-such-effect"])
     assert result.exit_code == 2
 
 

@@ -112,7 +112,7 @@ def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Pat
     own = {f["name"]: f for f in scores["figures"] if (f["method"], f["subset"]) == (ANSWERS, "all")}
     assert (own["unknown recalled"]["value"], own["unknown recalled"]["cases"]) == (1, 1)
     assert any(note.startswith("Leave-one-effect-out: 1 cases") for note in scores["notes"])
-    assert ask("leave-out", *arguments, "--least", 1)["cases"] == 2
+    assert ask("leave-out", *arguments, "--minimum-severity", 1)["cases"] == 2
     assert len(list(out.with_name("leave-out.json.parts").rglob("*.json"))) == 2, "one of them was there"
 
 

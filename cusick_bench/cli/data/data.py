@@ -11,6 +11,7 @@ from rich.table import Column, Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
 from cusick_bench.cli.data.synthetic import synthetic
+from cusick_bench.cli.options import Cloths, FabricsCsv, Json
 from cusick_bench.datasets import load
 from cusick_bench.datasets.audit.audit import Audit, audit
 from cusick_bench.datasets.dataset import DrapeDataset
@@ -25,9 +26,9 @@ app.command()(synthetic)
 _CLOTH = Column("cloth", no_wrap=True)
 _SHOWN = 3  # irregularities of a kind that are listed without --all
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
-NameOrPath = Annotated[str, typer.Argument(help="Name of a data set, or a folder in the release's layout.")]
-FabricsCsv = Annotated[Path | None, typer.Option(help="Densities and thicknesses; else fabrics.csv beside the data.")]
+NameOrPath = Annotated[
+    str, typer.Argument(help="Name of a data set, see `datasets`, or a folder in its layout.", metavar="DATA")
+]
 Uncorrected = Annotated[bool, typer.Option("--uncorrected", help="Take names of mesh files at their word.")]
 
 
@@ -136,7 +137,7 @@ def _contents(dataset: DrapeDataset, cloth: str) -> dict[str, Any]:
 @user_errors
 def stats_command(
     name_or_path: NameOrPath = "synthetic",
-    cloth: Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; all by default.")] = None,
+    cloth: Cloths = None,
     json: Json = False,
 ) -> None:
     """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""

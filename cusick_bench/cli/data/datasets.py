@@ -1,12 +1,13 @@
 """`cusick-bench datasets`: what is registered, and whether it is here."""
 
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.markup import escape
 from rich.table import Column, Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.options import Json
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.registry import REGISTRY, Registered
@@ -19,7 +20,7 @@ app = typer.Typer()
 @app.command("datasets")
 @user_errors
 def datasets(
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    json: Json = False,
 ) -> None:
     """List the registered data sets: what they hold, their licence, where to get them, what to cite.
 

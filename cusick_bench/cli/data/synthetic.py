@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import Json, output_option
 from cusick_bench.datasets.files.checksums import CHECKSUMS
 from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.datasets.synthetic_set import files as synthetic_files
@@ -17,9 +18,9 @@ SHIPPED = REGISTRY["synthetic"].folder()
 
 @user_errors
 def synthetic(
-    out: Annotated[Path, typer.Option(help="Folder to write the set to.")],
+    out: Annotated[Path, output_option(help="Folder to write the set to.")],
     samples: Annotated[int, typer.Option(min=1, max=12, help="Samples per cloth; fewer make a part.")] = 12,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Simulates the synthetic set from its recipe and compares every file with the shipped one."""
     with progress_bar("draping", len(synthetic_recipe.cloths()) * samples * len(synthetic_recipe.CAPTURES)) as bar:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import Atlas, Json, Workers, output_option, simulation_option
 from cusick_bench.diagnosis.atlas.design import Design
 from cusick_bench.diagnosis.atlas.drapes import build
 from cusick_bench.diagnosis.atlas.emulator import fit
@@ -28,6 +30,7 @@ from cusick_bench.withheld.format.checked_json import mapping, read_object
 
 app = typer.Typer(help="Drapes over the base model's parameters, from which diagnoses are made.")
 _PLAN = Design()
+_fabrics_option = partial(typer.Option, rich_help_panel="Fabrics")
 
 
 @app.callback()
@@ -38,23 +41,25 @@ def _root() -> None:
 @app.command("build")
 @user_errors
 def build_atlas(
-    out: Annotated[Path, typer.Option(help="Folder of its points; a build that was stopped goes on there.")],
-    points: Annotated[int, typer.Option(min=60, help="Fabrics, all over the base model's parameters.")] = _PLAN.points,
+    out: Annotated[Path, output_option(help="Folder of its points; a build that was stopped goes on there.")],
+    points: Annotated[
+        int, _fabrics_option(min=60, help="Fabrics, all over the base model's parameters.")
+    ] = _PLAN.points,
     stiff_points: Annotated[
-        int, typer.Option(min=0, help="Further fabrics that are stiff in shear.")
+        int, _fabrics_option(min=0, help="Further fabrics that are stiff in shear.")
     ] = _PLAN.stiff_points,
     effect_points: Annotated[
-        int, typer.Option(min=0, help="Fabrics draped with every effect too.")
+        int, _fabrics_option(min=0, help="Fabrics draped with every effect too.")
     ] = _PLAN.effect_points,
-    fine_points: Annotated[int, typer.Option(min=0, help="Fabrics draped on a finer mesh too.")] = _PLAN.fine_points,
-    law_points: Annotated[int, typer.Option(min=0, help="Fabrics draped under other laws too.")] = _PLAN.law_points,
+    fine_points: Annotated[int, _fabrics_option(min=0, help="Fabrics draped on a finer mesh too.")] = _PLAN.fine_points,
+    law_points: Annotated[int, _fabrics_option(min=0, help="Fabrics draped under other laws too.")] = _PLAN.law_points,
     one_mesh_points: Annotated[
-        int, typer.Option(min=0, help="Fabrics draped with all samples on one mesh too.")
+        int, _fabrics_option(min=0, help="Fabrics draped with all samples on one mesh too.")
     ] = _PLAN.one_mesh_points,
-    samples: Annotated[int, typer.Option(min=2, help="Samples of each fabric.")] = _PLAN.samples,
-    vertices: Annotated[int, typer.Option(min=100, help="Mesh size.")] = _PLAN.vertices,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    samples: Annotated[int, _fabrics_option(min=2, help="Samples of each fabric.")] = _PLAN.samples,
+    vertices: Annotated[int, simulation_option(min=100, help="Vertices of the cloth's mesh.")] = _PLAN.vertices,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
     design = Design(points, stiff_points, effect_points, fine_points, law_points, one_mesh_points, samples, vertices)
@@ -70,9 +75,9 @@ def build_atlas(
 @user_errors
 def fit_atlas(
     folder: Annotated[Path, typer.Argument(help="Folder that `build` filled, also in part.", metavar="FOLDER")],
-    out: Annotated[Path, typer.Option(help="File; by default the one that diagnoses use.")] = SHIPPED,
+    out: Annotated[Path, output_option(help="File; by default the one that diagnoses use.")] = SHIPPED,
     check: Annotated[bool, typer.Option(help="Also measure what fits leave unexplained of other fabrics.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
     design, points = read_points(folder)
@@ -101,8 +106,8 @@ def calibrate_atlas(
         typer.Argument(help="Folder of a suite's cases and its labels.json, in turn.", metavar="CASES LABELS"),
     ],
     atlas: Annotated[Path, typer.Option(help="Fitted atlas; rewritten with its calibration.")] = SHIPPED,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Learns noise and trust in evidence from suites whose labels are open, and which are never scored again."""
     emulator, before = load(atlas)
@@ -142,10 +147,12 @@ def _open_cases(cases: Path, labels: Path) -> list[tuple[Captures, str]]:
 @app.command("power")
 @user_errors
 def power(
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    out: Annotated[Path | None, typer.Option(help="JSON file of them, as `withheld generate` takes.")] = None,
+    atlas: Atlas = SHIPPED,
+    out: Annotated[
+        Path | None, output_option(help="JSON file of the severities, as `withheld generate --detectable` takes.")
+    ] = None,
     samples: Annotated[int, typer.Option(min=2, help="Samples of a fabric, on both sides, each captured twice.")] = 12,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
     emulator, calibration = load(atlas)

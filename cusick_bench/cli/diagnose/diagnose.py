@@ -10,6 +10,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import Atlas, Json, Seed, SimulatedSamples, WithoutEffect, output_option
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import SHIPPED
@@ -37,22 +38,21 @@ def diagnose_data(
         typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA"),
     ] = "cusick",
     fabric: Annotated[
-        list[str] | None, typer.Option(help="Fabric to diagnose (repeatable); by default all with three samples.")
+        list[str] | None,
+        typer.Option("--cloth", "--fabric", help="Cloth to diagnose; repeatable; by default all with three samples."),
     ] = None,
-    samples: Annotated[
-        int, typer.Option(min=0, help="Simulated samples of each model; 0 leaves gap and closure out (seconds).")
-    ] = Options.samples,
-    without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    out: Annotated[Path, typer.Option(help="Folder of diagnosis.json and a page for each fabric.")] = Path(
+    samples: SimulatedSamples = Options.samples,
+    without_effect: WithoutEffect = None,
+    atlas: Atlas = SHIPPED,
+    out: Annotated[Path, output_option(help="Folder of diagnosis.json and a page for each cloth.")] = Path(
         "runs/diagnosis"
     ),
-    summary: Annotated[Path | None, typer.Option("--table", help="CSV file of a row for each fabric.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    summary: Annotated[Path | None, output_option("--table", help="CSV file with a row for each cloth.")] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
-    options = Options(samples, True, tuple(effect(name).name for name in without or ()), seed)
+    options = Options(samples, True, tuple(effect(name).name for name in without_effect or ()), seed)
     emulator, calibration = load_atlas(atlas)
     dataset = load(data)
     chosen = fabric or _with_samples(dataset)

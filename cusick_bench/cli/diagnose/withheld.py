@@ -2,6 +2,7 @@
 
 import json
 import secrets
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -11,10 +12,13 @@ from cusick_bench.cli.common import output, print_json, progress_bar, user_error
 from cusick_bench.cli.diagnose.withheld_answer import answer, oracle, twins
 from cusick_bench.cli.diagnose.withheld_leave_out import leave_out
 from cusick_bench.cli.diagnose.withheld_score import score
+from cusick_bench.cli.options import Json, Workers, output_option, running_option, simulation_option
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.suite.detectable import read_detectable
 from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, SUITE, Suite, generate
+
+_cases_option = partial(typer.Option, rich_help_panel="Cases")
 
 app = typer.Typer(help="Cases whose effect is sealed: make them, answer them blind, score the answers.")
 
@@ -34,27 +38,35 @@ app.command("score")(score)
 @app.command("generate")
 @user_errors
 def generate_suite(
-    out: Annotated[Path, typer.Option(help="Folder of the cases and of the commitment to their labels.")],
-    labels: Annotated[Path, typer.Option(help="Folder of the labels, outside of the cases.")],
+    out: Annotated[Path, output_option(help="Folder of the cases and of the commitment to their labels.")],
+    labels: Annotated[Path, output_option(help="Folder of the labels, outside of the cases.")],
     seed: Annotated[
         int | None,
-        typer.Option(
-            min=0, help="Of all random choices: who knows it knows the labels. By default random, kept in LABELS."
+        running_option(
+            min=0, help="Seed of all random choices: who knows it knows the labels. By default random, kept in LABELS."
         ),
     ] = None,
-    nulls: Annotated[int, typer.Option(min=0, help="Cases without any effect.")] = 200,
+    nulls: Annotated[int, _cases_option(min=0, help="Cases without any effect.")] = 200,
     singles: Annotated[
-        int, typer.Option(min=0, help="Cases with one effect; all effects and severities in turn.")
+        int,
+        _cases_option(min=0, help="Cases with one effect; all effects and severities in turn."),
     ] = len(DRAWN) * len(MULTIPLES),
-    pairs: Annotated[int, typer.Option(min=0, help="Cases with two effects.")] = 22,
-    unknown: Annotated[int, typer.Option(min=0, help="Cases with an effect that no answerer has on its list.")] = 48,
+    pairs: Annotated[int, _cases_option(min=0, help="Cases with two effects.")] = 22,
+    unknown: Annotated[
+        int,
+        _cases_option(min=0, help="Cases with an effect that no answerer has on its list."),
+    ] = 48,
     detectable: Annotated[
-        Path | None, typer.Option(help="Table that `atlas power --out` wrote; by default typical severities count.")
+        Path | None,
+        _cases_option(help="Table that `atlas power --out` wrote; by default typical severities count."),
     ] = None,
-    vertices: Annotated[int, typer.Option(min=100, help="Mesh size of the truth.")] = 1205,
-    samples: Annotated[int, typer.Option(min=1, help="Samples of each case, with two faces and two captures.")] = 12,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    vertices: Annotated[int, simulation_option(min=100, help="Vertices of the cloth's mesh.")] = 1205,
+    samples: Annotated[
+        int,
+        _cases_option(min=1, help="Samples of each case, with two faces and two captures."),
+    ] = 12,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}

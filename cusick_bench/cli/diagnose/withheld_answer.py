@@ -10,6 +10,17 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import (
+    Atlas,
+    Cases,
+    Json,
+    Labels,
+    Seed,
+    SimulatedSamples,
+    WithoutEffect,
+    Workers,
+    output_option,
+)
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.simulation.closure import Draping
@@ -23,19 +34,17 @@ from cusick_bench.withheld.suite.generate import SUITE, read_suite
 
 @user_errors
 def answer(
-    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
-    out: Annotated[Path, typer.Option(help="File for the answers.")] = Path("answers.json"),
-    samples: Annotated[
-        int, typer.Option(min=0, help="Simulated samples where a cause is named; 0 leaves gap and closure out.")
-    ] = Options.samples,
-    without: Annotated[list[str] | None, typer.Option(help="Effect not to consider (repeatable).")] = None,
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    cases: Cases,
+    out: Annotated[Path, output_option(help="File for the answers.")] = Path("answers.json"),
+    samples: SimulatedSamples = Options.samples,
+    without_effect: WithoutEffect = None,
+    atlas: Atlas = SHIPPED,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Answers every case from its silhouettes alone; answers that are there already are kept."""
-    options = Options(samples, False, tuple(effect(name).name for name in without or ()), seed)
+    options = Options(samples, False, tuple(effect(name).name for name in without_effect or ()), seed)
     with progress_bar("cases", len(case_folders(cases))) as bar:
         found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: bar.advance())
     if as_json:
@@ -46,14 +55,14 @@ def answer(
 
 @user_errors
 def oracle(
-    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
-    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
-    out: Annotated[Path, typer.Option(help="File for the closures.")] = Path("oracle.json"),
+    cases: Cases,
+    labels: Labels,
+    out: Annotated[Path, output_option(help="File for the closures.")] = Path("oracle.json"),
     samples: Annotated[int, typer.Option(min=2, help="Simulated samples.")] = Options.samples,
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    seed: Annotated[int, typer.Option(min=0, help="Of simulations.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    atlas: Atlas = SHIPPED,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
     known = read_object(labels)
@@ -69,14 +78,14 @@ def oracle(
 
 @user_errors
 def twins(
-    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
+    cases: Cases,
     labels: Annotated[
         Path, typer.Argument(help="labels.json of the same cases, with suite.json beside it.", metavar="LABELS")
     ],
-    out: Annotated[Path, typer.Option(help="File for what the cases show.")] = Path("twins.json"),
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    out: Annotated[Path, output_option(help="File for what the cases show.")] = Path("twins.json"),
+    atlas: Atlas = SHIPPED,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Drapes every case again without its effect, to tell how much of it the silhouettes show, for `score`.
 

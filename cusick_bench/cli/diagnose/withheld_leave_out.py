@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import Atlas, Cases, Json, Labels, Seed, SimulatedSamples, Workers, output_option
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out
@@ -15,19 +16,20 @@ from cusick_bench.withheld.format.label import read_labels
 
 @user_errors
 def leave_out(
-    cases: Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")],
-    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
-    out: Annotated[Path, typer.Option(help="File for the answers.")] = Path("leave-out.json"),
+    cases: Cases,
+    labels: Labels,
+    out: Annotated[Path, output_option(help="File for the answers.")] = Path("leave-out.json"),
     least: Annotated[
-        float, typer.Option(min=0, help="Least severity, in multiples of the shift that can just be detected.")
+        float,
+        typer.Option(
+            "--minimum-severity", min=0, help="Least severity, in multiples of the shift that can just be detected."
+        ),
     ] = 2.0,
-    samples: Annotated[
-        int, typer.Option(min=0, help="Simulated samples where a cause is named; 0 leaves gap and closure out.")
-    ] = 0,
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas.")] = SHIPPED,
-    seed: Annotated[int, typer.Option(min=0, help="Of simulations and tests.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    samples: SimulatedSamples = 0,
+    atlas: Atlas = SHIPPED,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    as_json: Json = False,
 ) -> None:
     """Answers cases with one effect as if that effect were not on the list, so that `unknown` is the right answer.
 

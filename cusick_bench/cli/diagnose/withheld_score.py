@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
@@ -32,7 +33,7 @@ _STYLES = {"no": "red", "yes": "green", "": ""}
 @user_errors
 def score(
     answers: Annotated[Path, typer.Argument(help="answers.json, as frozen.", metavar="ANSWERS")],
-    labels: Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")],
+    labels: Labels,
     commitment: Annotated[
         Path | None, typer.Option(help="commitment.json with the published seals; each label must fit its own.")
     ] = None,
@@ -40,9 +41,9 @@ def score(
     twins: Annotated[
         Path | None, typer.Option(help="What the cases show, from `withheld twins`: severities are then taken from it.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="CSV file for all rows; a page of Markdown goes beside it.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of bootstrap and chance.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    out: Annotated[Path | None, output_option(help="CSV file for all rows; a page of Markdown goes beside it.")] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Scores answers to withheld cases against their labels, beside chance and the baselines that the answers carry.
 

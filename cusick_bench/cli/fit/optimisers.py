@@ -11,6 +11,7 @@ from rich.table import Table
 from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
 from cusick_bench.benchmark.optimisers import Plan, compare
 from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.runner.environment import code_text, environment
 
 app = typer.Typer()
@@ -27,12 +28,13 @@ def optimisers(
         int, typer.Option(help="Evaluations of a run; 0 for as many as published.")
     ] = Plan.evaluations,
     runs: Annotated[int, typer.Option(help="Runs of each method.")] = Plan.runs,
-    method: Annotated[list[str] | None, typer.Option(help="Solver; repeatable; all by default.")] = None,
-    seed: Annotated[int, typer.Option(help="Of embeddings and solvers.")] = Plan.seed,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for finished runs, and for a table of all that are in it.")
+    solver: Annotated[
+        list[str] | None,
+        typer.Option("--solver", "--method", help="Solver without gradients; repeatable; by default all."),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    seed: Seed = Plan.seed,
+    out: Annotated[Path | None, output_option(help="Folder for finished runs, and a table of them.")] = None,
+    json: Json = False,
 ) -> None:
     """Minimises a test function hidden in many dimensions, and compares with published results.
 
@@ -40,7 +42,7 @@ def optimisers(
     differ. With --out, repeating the command goes on where it was stopped, and other functions and methods join the
     same table.
     """
-    plan = Plan(function, dimension, evaluations, runs, tuple(method or Plan.methods), seed)
+    plan = Plan(function, dimension, evaluations, runs, tuple(solver or Plan.methods), seed)
     file = None if out is None else RunFile(out)
     document = _compare(plan, file)
     if file is not None:

@@ -12,6 +12,21 @@ from rich.console import Console
 
 from cusick_bench.cli.common import console, output, plain, print_json, user_errors
 from cusick_bench.cli.fit import paper_figures
+from cusick_bench.cli.options import Budget as DrapesBudget
+from cusick_bench.cli.options import (
+    Data,
+    DropMode,
+    FabricsCsv,
+    FittedCloths,
+    Json,
+    Mode,
+    Seeds,
+    Steps,
+    Vertices,
+    Workers,
+    fit_option,
+    output_option,
+)
 from cusick_bench.leaderboard import Cells, LeaderboardError, latex, leaderboards, load_cells, markdown, terminal
 from cusick_bench.leaderboard.anytime import COSTS, curves, documents, loss_at_equal_time
 from cusick_bench.leaderboard.paper import SOLVERS, PaperTable, make_table, methods, records, set_table
@@ -37,29 +52,19 @@ PIPED_WIDTH = 200
 app = typer.Typer(help="The paper's tables and figures on given data.", no_args_is_help=True, add_completion=False)
 paper_figures.register(app)
 
-Out = Annotated[Path, typer.Option(help="Folder for cells and tables; finished cells in it are kept.")]
-Data = Annotated[str, typer.Option(help="Name or folder of a data set; the release's folder for the paper's cloths.")]
-FabricsCsv = Annotated[
-    Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data by default.")
-]
-Cloth = Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; the paper's five (else all) by default.")]
+Out = Annotated[Path, output_option(help="Folder for cells and tables; finished cells in it are kept.")]
 Solver = Annotated[
     list[str] | None,
-    typer.Option(help="Method: NAME, NAME,option=value or NAME@space; repeatable; all of the table by default."),
+    fit_option(help="Solver: NAME, NAME,option=value or NAME@space; repeatable; by default all of the table."),
 ]
-Vertices = Annotated[int, typer.Option(min=1, help="Vertices of the disc mesh; the paper has 2699.")]
 Draws = Annotated[
-    int, typer.Option(min=1, help="Draws of each method that learns a distribution, and of the random-phase row.")
+    int,
+    fit_option(min=1, help="Draws of each solver that learns a distribution, and of the random-phase row."),
 ]
-Seeds = Annotated[int, typer.Option(min=1, help="Number of seeds.")]
-Drapes = Annotated[
-    float, typer.Option(help="Drapes that a cell (method, cloth, seed) may spend; a gradient counts as two.")
+Seconds = Annotated[
+    float | None,
+    fit_option(help="Also run with this wall time a cell as the only limit [s]."),
 ]
-Seconds = Annotated[float | None, typer.Option(help="Also run with this wall time a cell as the only limit [s].")]
-Mode = Annotated[str, typer.Option(help="drop (implicit Euler) or equilibrium (Newton).")]
-Steps = Annotated[int, typer.Option(min=1, help="Steps of a drop, of 0.05 s.")]
-Workers = Annotated[int, typer.Option(min=1, help="Processes.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
 
 
 @dataclass(frozen=True)
@@ -83,16 +88,16 @@ def table_1(
     out: Out,
     data: Data = "cusick",
     fabrics_csv: FabricsCsv = None,
-    cloth: Cloth = None,
+    cloth: FittedCloths = None,
     solver: Solver = None,
     vertices: Vertices = 2699,
     draws: Draws = 1000,
     seeds: Seeds = 1,
-    budget: Drapes = 500,
-    mode: Mode = "drop",
+    budget: DrapesBudget = 500,
+    mode: DropMode = Mode.drop,
     steps: Steps = 100,
     workers: Workers = 1,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Unseen samples predicted: HOMO, HETER, BDP and ours, beside rows without physics and oracles.
 
@@ -117,17 +122,17 @@ def table_2(
     out: Out,
     data: Data = "cusick",
     fabrics_csv: FabricsCsv = None,
-    cloth: Cloth = None,
+    cloth: FittedCloths = None,
     solver: Solver = None,
     vertices: Vertices = 2699,
     draws: Draws = 1,
     seeds: Seeds = 1,
-    budget: Drapes = 500,
+    budget: DrapesBudget = 500,
     seconds: Seconds = None,
-    mode: Mode = "drop",
+    mode: DropMode = Mode.drop,
     steps: Steps = 100,
     workers: Workers = 1,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Training silhouette fitted for equal cost: BDP against REMBO, HeSBO, NLopt and today's rivals.
 
@@ -158,8 +163,8 @@ def _limit(budget: Budget) -> str:
     return f"{budget.forward_equivalents:g} drapes a cell"
 
 
-def _settings(vertices: int, mode: str, steps: int, budget: Budget) -> ProblemSettings:
-    drape = DrapeSettings(mode=mode, steps=steps)  # pyright: ignore[reportArgumentType]
+def _settings(vertices: int, mode: Mode, steps: int, budget: Budget) -> ProblemSettings:
+    drape = DrapeSettings(mode=mode.value, steps=steps)
     return ProblemSettings(vertices=vertices, drape=drape, budget=budget)
 
 

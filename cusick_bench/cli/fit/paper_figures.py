@@ -8,6 +8,7 @@ import typer
 from rich.status import Status
 
 from cusick_bench.cli.common import console, plain, print_json, user_errors
+from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard import Cells, load_cells
 from cusick_bench.leaderboard.source import load_data_of
@@ -15,18 +16,11 @@ from cusick_bench.report.figures.radius_angle import DRAWS, radius_angle, save_c
 from cusick_bench.report.figures.side_by_side import SAMPLES, Strip, fitted, held_out, save_strips
 from cusick_bench.runner.store import write_json
 
-Run = Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")]
-Data = Annotated[
-    str | None,
-    typer.Option(help="Data set of the run; found by itself if left out, or else in the folder CUSICK_DATA."),
-]
-FabricsCsv = Annotated[Path | None, typer.Option(help="Table of areal densities; by default the run's own.")]
-Out = Annotated[Path, typer.Option(help="Folder for the figure and its numbers.")]
+Out = Annotated[Path, output_option(help="Folder for the figure and its numbers.")]
 Solvers = Annotated[
     list[str] | None,
-    typer.Option("--solver", help="Solver to show; repeatable; default: no oracles, in figure 6 no nulls."),
+    fit_option("--solver", help="Solver to show; repeatable; by default no oracles, and in figure 6 no nulls."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -37,12 +31,12 @@ def register(app: typer.Typer) -> None:
 
 @user_errors
 def figure_6(
-    run: Run,
+    run: RunFolder,
     out: Out,
-    data: Data = None,
-    fabrics_csv: FabricsCsv = None,
+    data: RunsData = None,
+    fabrics_csv: RunsFabricsCsv = None,
     solver: Solvers = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Training samples and their fits side by side: silhouettes, and the drapes from the side."""
     cells, dataset = _load(run, data, fabrics_csv)
@@ -55,13 +49,13 @@ def figure_6(
 
 @user_errors
 def figure_7(
-    run: Run,
+    run: RunFolder,
     out: Out,
-    data: Data = None,
-    fabrics_csv: FabricsCsv = None,
+    data: RunsData = None,
+    fabrics_csv: RunsFabricsCsv = None,
     solver: Solvers = None,
     samples: Annotated[int, typer.Option(min=1, help="Most held-out samples of a cloth.")] = SAMPLES,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Held-out samples beside each solver's draw that fits best; the choice has seen the sample."""
     cells, dataset = _load(run, data, fabrics_csv)
@@ -78,13 +72,13 @@ def figure_7(
 
 @user_errors
 def figure_8(
-    run: Run,
+    run: RunFolder,
     out: Out,
-    data: Data = None,
-    fabrics_csv: FabricsCsv = None,
+    data: RunsData = None,
+    fabrics_csv: RunsFabricsCsv = None,
     solver: Solvers = None,
     draws: Annotated[int, typer.Option(min=1, help="Most draws of a cell to classify.")] = DRAWS,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Radius over angle of real samples and draws, and which cloth a draw belongs to."""
     cells, dataset = _load(run, data, fabrics_csv)

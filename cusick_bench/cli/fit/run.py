@@ -8,7 +8,32 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import console, print_json, user_errors
-from cusick_bench.problem import SPACES, Budget
+from cusick_bench.cli.options import (
+    Budget,
+    CameraName,
+    CameraOption,
+    Data,
+    DropMode,
+    FabricsCsv,
+    FittedCloths,
+    Json,
+    Law,
+    LawName,
+    Mode,
+    Seeds,
+    Solvers,
+    Steps,
+    Vertices,
+    WithEffect,
+    Workers,
+    data_option,
+    fit_option,
+    output_option,
+    running_option,
+    simulation_option,
+)
+from cusick_bench.problem import SPACES
+from cusick_bench.problem import Budget as Limits
 from cusick_bench.runner import (
     ProblemSettings,
     ProgressBars,
@@ -35,47 +60,45 @@ DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
 @app.command("run")
 @user_errors
 def run_command(
-    out: Annotated[Path, typer.Option(help="Results folder; finished cells in it are kept.")],
-    data: Annotated[str, typer.Option(help="Name or folder of a data set.")] = "synthetic",
-    fabrics_csv: Annotated[
-        Path | None, typer.Option(help="Table of areal densities; fabrics.csv beside the data by default.")
-    ] = None,
-    cloth: Annotated[list[str] | None, typer.Option(help="Cloth; repeatable; all by default.")] = None,
-    solver: Annotated[list[str] | None, typer.Option(help="Solver; repeatable; see `solvers`.")] = None,
-    protocol: Annotated[str, typer.Option(help="How samples are split into training and held out.")] = "paper",
+    out: Annotated[Path, output_option(help="Results folder; finished cells in it are kept.")],
+    data: Data = "synthetic",
+    fabrics_csv: FabricsCsv = None,
+    cloth: FittedCloths = None,
+    protocol: Annotated[
+        str,
+        data_option(help="How samples are split into training and held out."),
+    ] = "paper",
+    solver: Solvers = None,
     space: Annotated[
         str | None,
-        typer.Option(help=f"Parameter space: {', '.join(SPACES)}; by default the solver's own, or {DEFAULT_SPACE}."),
+        fit_option(help=f"Parameter space: {', '.join(SPACES)}; by default the solver's own, or {DEFAULT_SPACE}."),
     ] = None,
-    budget: Annotated[
-        float, typer.Option(help="Drapes that a cell may spend; a gradient counts as two.")
-    ] = DEFAULT_BUDGET,
-    seconds: Annotated[float | None, typer.Option(help="Wall time a cell may spend [s].")] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Number of seeds.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 0,
-    vertices: Annotated[int, typer.Option(min=1, help="Vertices of the disc mesh.")] = 2699,
-    law: Annotated[str, typer.Option(help="Material law: paper or published.")] = "paper",
-    mode: Annotated[str, typer.Option(help="drop (implicit Euler) or equilibrium (Newton).")] = "drop",
-    steps: Annotated[int, typer.Option(min=1, help="Steps of a drop, of 0.05 s.")] = 100,
+    loss: Annotated[str, fit_option(help="Training loss: mse, profile or mse+profile.")] = "mse",
+    budget: Budget = DEFAULT_BUDGET,
+    seconds: Annotated[float | None, fit_option(help="Wall time that a cell may spend [s].")] = None,
+    seeds: Seeds = 1,
+    seed: Annotated[int, fit_option(min=0, help="First seed.")] = 0,
+    vertices: Vertices = 2699,
+    mode: DropMode = Mode.drop,
+    steps: Steps = 100,
+    law: Law = LawName.paper,
+    camera: CameraOption = CameraName.parallel,
+    renderer: Annotated[
+        str,
+        simulation_option(help="Silhouette: coverage of each pixel, or soft (DIB-R)."),
+    ] = "coverage",
     laying: Annotated[
-        str, typer.Option(help="How the cloth is laid down: with the training image's folds, or random.")
+        str,
+        simulation_option(help="How the cloth is laid down: image, with the training image's folds, or random."),
     ] = "image",
-    loss: Annotated[str, typer.Option(help="Training loss: mse, profile or mse+profile.")] = "mse",
-    camera: Annotated[
-        str, typer.Option(help="Camera: parallel, as the data, or pinhole, as the published scripts.")
-    ] = "parallel",
-    renderer: Annotated[str, typer.Option(help="Silhouette: coverage of each pixel, or soft (DIB-R).")] = "coverage",
-    with_effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME:param=value,...",
-            help="Effect to fit with, which the base model leaves out; repeatable; see `effects`.",
-        ),
+    with_effect: WithEffect = None,
+    executor: Annotated[str, running_option(help="What runs the cells: process.")] = "process",
+    workers: Workers = 1,
+    only: Annotated[
+        str | None,
+        running_option("--shard", help="Run the i-th of n parts of the grid: i/n."),
     ] = None,
-    executor: Annotated[str, typer.Option(help="What runs the cells: process.")] = "process",
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
-    only: Annotated[str | None, typer.Option("--shard", help="Run the i-th of n parts of the grid: i/n.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    json: Json = False,
 ) -> None:
     """Run solvers on cloths, score them on held-out samples, and keep every number with what made it.
 
@@ -89,12 +112,12 @@ def run_command(
     settings = ProblemSettings(
         space=space or DEFAULT_SPACE,
         vertices=vertices,
-        drape=DrapeSettings(law=law, mode=mode, steps=steps),  # pyright: ignore[reportArgumentType]
-        camera=camera,
+        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps),
+        camera=camera.value,
         renderer=renderer,
         loss=loss,
         laying=laying,
-        budget=Budget(budget, seconds),
+        budget=Limits(budget, seconds),
         causes=tuple(with_effect or ()),
     )
     Store(out).prepare()

@@ -1,12 +1,12 @@
 """`cusick-bench solvers`: what is registered."""
 
 from dataclasses import fields
-from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.options import Json
 from cusick_bench.solvers.registry import registered
 
 app = typer.Typer()
@@ -15,7 +15,7 @@ app = typer.Typer()
 @app.command("solvers")
 @user_errors
 def solvers(
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    json: Json = False,
 ) -> None:
     """List the registered solvers with their options and references.
 

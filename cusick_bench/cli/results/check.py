@@ -1,5 +1,6 @@
 """`cusick-bench check`: the regression gate; exit status 1 where a solver has become worse than the baseline."""
 
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -10,10 +11,12 @@ from rich.console import Console
 from rich.table import Table
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.options import Json, Seed
 from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
-from cusick_bench.leaderboard.gate.check import METRICS, Finding, Gate, Outcome, check
+from cusick_bench.leaderboard.gate.check import METRICS, Finding, Gate, Outcome, check, metrics_of_both
+from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.runner.environment import code_text
 
 PIPED_WIDTH = 130
@@ -29,20 +32,21 @@ def check_command(
     run: Annotated[Path, typer.Argument(help="Folder of `run --out`, or a CSV or JSON file of cells.", metavar="RUN")],
     against: Annotated[Path, typer.Option(help="Baseline: a CSV or JSON file of cells, or another run's folder.")],
     metric: Annotated[
-        list[str] | None, typer.Option(help=f"Metric to compare; repeatable; {', '.join(METRICS)} by default.")
+        list[str] | None,
+        typer.Option(help=f"Metric to compare, in full or short; repeatable; by default {', '.join(METRICS)}."),
     ] = None,
     level: Annotated[float, typer.Option(help="Family-wise probability of a false alarm.")] = 0.05,
     minimum: Annotated[float, typer.Option("--minimum-effect", help="Least relative change that matters.")] = 0.02,
     write: Annotated[bool, typer.Option("--write", help="Make the baseline of RUN instead of comparing.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of permutations and resamples.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Says which solvers have become worse than a committed baseline; exit status 1 if any has.
 
     Reruns with the same or with other seeds are compared fairly: cells are paired by cloth, and by seed where it is
     shared. Make a baseline with --write, and commit it.
     """
-    gate = Gate(tuple(metric or METRICS), level, minimum, seed)
+    gate = Gate(level=level, minimum=minimum, seed=seed)
     cells = read_cells(run)
     if write:
         write_baseline(cells, against, _facts(run))
@@ -54,7 +58,11 @@ def check_command(
         raise LeaderboardError(
             f"no baseline at {against}; make one with `cusick-bench check {run} --against {against} --write`"
         )
-    outcome = check(cells, read_cells(against), gate)
+    baseline = read_cells(against)
+    if metric:
+        both = metrics_of_both(cells, baseline)
+        gate = replace(gate, metrics=tuple(metric_called(name, both) for name in metric))
+    outcome = check(cells, baseline, gate)
     _show(outcome, as_json)
     if outcome.regressions:
         raise typer.Exit(1)

@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.options import By, Json, RunFolder, Seed, output_option
 from cusick_bench.leaderboard import (
     Leaderboard,
     LeaderboardError,
@@ -38,15 +39,15 @@ class StatisticName(StrEnum):
 @app.command()
 @user_errors
 def leaderboard(
-    folder: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="DIR")],
+    folder: RunFolder,
     out: Annotated[
         list[Path] | None,
-        typer.Option(help="Also write to this file: .csv (every number), .md, .tex or .html. Repeatable."),
+        output_option(help="File for the table: .csv (every number), .md, .tex or .html; repeatable."),
     ] = None,
-    by: Annotated[str, typer.Option(help="Metric to rank by, best first.")] = "test_mse",
+    by: By = "test_mse",
     statistic: Annotated[StatisticName, typer.Option(help="Average over cells.")] = StatisticName.mean,
-    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Ranks the solvers of a results folder."""
     for path in out or []:

@@ -7,6 +7,7 @@ import numpy as np
 import typer
 
 from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.cli.options import By, Json, RunFolder, RunsData, Seed, output_option
 from cusick_bench.datasets import DataError, DrapeDataset
 from cusick_bench.leaderboard import Cells, leaderboards, load_cells
 from cusick_bench.leaderboard.source import load_data_of
@@ -19,16 +20,13 @@ app = typer.Typer()
 @app.command()
 @user_errors
 def report(
-    folder: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="DIR")],
-    out: Annotated[Path | None, typer.Option(help="Page to write; DIR/report.html by default.")] = None,
-    pictures: Annotated[Path | None, typer.Option(help="Folder for one side-by-side PNG a cell.")] = None,
-    data: Annotated[
-        str | None,
-        typer.Option(help="Data set of the run, for the band of unseen samples; found by itself if left out."),
-    ] = None,
-    by: Annotated[str, typer.Option(help="Metric to rank by; smaller is better.")] = "test_mse",
-    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    folder: RunFolder,
+    out: Annotated[Path | None, output_option(help="Page to write; by default RUN/report.html.")] = None,
+    pictures: Annotated[Path | None, output_option(help="Folder for one side-by-side PNG a cell.")] = None,
+    data: RunsData = None,
+    by: By = "test_mse",
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Writes an HTML page with the leaderboard and every fit in pictures."""
     out = out or folder / "report.html"

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.cli.options import Json, RunFolder, output_option
 from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 
@@ -15,10 +16,10 @@ app = typer.Typer()
 @app.command("submit")
 @user_errors
 def submit_command(
-    run: Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")],
+    run: RunFolder,
     track: Annotated[str, typer.Option(help="Track, such as paper-table-1, paper-table-2, synthetic.")],
-    out: Annotated[Path | None, typer.Option(help="Table to add to; leaderboards/<track>.csv by default.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    out: Annotated[Path | None, output_option(help="Table to add to; by default leaderboards/TRACK.csv.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Adds a run's rows to a track's table; a row that is there already is brought up to date, never doubled.
 

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.options import Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.source import load_data_of
@@ -27,18 +28,16 @@ def verify_command(
     target: Annotated[
         Path, typer.Argument(help="Folder of `run --out`, or of one of its cells (RUN/cells/KEY).", metavar="RUN")
     ],
-    solver: Annotated[list[str] | None, typer.Option(help="Only this solver's row; repeatable.")] = None,
-    cloth: Annotated[list[str] | None, typer.Option(help="Only this cloth; repeatable.")] = None,
-    data: Annotated[str | None, typer.Option(help="Data set; by default the run's own; see CUSICK_DATA.")] = None,
-    fabrics_csv: Annotated[
-        Path | None, typer.Option(help="Table of areal densities; by default the run's own.")
-    ] = None,
+    solver: Annotated[list[str] | None, fit_option(help="Solver; repeatable; by default all.")] = None,
+    cloth: Cloths = None,
+    data: RunsData = None,
+    fabrics_csv: RunsFabricsCsv = None,
     committed: Annotated[
-        Path | None, typer.Option("--table", help="Also compare the lines that this table of `submit` has of the run.")
+        Path | None, typer.Option("--against", help="Table of `submit` whose lines of this run are compared as well.")
     ] = None,
-    redraws: Annotated[int, typer.Option(min=0, help="Draws of a posterior to drape again, of each cell.")] = REDRAWN,
-    seed: Annotated[int, typer.Option(min=0, help="Of the choice of these draws.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    draws: Annotated[int, typer.Option(min=0, help="Draws of each cell's posterior to drape again.")] = REDRAWN,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Drapes the stored parameters of finished cells again and scores them again: *reported* becomes *verified*.
 
@@ -62,7 +61,7 @@ def verify_command(
     with console.status("starting") as status:
         for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
             status.update(f"{name} on {where}")
-            verifications.append(verify_cell(folder, dataset, redrawn=redraws, seed=seed))
+            verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed))
     keep(run, verifications)
     wrong = _altered(committed, cells) if committed else {}
     _show(run, verifications, wrong, as_json)

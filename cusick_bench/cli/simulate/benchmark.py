@@ -13,6 +13,7 @@ from cusick_bench.benchmark.suite import Plan
 from cusick_bench.benchmark.suite import benchmark as run_benchmark
 from cusick_bench.benchmark.text import markdown
 from cusick_bench.cli.common import output, plain, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import Json, VerticesList, output_option
 
 app = typer.Typer()
 
@@ -20,9 +21,9 @@ app = typer.Typer()
 @app.command()
 @user_errors
 def benchmark(
-    vertices: Annotated[list[int] | None, typer.Option(help="Mesh size; repeat for several.")] = None,
+    vertices: VerticesList = None,
     rounds: Annotated[int, typer.Option(min=1, help="Times of each case, taken in turn.")] = 5,
-    batch: Annotated[list[int] | None, typer.Option(help="Members of a batch; repeat for several.")] = None,
+    batch: Annotated[list[int] | None, typer.Option(help="Members of a batch; repeatable.")] = None,
     springs: Annotated[
         bool, typer.Option(help="Hold the plate by springs, as published, instead of fixing it.")
     ] = False,
@@ -32,8 +33,8 @@ def benchmark(
         str | None,
         typer.Option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the JSON document; Markdown tables go beside it.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    out: Annotated[Path | None, output_option(help="File for the JSON document; Markdown tables go beside it.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd."""
     plan = Plan(

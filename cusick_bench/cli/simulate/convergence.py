@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import DENSITY, Json, VerticesList, cloth_option
 from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
@@ -28,13 +29,16 @@ def _one(vertices: int, draw: int, density: float, bending: float) -> tuple[floa
 @app.command()
 @user_errors
 def convergence(
-    vertices: Annotated[list[int] | None, typer.Option(help="Mesh size; repeatable; 297 to 7496 by default.")] = None,
-    density: Annotated[float, typer.Option(help="Areal density [kg/m2].")] = 0.192,
-    bending: Annotated[float, typer.Option(help="Bending stiffness [N m].")] = 1.4e-5,
+    vertices: VerticesList = None,
+    density: Annotated[float, DENSITY] = 0.192,
+    bending: Annotated[float, cloth_option(help="Bending stiffness [N m].")] = 1.4e-5,
     draws: Annotated[int, typer.Option(min=2, help="Drapes per size, each with its own mesh and laying.")] = 8,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    as_json: Json = False,
 ) -> None:
-    """Drapes one cloth on meshes of several sizes: how much drape coefficient and folds depend on the mesh."""
+    """Drapes one cloth on meshes of several sizes: how much drape coefficient and folds depend on the mesh.
+
+    Without --vertices the meshes have 297, 1205, 2699 and 7496.
+    """
     sizes = vertices or [297, 1205, 2699, 7496]
     rows: list[dict[str, Any]] = []
     with progress_bar("draping", len(sizes) * draws) as bar:

@@ -1,12 +1,13 @@
 """`cusick-bench effects`: what the base model leaves out, and how to ask for it."""
 
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.options import Json
 from cusick_bench.sim.effects import Effect, Parameter, registered
 
 PIPED_WIDTH = 160
@@ -17,7 +18,7 @@ app = typer.Typer()
 @app.command("effects")
 @user_errors
 def effects(
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    json: Json = False,
 ) -> None:
     """List the effects that `simulate` and `run` take as --with-effect NAME:param=value,...
 

@@ -3,6 +3,7 @@
 import time
 from dataclasses import asdict, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +12,19 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.cli.options import (
+    BENDING,
+    DENSITY,
+    Json,
+    Seed,
+    Shear,
+    Stretch,
+    Vertices,
+    bending_stiffnesses,
+    cloth_option,
+    output_option,
+    simulation_option,
+)
 from cusick_bench.garment import (
     KINDS,
     Body,
@@ -33,6 +47,8 @@ from cusick_bench.sim.cloth.shape import smooth_field
 
 app = typer.Typer(help="Skirts from a digitised cloth.", no_args_is_help=True)
 
+_skirt_option = partial(typer.Option, rich_help_panel="Skirt")
+_motion_option = partial(typer.Option, rich_help_panel="Motion")
 _LAYING_LENGTH = 0.08  # [m] correlation length of the height in which a skirt is put on
 
 
@@ -59,41 +75,51 @@ class Motion(StrEnum):
 @user_errors
 def skirt(
     result: Annotated[
-        Path | None, typer.Option("--from", help="Cell of a run (OUT/cells/KEY) whose cloth to wear.")
+        Path | None,
+        cloth_option(
+            "--from", help="Cell of a run (RUN/cells/KEY) whose cloth to wear, instead of --density and --bending."
+        ),
     ] = None,
-    density: Annotated[float | None, typer.Option(help="Areal density [kg/m2], instead of --from.")] = None,
-    bending: Annotated[str | None, typer.Option(help="Bending stiffness [N m], one number or three.")] = None,
-    stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
-    shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
-    kind: Annotated[Kind, typer.Option(help="Cut of the skirt.")] = Kind.circular,
-    dynamic: Annotated[bool, typer.Option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
-    motion: Annotated[Motion, typer.Option(help="How the waist moves.")] = Motion.sway,
-    amplitude: Annotated[float | None, typer.Option(help="Of the motion [m, or deg]; 0.08 m or 90 deg.")] = None,
-    period: Annotated[float, typer.Option(help="Of the motion [s].")] = 1.2,
-    seconds: Annotated[float, typer.Option(help="How long the waist moves [s].")] = 2.4,
-    draws: Annotated[int, typer.Option(help="Skirts, each of its own draw of the cloth.")] = 4,
-    stiffness_spread: Annotated[
-        float, typer.Option("--spread", help="Sd of log stiffness between elements, where the fit has none.")
+    density: Annotated[float | None, DENSITY] = None,
+    bending: Annotated[str | None, BENDING] = None,
+    stretch: Stretch = 300.0,
+    shear: Shear = 60.0,
+    heterogeneity: Annotated[
+        float,
+        cloth_option(help="Standard deviation of log stiffness between elements, where the fit has none."),
     ] = 0.1,
-    laying: Annotated[float, typer.Option(help="Sd of the height in which each skirt is put on [m].")] = 0.01,
-    vertices: Annotated[int, typer.Option(help="Mesh size, met within some percent.")] = 2500,
-    waist: Annotated[float, typer.Option(help="Radius of the waist [m].")] = 0.11,
-    length: Annotated[float, typer.Option(help="From waist to hem [m].")] = 0.35,
-    hem: Annotated[float, typer.Option(help="Radius of the A-line skirt's hem [m].")] = 0.22,
-    hip: Annotated[float, typer.Option(help="Radius of the hips [m]; 0: no body in the skirt.")] = 0.13,
-    name: Annotated[str | None, typer.Option(help="Name of the cloth; a colour in it is used.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of draws, mesh and how the skirt is put on.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    name: Annotated[str | None, cloth_option(help="Name of the cloth; a colour in it is used.")] = None,
+    kind: Annotated[Kind, _skirt_option(help="Cut of the skirt.")] = Kind.circular,
+    dynamic: Annotated[bool, _motion_option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
+    motion: Annotated[Motion, _motion_option(help="How the waist moves.")] = Motion.sway,
+    amplitude: Annotated[
+        float | None,
+        _motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg."),
+    ] = None,
+    period: Annotated[float, _motion_option(help="Period of the motion [s].")] = 1.2,
+    duration: Annotated[float, _motion_option(help="How long the waist moves [s].")] = 2.4,
+    draws: Annotated[int, simulation_option(help="Skirts, each of its own draw of the cloth.")] = 4,
+    laying_height: Annotated[
+        float,
+        simulation_option(help="Standard deviation of the heights in which each skirt is put on [m]."),
+    ] = 0.01,
+    vertices: Vertices = 2500,
+    waist: Annotated[float, _skirt_option(help="Radius of the waist [m].")] = 0.11,
+    length: Annotated[float, _skirt_option(help="Length from waist to hem [m].")] = 0.35,
+    hem: Annotated[float, _skirt_option(help="Radius of the A-line skirt's hem [m].")] = 0.22,
+    hip: Annotated[float, _skirt_option(help="Radius of the hips [m]; 0 for no body in the skirt.")] = 0.13,
+    seed: Seed = 0,
+    out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
     clock = time.perf_counter()
     if draws < 1:
         raise GarmentError(f"the number of draws must be at least 1, got {draws}")
-    cloth = _cloth(result, density, bending, stretch, shear, stiffness_spread, name)
+    cloth = _cloth(result, density, bending, stretch, shear, heterogeneity, name)
     size = SkirtSize(waist=waist, length=length, hem=hem)
     body = None if hip == 0 else Body(waist=waist, hip=hip)
-    moving = _motion(motion, amplitude, period, seconds)
+    moving = _motion(motion, amplitude, period, duration)
     pattern = KINDS[kind.value](size, vertices, seed=seed)
     fitting = Fitting.of(
         pattern, cloth.draw(pattern.mesh, draws, np.random.default_rng([seed, 3])), law=cloth.law, body=body
@@ -102,7 +128,7 @@ def skirt(
         with disk_errors(out):
             out.mkdir(parents=True, exist_ok=True)
     with console.status("hanging the skirts"):
-        rest, resting = hang(fitting, _laid(pattern, laying, draws, seed))
+        rest, resting = hang(fitting, _laid(pattern, laying_height, draws, seed))
     measures = [measure(pattern, x) for x in rest.positions]
     each = [{"draw": i, **asdict(m), "at_rest": bool(resting[i])} for i, m in enumerate(measures)]
     document: dict[str, Any] = {
@@ -143,20 +169,9 @@ def _cloth(
         raise GarmentError("a cloth given by numbers needs both --density and --bending")
     else:
         cloth = cloth_of_numbers(
-            density=density, bending=_bending(bending), stretch=stretch, shear=shear, spread=deviation
+            density=density, bending=bending_stiffnesses(bending), stretch=stretch, shear=shear, spread=deviation
         )
     return cloth if name is None else replace(cloth, name=name)
-
-
-def _bending(text: str) -> tuple[float, float, float]:
-    """One stiffness for all directions, or those of 0, 45 and 90 degrees [N m]."""
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError as error:
-        raise GarmentError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
-    if len(values) not in (1, 3):
-        raise GarmentError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(values)}")
-    return values[0], values[len(values) // 2], values[-1]
 
 
 def _motion(motion: Motion, amplitude: float | None, period: float, seconds: float) -> WaistMotion:

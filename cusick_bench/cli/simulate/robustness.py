@@ -7,7 +7,7 @@ from rich.table import Table
 
 from cusick_bench.benchmark.robustness import robustness as run_robustness
 from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
-from cusick_bench.cli.simulate.simulate import Mode
+from cusick_bench.cli.options import DropMode, Json, Mode, Seed, Vertices
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -19,11 +19,13 @@ app = typer.Typer()
 @user_errors
 def robustness(
     draws: Annotated[int, typer.Option(min=1, help="Random cloths.")] = 1000,
-    vertices: Annotated[int, typer.Option(help="Vertices of the disc mesh.")] = 1205,
-    mode: Annotated[Mode, typer.Option(help="Fall from flat, or static balance.")] = Mode.equilibrium,
-    least: Annotated[float, typer.Option(help="Share of the cloths that has to come to rest.")] = 0.995,
-    seed: Annotated[int, typer.Option(help="Seed of the first cloth.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    vertices: Vertices = 1205,
+    mode: DropMode = Mode.equilibrium,
+    least: Annotated[
+        float, typer.Option("--minimum-share", help="Share of the cloths that has to come to rest.")
+    ] = 0.995,
+    seed: Seed = 0,
+    as_json: Json = False,
 ) -> None:
     """Drapes random cloths over the whole range of measured fabrics; exit status 1 where too few come to rest."""
     simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(mode=mode.value))

@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +17,28 @@ from PIL import Image
 from rich.table import Table
 
 from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
+from cusick_bench.cli.options import (
+    BENDING,
+    DENSITY,
+    CameraName,
+    CameraOption,
+    DropMode,
+    Json,
+    Law,
+    LawName,
+    Mode,
+    Seed,
+    Shear,
+    Steps,
+    Stretch,
+    Vertices,
+    WithEffect,
+    bending_stiffnesses,
+    cloth_option,
+    output_option,
+    running_option,
+    simulation_option,
+)
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,
@@ -42,27 +63,6 @@ app = typer.Typer()
 
 _MOST_ROWS = 40  # draws that the table shows one by one
 _AT_REST = {True: "yes", False: "no", None: "?"}
-
-
-class Mode(StrEnum):
-    """Ways to a drape."""
-
-    drop = "drop"
-    equilibrium = "equilibrium"
-
-
-class LawName(StrEnum):
-    """Material laws."""
-
-    paper = "paper"
-    published = "published"
-
-
-class CameraName(StrEnum):
-    """Cameras."""
-
-    parallel = "parallel"
-    pinhole = "pinhole"
 
 
 @dataclass(frozen=True)
@@ -162,51 +162,55 @@ class Draws:
 @app.command()
 @user_errors
 def simulate(
-    density: Annotated[float, typer.Option(help="Areal density [kg/m2].")],
-    bending: Annotated[str, typer.Option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")],
-    stretch: Annotated[float, typer.Option(help="Membrane stiffness along warp and weft [N/m].")] = 300.0,
-    shear: Annotated[float, typer.Option(help="Shear stiffness [N/m].")] = 60.0,
-    vertices: Annotated[int, typer.Option(help="Vertices of the disc mesh.")] = 2699,
-    mesh: Annotated[Path | None, typer.Option(help="Flat cloth mesh (OBJ) instead of the own disc mesher.")] = None,
-    heterogeneity: Annotated[float, typer.Option(help="Sd of log stiffness (smooth field, 2 cm).")] = 0.0,
-    laying: Annotated[
-        float, typer.Option(help="Sd of the heights in which the cloth is laid down, which decide where it folds [m].")
-    ] = 1e-3,
-    rest: Annotated[float, typer.Option(help="Sd of the rest shape's height [m].")] = 0.0,
-    self_contact: Annotated[float, typer.Option(help="Distance that folds keep from each other [m]; 0: none.")] = 0.0,
-    draws: Annotated[
-        int, typer.Option(min=1, help="Number of drapes, each with its own random shapes; draped in batches.")
-    ] = 1,
-    mode: Annotated[
-        Mode, typer.Option(help="Fall from flat (implicit Euler), or static balance (Newton).")
-    ] = Mode.drop,
-    law: Annotated[
-        LawName, typer.Option(help="Material law: from an energy, or the published program's.")
-    ] = LawName.paper,
-    camera: Annotated[
-        CameraName, typer.Option(help="Parallel as the data, or pinhole as the published scripts.")
-    ] = CameraName.parallel,
-    steps: Annotated[int, typer.Option(help="Steps of 0.05 s of the drop.")] = 100,
-    seed: Annotated[int, typer.Option(help="Of the first draw's random shapes.")] = 0,
-    with_effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME:param=value,...",
-            help="Effect that the base model leaves out; repeatable; see `effects`. Draws are then made one by one.",
+    density: Annotated[float, DENSITY],
+    bending: Annotated[str, BENDING],
+    stretch: Stretch = 300.0,
+    shear: Shear = 60.0,
+    heterogeneity: Annotated[
+        float,
+        cloth_option(help="Standard deviation of log stiffness over the cloth, a smooth field of 2 cm."),
+    ] = 0.0,
+    laying_height: Annotated[
+        float,
+        cloth_option(
+            help="Standard deviation of the heights in which the cloth is laid down, which decide where it folds [m]."
         ),
+    ] = 1e-3,
+    rest_height: Annotated[
+        float,
+        cloth_option(help="Standard deviation of the rest shape's height [m]."),
+    ] = 0.0,
+    draws: Annotated[
+        int,
+        cloth_option(min=1, help="Number of drapes, each with its own random shapes; draped in batches."),
+    ] = 1,
+    vertices: Vertices = 2699,
+    mesh: Annotated[
+        Path | None,
+        simulation_option(help="Flat cloth mesh (OBJ), instead of a disc's."),
     ] = None,
+    mode: DropMode = Mode.drop,
+    steps: Steps = 100,
+    law: Law = LawName.paper,
+    camera: CameraOption = CameraName.parallel,
+    self_contact: Annotated[
+        float,
+        simulation_option(help="Distance that folds keep from each other [m]; 0 for no contact."),
+    ] = 0.0,
+    with_effect: WithEffect = None,
     device: Annotated[
         str,
-        typer.Option(help="cpu, cuda or cuda:N (mode drop, big batches), or cpu:torch (the GPU's code on the CPU)."),
+        running_option(help="cpu, cuda or cuda:N (mode drop, big batches), or cpu:torch (the GPU's code on the CPU)."),
     ] = "cpu",
-    out: Annotated[Path | None, typer.Option(help="Folder for meshes, silhouettes and profiles.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")] = False,
+    seed: Seed = 0,
+    out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes and profiles.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Simulates drapes and prints drape coefficient, folds and convergence.
 
-    The bending stiffness is that of the cloth as a plate, whatever the law.
+    The bending stiffness is that of the cloth as a plate, whatever the law. Draws with effects are made one by one.
     """
-    rows, causes = _bending_rows(bending), parse_causes(with_effect or ())
+    rows, causes = bending_stiffnesses(bending), parse_causes(with_effect or ())
     if causes and device != "cpu":
         raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
@@ -222,8 +226,8 @@ def simulate(
         law=law.value,
         mode=mode.value,
         steps=steps,
-        laying_amplitude=laying,
-        rest_amplitude=rest,
+        laying_amplitude=laying_height,
+        rest_amplitude=rest_height,
         seed=seed,
         self_contact=self_contact,
     )
@@ -259,16 +263,6 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
                 if out is not None:
                     _write(out, f"drape_{number:04d}", outcome, faces)
     return results
-
-
-def _bending_rows(text: str) -> tuple[float, float, float]:
-    try:
-        rows = tuple(float(word) for word in text.split(","))
-    except ValueError as error:
-        raise CusickError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
-    if len(rows) not in (1, 3):
-        raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
-    return (rows[0], rows[0], rows[0]) if len(rows) == 1 else (rows[0], rows[1], rows[2])
 
 
 def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:

@@ -148,11 +148,16 @@ def _of(table: pd.DataFrame, solver: str) -> pd.DataFrame:
 def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> list[str]:
     shared = [name for name in gate.metrics if name in run and name in baseline]
     if not shared or (gate.metrics != METRICS and len(shared) < len(gate.metrics)):
-        both = sorted(name for name in baseline if name in run and name.startswith(("train_", "test_")))
         raise LeaderboardError(
-            f"run and baseline must both hold {', '.join(gate.metrics)}; both hold only {', '.join(both) or 'none'}"
+            f"run and baseline must both hold {', '.join(gate.metrics)}; both hold only "
+            f"{', '.join(metrics_of_both(run, baseline)) or 'none'}"
         )
     return shared
+
+
+def metrics_of_both(run: pd.DataFrame, baseline: pd.DataFrame) -> list[str]:
+    """Metrics that two tables of cells share."""
+    return sorted(name for name in baseline if name in run and name.startswith(("train_", "test_")))
 
 
 def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:

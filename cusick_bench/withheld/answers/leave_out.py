@@ -53,7 +53,7 @@ def left_out(labels: Mapping[str, Label], least: float) -> dict[str, str]:
     if not strong:
         raise WithheldError(
             f"at least one case must have a single effect of {least:g} times the {unit} or more, got none of "
-            f"{len(singles)}; lower --least"
+            f"{len(singles)}; lower --minimum-severity"
         )
     return strong
 

@@ -1,0 +1,157 @@
+"""Options that several commands share: one name for one thing, the same words on every help page.
+
+Where all commands take an option with one type, its annotation stands here (`Json`); where only some may do without
+it, its description does (`DENSITY`), and the command adds the type. `cloth_option` and its like put an option into a
+panel of the help page.
+"""
+
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cusick_bench.sim.errors import CusickError
+
+cloth_option = partial(typer.Option, rich_help_panel="Cloth")
+data_option = partial(typer.Option, rich_help_panel="Data")
+simulation_option = partial(typer.Option, rich_help_panel="Simulation")
+fit_option = partial(typer.Option, rich_help_panel="Fit")
+running_option = partial(typer.Option, rich_help_panel="Running")
+output_option = partial(typer.Option, rich_help_panel="Output")
+
+
+class Mode(StrEnum):
+    """Ways to a drape."""
+
+    drop = "drop"
+    equilibrium = "equilibrium"
+
+
+class LawName(StrEnum):
+    """Material laws."""
+
+    paper = "paper"
+    published = "published"
+
+
+class CameraName(StrEnum):
+    """Cameras."""
+
+    parallel = "parallel"
+    pinhole = "pinhole"
+
+
+# Data
+Data = Annotated[
+    str,
+    data_option(help="Name of a data set, see `datasets`, or a folder in its layout."),
+]
+RunsData = Annotated[
+    str | None,
+    data_option(
+        help="Data set of the run: name or folder; by default the run's own, or else the folder in CUSICK_DATA."
+    ),
+]
+FabricsCsv = Annotated[
+    Path | None,
+    data_option(help="Table of areal densities; by default fabrics.csv beside the data."),
+]
+RunsFabricsCsv = Annotated[
+    Path | None,
+    data_option(help="Table of areal densities; by default the run's own."),
+]
+Cloths = Annotated[list[str] | None, data_option("--cloth", help="Cloth; repeatable; by default all.")]
+FittedCloths = Annotated[
+    list[str] | None,
+    data_option("--cloth", help="Cloth; repeatable; by default all, of the public release the paper's five."),
+]
+RunFolder = Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")]
+
+# Cloth
+DENSITY = cloth_option(help="Areal density [kg/m2].")
+BENDING = cloth_option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")
+Stretch = Annotated[float, cloth_option(help="Membrane stiffness along warp and weft [N/m].")]
+Shear = Annotated[float, cloth_option(help="Shear stiffness [N/m].")]
+
+# Simulation
+Vertices = Annotated[
+    int,
+    simulation_option(min=1, help="Vertices of the cloth's mesh, met within some per cent."),
+]
+VerticesList = Annotated[
+    list[int] | None,
+    simulation_option("--vertices", help="Vertices of a mesh; repeatable."),
+]
+DropMode = Annotated[
+    Mode,
+    simulation_option(help="Fall from flat (drop, implicit Euler), or static balance (equilibrium, Newton)."),
+]
+Steps = Annotated[int, simulation_option(min=1, help="Steps of a drop, of 0.05 s.")]
+Law = Annotated[
+    LawName,
+    simulation_option(help="Material law: the paper's, as an energy, or that of the published program."),
+]
+CameraOption = Annotated[
+    CameraName,
+    simulation_option("--camera", help="Parallel as in the data, or pinhole as in the published scripts."),
+]
+WithEffect = Annotated[
+    list[str] | None,
+    simulation_option(
+        metavar="NAME:param=value,...", help="Effect that the base model leaves out; repeatable; see `effects`."
+    ),
+]
+
+# Fit
+Solvers = Annotated[
+    list[str] | None, fit_option("--solver", help="Solver, NAME or NAME,option=value; repeatable; see `solvers`.")
+]
+Budget = Annotated[
+    float,
+    fit_option(help="Drapes that a cell (solver, cloth, seed) may spend; a gradient counts as two."),
+]
+Seeds = Annotated[int, fit_option(min=1, help="Number of seeds.")]
+
+# Diagnosis
+Atlas = Annotated[Path, typer.Option(help="Fitted atlas, from `atlas fit`.")]
+WithoutEffect = Annotated[
+    list[str] | None, typer.Option(help="Effect to leave out of the candidates; repeatable; see `effects`.")
+]
+SimulatedSamples = Annotated[
+    int, typer.Option("--samples", min=0, help="Simulated samples of each model; 0 leaves gap and closure out.")
+]
+Cases = Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")]
+Labels = Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")]
+
+# Results
+By = Annotated[
+    str, typer.Option(help="Metric to rank by, best first: test_mse, or in short `mse`, `train MSE`, `H`, ...")
+]
+
+# Running and output
+Workers = Annotated[int, running_option(min=1, help="Processes.")]
+Seed = Annotated[int, running_option(min=0, help="Seed of the random numbers of this command.")]
+Json = Annotated[bool, output_option("--json", help="One JSON document on standard output.")]
+
+
+def bending_stiffnesses(text: str) -> tuple[float, float, float]:
+    """Reads the value of `--bending`.
+
+    Args:
+        text: One number for all directions, or three joined by commas.
+
+    Returns:
+        Bending stiffness at 0, 45 and 90 degrees from the warp [N m].
+
+    Raises:
+        CusickError: It is neither.
+    """
+    try:
+        rows = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise CusickError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
+    if len(rows) not in (1, 3):
+        raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
+    return (rows[0], rows[0], rows[0]) if len(rows) == 1 else (rows[0], rows[1], rows[2])

@@ -1,0 +1,47 @@
+"""Metrics by the names that people write: `test MSE`, `mse` or a heading of the leaderboard mean `test_mse`."""
+
+import re
+from collections.abc import Sequence
+
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.sim.errors import did_you_mean
+
+HEADINGS = {
+    "best_mse": "test_mse_best",
+    "h": "test_hausdorff_m",
+    "dc_err": "test_dc_error",
+    "folds_err": "test_folds_error",
+    "energy_dist": "test_energy_distance",
+    "energy": "test_energy_distance",
+    "crps": "test_dc_crps",
+    "time": "spent_wall_seconds",
+    "seconds": "spent_wall_seconds",
+    "drapes": "spent_forward_equivalents",
+}
+"""Headings of the leaderboard that are no part of their metric's name."""
+
+
+def metric_called(text: str, known: Sequence[str]) -> str:
+    """The metric that somebody means.
+
+    A name without `train` or `test` means unseen samples; units may be left out, and spaces are as good as underscores.
+
+    Args:
+        text: What was written.
+        known: Full names of the metrics that there are.
+
+    Returns:
+        A full name.
+
+    Raises:
+        LeaderboardError: There is no such metric; the message names the nearest, or all.
+    """
+    if text in known:
+        return text
+    wanted = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
+    forms = [f"{part}{wanted}{unit}" for part in ("", "test_", "train_", "spent_") for unit in ("", "_m")]
+    for form in [*forms, HEADINGS.get(wanted, "")]:
+        if form in known:
+            return form
+    hint = did_you_mean(wanted, known) or did_you_mean(f"test_{wanted}", known)
+    raise LeaderboardError(f"unknown metric {text!r}; {hint}known are: {', '.join(known)}")
