@@ -252,7 +252,10 @@ class TestCommand:
             ((run, "--against", baseline), "no baseline at"),
             ((tmp_path / "nothing", "--against", baseline), "no cells at"),
             ((run, "--against", run, "--level", "0.7"), "level must lie between"),
-            ((run, "--against", run, "--metric", "test_unheard"), "must both hold test_unheard"),
+            (
+                (run, "--against", run, "--metric", "test_unheard"),
+                "unknown metric 'test_unheard'; did you mean 'test_mse'",
+            ),
             ((run, "--against", tmp_path / "b.txt", "--write"), "must end in .csv"),
         ):
             result = CliRunner().invoke(app, ["check", *map(str, words)])

@@ -81,7 +81,7 @@ class TestWhichCases:
             left_out({"a": read_label(label("creep"), "a")}, least)
 
     def test_nothing_strong_enough_is_said(self):
-        with pytest.raises(WithheldError, match="none of 1; lower --least"):
+        with pytest.raises(WithheldError, match="none of 1; lower --minimum-severity"):
             left_out({"a": read_label(label("creep", 1.0), "a")}, 2)
 
 
