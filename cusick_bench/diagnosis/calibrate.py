@@ -23,10 +23,10 @@ from scipy.stats import binomtest
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
-from cusick_bench.diagnosis.diagnose import single_causes
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.evidence import NONE
-from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, Weighed, examine
+from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, CauseEvidence, fabric_evidence
+from cusick_bench.diagnosis.inference.verdict import single_causes
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.processes import one_thread_each
 
@@ -53,20 +53,23 @@ def calibrate(
         workers: Processes.
         step: Called for every case that was looked at, in both passes.
 
+    Returns:
+        Factor on the noise, and power of the evidences.
+
     Raises:
         DiagnosisError: Too few cases without effect, or too many of them that no noise explains.
     """
     nulls = [captures for captures, truth in cases if truth == NONE]
     if len(nulls) < _LEAST_NULLS:
         raise DiagnosisError(f"calibration needs at least {_LEAST_NULLS} cases without effect, got {len(nulls)}")
-    with _mapping(workers) as over:
+    with parallel_map(workers) as over:
         needed = []
         for rank in over(partial(_needed, emulator=emulator), nulls):
             needed.append(rank)
             step()
-        inflation = _at_level(needed)
-        weighed: list[tuple[Weighed, str]] = []
-        evidence = over(partial(_examined, emulator=emulator, inflation=inflation), [captures for captures, _ in cases])
+        inflation = inflation_at_level(needed)
+        weighed: list[tuple[CauseEvidence, str]] = []
+        evidence = over(partial(_evidence, emulator=emulator, inflation=inflation), [captures for captures, _ in cases])
         for one, (_, truth) in zip(evidence, cases, strict=True):
             weighed.append((one, truth))
             step()
@@ -74,20 +77,30 @@ def calibrate(
     return Calibration(inflation, float(TEMPERINGS[int(np.argmin(scores))]), len(cases))
 
 
-def log_score(weighed: Sequence[tuple[Weighed, str]], tempering: float) -> float:
+def log_score(weighed: Sequence[tuple[CauseEvidence, str]], tempering: float) -> float:
     """Mean surprise at the truth [nat].
 
     Args:
         weighed: Evidence of every case, and what acts there.
         tempering: Power of the evidences.
+
+    Returns:
+        The score; lower is better.
     """
-    found = (single_causes(one.probability(tempering)).get(truth, 0.0) for one, truth in weighed)
-    return float(np.mean([-np.log(max(value, _LEAST_PROBABILITY)) for value in found]))
+    probabilities = (single_causes(one.probability(tempering)).get(truth, 0.0) for one, truth in weighed)
+    return float(np.mean([-np.log(max(value, _LEAST_PROBABILITY)) for value in probabilities]))
 
 
 @contextmanager
-def _mapping(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
-    """`map`, in this process or over several."""
+def parallel_map(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """`map`, in this process or over several.
+
+    Args:
+        workers: Processes.
+
+    Yields:
+        A function that is called like `map`, and gives the same results in the same order.
+    """
     if workers <= 1:
         yield map
         return
@@ -100,26 +113,36 @@ def _needed(captures: Captures, emulator: Emulator) -> int:
     low, high = 0, len(INFLATIONS)
     while low < high:
         middle = (low + high) // 2 if low else 0  # most are quiet at the least
-        if _examined(captures, emulator, float(INFLATIONS[middle])).p > ALPHA:
+        if _evidence(captures, emulator, float(INFLATIONS[middle])).p > ALPHA:
             high = middle
         else:
             low = middle + 1
     return low
 
 
-def _at_level(needed: Sequence[int]) -> float:
-    """The least factor at which, with confidence, no larger share of nulls is detected than the test's level allows."""
+def inflation_at_level(needed: Sequence[int]) -> float:
+    """The least factor at which, with confidence, no larger share of nulls is detected than the test's level allows.
+
+    Args:
+        needed: For each null the place in `INFLATIONS` of the least factor at which it is not detected.
+
+    Returns:
+        The factor.
+
+    Raises:
+        DiagnosisError: Too many nulls are detected at every factor.
+    """
     for place, factor in enumerate(INFLATIONS):
-        detected = sum(own > place for own in needed)
+        detected = sum(rank > place for rank in needed)
         test = binomtest(detected, len(needed), alternative="less")
         if test.proportion_ci(_CONFIDENCE, "exact").high <= ALPHA:
             return float(factor)
-    left = sum(own == len(INFLATIONS) for own in needed)
+    left = sum(rank == len(INFLATIONS) for rank in needed)
     raise DiagnosisError(
         f"noise x {INFLATIONS[-1]:g} still leaves {left} of {len(needed)} cases without effect detected, more than "
         f"the level of {ALPHA:g} allows; give cases without effect, or another atlas"
     )
 
 
-def _examined(captures: Captures, emulator: Emulator, inflation: float) -> Weighed:
-    return examine(captures, emulator, inflation, np.random.default_rng(_SEED)).weighed
+def _evidence(captures: Captures, emulator: Emulator, inflation: float) -> CauseEvidence:
+    return fabric_evidence(captures, emulator, inflation, np.random.default_rng(_SEED)).causes

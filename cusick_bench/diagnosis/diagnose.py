@@ -9,7 +9,6 @@ protocol and the atlas is looked at.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
@@ -17,24 +16,20 @@ from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
-from cusick_bench.diagnosis.inference.equivalents import partners
-from cusick_bench.diagnosis.inference.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate, Grid
-from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, Data, examine
+from cusick_bench.diagnosis.inference.evidence import Candidate, Grid
+from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, SampleStatistics, fabric_evidence
 from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.inference.localise import Place, place
 from cusick_bench.diagnosis.inference.next_measurement import Advice, advise
-from cusick_bench.diagnosis.inference.residual import Residual, base_rows, noise, rows, scatter_of
-from cusick_bench.diagnosis.inference.stepwise import Step, steps
+from cusick_bench.diagnosis.inference.residual import Residual, base_vector, feature_vector, noise, scatter_of
+from cusick_bench.diagnosis.inference.stepwise import Step, forward_selection
+from cusick_bench.diagnosis.inference.verdict import Verdict, named_cause, set90, single_causes, verdict_of
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
 from cusick_bench.sim.setup import Simulators
 
-Verdict = Literal["none", "effect", "ambiguous", "unknown"]
-"""No effect, one (or a pair), one of several, or something that is not on the list."""
-SET_LEVEL = 0.9
-NAMED = 0.6  # from this probability on one effect is named, below several
 _SEED = 20
 
 
@@ -46,7 +41,7 @@ class Options:
         samples: Simulated samples of each model and fold; 0 leaves the simulations, and so gap and closure, out.
         always: Simulate also where no effect shows.
         without: Effects that are not to be considered.
-        seed: Of simulations and tests.
+        seed: Seed of simulations and tests.
     """
 
     samples: int = 24
@@ -57,26 +52,26 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What was found.
+    """Which effects a fabric's drapes show, how surely, and how far they close the gap.
 
     Attributes:
-        fabric: Name.
-        verdict: What was found.
-        p: Of the base model: that so much evidence for anything arises where no effect acts.
+        fabric: Name of the fabric.
+        verdict: No effect, one (or a pair), one of several, or something that is not on the list.
+        p: p-value of the base model: that so much evidence for anything arises where no effect acts.
         probability: Of `none`, every effect, pairs (`a + b`) and `unknown`.
-        set90: Effects, `none` or `unknown` that hold 90 % of it.
-        best: Parameters of every effect at its best, likeliest first.
-        cause: The named one, if any (two for a pair).
-        place: Where it acts.
+        set90: The fewest of effects, `none` and `unknown` that hold 90 % of the probability.
+        best: Every effect at its best parameters, the likeliest first.
+        cause: The named cause, if any (two for a pair).
+        place: Where the named cause acts.
         advice: What to measure next.
-        residual: What the base model leaves.
-        features: Of the data.
+        residual: What the best base model leaves of the data's features.
+        features: Features of the data.
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
         steps: Causes taken off one after the other, until no further one shows.
-        simulated: Gap, and closure by the cause; None where nothing was simulated.
-        together: The same by all steps; None where they are the named cause, or nothing was simulated.
+        simulated: Gap, and closure by the named cause; None where nothing was simulated.
+        together: Gap, and closure by all steps; None where they are the named cause, or nothing was simulated.
     """
 
     fabric: str
@@ -117,10 +112,13 @@ def diagnose(
     Args:
         captures: Its silhouettes.
         emulator: The atlas.
-        calibration: Of the probabilities; theory by default.
-        options: How.
+        calibration: Calibration of the probabilities; theory by default.
+        options: How to diagnose.
         simulators: Kept from fabric to fabric.
         progress: Told what is being done, and the share that is over.
+
+    Returns:
+        The diagnosis.
 
     Raises:
         DiagnosisError: Another geometry than the atlas', or no usable drape.
@@ -128,101 +126,61 @@ def diagnose(
     calibrated, chosen = calibration or Calibration(), options or Options()
     generator = np.random.default_rng([_SEED, chosen.seed])
     progress("statistics, base model, evidence", 0.0)
-    seen = examine(captures, emulator, calibrated.inflation, generator, without=chosen.without)
-    data, found, residual, made, weighed = seen.data, seen.features, seen.residual, seen.grids, seen.weighed
-    notes, p = list(seen.notes), weighed.p
-    probability = weighed.probability(calibrated.tempering)
-    best = sorted(weighed.best.values(), key=lambda one: -probability[one.hypothesis.name])
-    verdict, named = _verdict(p, probability)
-    cause = _named(named, best, weighed.together, single_causes(probability))
+    evidence = fabric_evidence(captures, emulator, calibrated.inflation, generator, without=chosen.without)
+    samples, residual, grids, p = evidence.samples, evidence.residual, evidence.grids, evidence.causes.p
+    notes = list(evidence.notes)
+    probability = evidence.causes.probability(calibrated.tempering)
+    single = single_causes(probability)
+    best = sorted(evidence.causes.best.values(), key=lambda one: -probability[one.hypothesis.name])
+    verdict, leading = verdict_of(p, probability)
+    cause = named_cause(leading, best, evidence.causes.together, single)
     drifting = any(acts_later(one.hypothesis.effect) for one in cause)
     if drifting:
         notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
-    spot = place(cause[0] if len(cause) == 1 else None, residual.white, made)
-    advice = advise(single_causes(probability))
-    taken = tuple(steps(residual.white, made)) if p <= ALPHA else ()
+    selected = tuple(forward_selection(residual.white, grids)) if p <= ALPHA else ()
     simulated: list[Closure] = []
     if chosen.samples and (cause or chosen.always):
         alternatives = [() if drifting else cause]
-        if chosen.always and len(taken) > len(cause):
-            alternatives.append(tuple(step.candidate for step in taken))
+        if chosen.always and len(selected) > len(cause):
+            alternatives.append(tuple(step.candidate for step in selected))
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
         simulated = closures(
-            emulator, data, residual, alternatives, draping, progress=lambda share: progress("simulating", share)
+            emulator, samples, residual, alternatives, draping, progress=lambda share: progress("simulating", share)
         )
     progress("done", 1.0)
     return Diagnosis(
-        captures.fabric, verdict, p, probability, set90(single_causes(probability)), tuple(best), cause, spot, advice,
-        residual, found, _baselines(emulator, found, data, residual, made), tuple(notes), chosen.without, taken,
-        *simulated,
-    )  # fmt: skip
-
-
-def single_causes(probability: Mapping[str, float]) -> dict[str, float]:
-    """A pair's probability given to its likelier half, so that all add up to 1."""
-    single = {name: value for name, value in probability.items() if " + " not in name}
-    for name, value in probability.items():
-        if " + " in name:
-            leading = max(name.split(" + "), key=lambda part: single.get(part, 0.0))
-            single[leading] = single.get(leading, 0.0) + value
-    return single
-
-
-def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
-    """The fewest causes that hold 90 % of the probability."""
-    names: list[str] = []
-    for name in sorted(probability, key=lambda n: -probability[n]):
-        names.append(name)
-        if sum(probability[n] for n in names) >= SET_LEVEL:
-            break
-    return tuple(names)
-
-
-def _verdict(p: float, probability: Mapping[str, float]) -> tuple[Verdict, str]:
-    """Verdict and the name of the cause or pair, if one is named.
-
-    None is named while the 90 % set also holds one that no silhouette tells from it.
-    """
-    if p > ALPHA:
-        return NONE, ""
-    acting = {name: value for name, value in probability.items() if name not in (NONE, DENSITY_BIAS)}
-    single = single_causes(acting)
-    total = sum(acting.values())
-    if acting[UNKNOWN] >= 0.5 * total or len(acting) == 1:
-        return UNKNOWN, ""
-    top = max((name for name in single if name != UNKNOWN), key=lambda name: single[name])
-    if single[top] < NAMED * total or partners(top, set90(single_causes(probability))):
-        return "ambiguous", top
-    with_top = [top, *(name for name in acting if top in name.split(" + ") and name != top)]
-    return "effect", max(with_top, key=lambda name: acting[name])
-
-
-def _named(
-    name: str,
-    best: Sequence[Candidate],
-    together: Mapping[str, tuple[Candidate, Candidate]],
-    single: Mapping[str, float],
-) -> tuple[Candidate, ...]:
-    """The named cause at its best; of a pair the half first that its probability is given to."""
-    if not name:
-        return ()
-    if name in together:
-        return tuple(sorted(together[name], key=lambda one: -single.get(one.hypothesis.name, 0.0)))
-    return tuple(one for one in best if one.hypothesis.name == name)[:1]
+        fabric=captures.fabric,
+        verdict=verdict,
+        p=p,
+        probability=probability,
+        set90=set90(single),
+        best=tuple(best),
+        cause=cause,
+        place=place(cause[0] if len(cause) == 1 else None, residual.white, grids),
+        advice=advise(single),
+        residual=residual,
+        features=evidence.features,
+        baselines=_baselines(emulator, evidence.features, samples, residual, grids),
+        notes=tuple(notes),
+        without=chosen.without,
+        steps=selected,
+        simulated=simulated[0] if simulated else None,
+        together=simulated[1] if len(simulated) > 1 else None,
+    )
 
 
 def _baselines(
-    emulator: Emulator, found: Features, data: Data, residual: Residual, made: Sequence[Grid]
+    emulator: Emulator, features: Features, samples: SampleStatistics, residual: Residual, grids: Sequence[Grid]
 ) -> dict[str, dict[str, float]]:
     """Simpler methods, on data minus the best base model as it stands."""
-    own = noise(emulator, residual.theta, found, scatter_of(data.specimens))
-    scale = np.sqrt(np.diag(own.covariance))[residual.kept]
-    value = (rows(found, own.sd) - base_rows(emulator, residual.theta, own.sd))[residual.kept] / scale
+    unprojected = noise(emulator, residual.theta, features, scatter_of(samples.specimens))
+    sd, kept = unprojected.sd, residual.kept
+    scale = np.sqrt(np.diag(unprojected.covariance))[kept]
+    value = (feature_vector(features, sd) - base_vector(emulator, residual.theta, sd))[kept] / scale
     moved = [
-        shifts(emulator, grid.hypothesis, residual.theta, own.sd, data.later).rows[:, residual.kept] / scale
-        for grid in made
+        shifts(emulator, grid.hypothesis, residual.theta, sd, samples.later).features[:, kept] / scale for grid in grids
     ]
     return {
-        "largest-marginal-score": largest_marginal_score(value, made, moved),
-        "lasso-without-projection": lasso_without_projection(value, made, moved),
+        "largest-marginal-score": largest_marginal_score(value, grids, moved),
+        "lasso-without-projection": lasso_without_projection(value, grids, moved),
     }

@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.atlas.observation import silhouette
 from cusick_bench.diagnosis.atlas.points import point_file, read_point, read_points
 from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, save
-from cusick_bench.diagnosis.diagnose import Options, _named, _verdict, diagnose, set90, single_causes
+from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DataCounts
@@ -28,9 +28,9 @@ from cusick_bench.diagnosis.inference.evidence import (
     Candidate,
     by_effect,
     candidates,
+    detectable_grids,
     detection_p_value,
     detection_statistic,
-    grids,
     posterior,
     unknown_evidence,
 )
@@ -38,9 +38,10 @@ from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.localise import place
 from cusick_bench.diagnosis.inference.next_measurement import advise
 from cusick_bench.diagnosis.inference.pairs import pairs
-from cusick_bench.diagnosis.inference.power import _expected, detectable_at
+from cusick_bench.diagnosis.inference.power import detectable_at, expected_features
 from cusick_bench.diagnosis.inference.residual import Residual, against_base
-from cusick_bench.diagnosis.inference.stepwise import steps
+from cusick_bench.diagnosis.inference.stepwise import forward_selection
+from cusick_bench.diagnosis.inference.verdict import named_cause, set90, single_causes, verdict_of
 from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import SPREADS, Features, features
 from cusick_bench.diagnosis.measure.gap import Fold, Gap, gap
@@ -149,13 +150,13 @@ def test_detection_holds_its_level(emulator: Emulator) -> None:
     """Over all causes together, on fabrics whose scatter is the atlas' own."""
     generator = np.random.default_rng(4)
     fabric = residual_of(emulator, *drawn_fabric(emulator, generator))
-    made = grids(emulator, fabric)
+    made = detectable_grids(emulator, fabric)
     null = detection_statistic(generator.standard_normal((400, len(fabric.white))), made)
     limit = np.quantile(null, 0.95)
     alarms = 0
     for _ in range(40):
         residual = residual_of(emulator, *drawn_fabric(emulator, generator))
-        alarms += detection_statistic(residual.white[None], grids(emulator, residual))[0] > limit
+        alarms += detection_statistic(residual.white[None], detectable_grids(emulator, residual))[0] > limit
     assert alarms <= 6  # of 40; twice the level and more would show
 
 
@@ -169,9 +170,9 @@ def test_planted_shift_is_named(emulator: Emulator, detectable: dict[str, float]
     hypothesis = next(one for one in hypotheses(emulator) if one.name == name)
     value = {p.name: np.array([p.default]) for p in hypothesis.effect.parameters}
     value[hypothesis.effect.severity.name] = np.array([min(strength, hypothesis.effect.severity.high)])
-    moved = shifts(emulator, hypothesis, THETA, emulator.sd(THETA), 0.5, value).rows[0]
+    moved = shifts(emulator, hypothesis, THETA, emulator.sd(THETA), 0.5, value).features[0]
     residual = residual_of(emulator, *drawn_fabric(emulator, generator, shift=moved))
-    made = grids(emulator, residual)
+    made = detectable_grids(emulator, residual)
     assert detection_p_value(residual, made, generator) < 0.05
     probability = posterior(by_effect(candidates(residual.white, made)), unknown_evidence(residual.white, made))
     alike = {
@@ -184,9 +185,9 @@ def test_planted_shift_is_named(emulator: Emulator, detectable: dict[str, float]
 def test_what_a_stiffer_cloth_explains_is_not_detectable(emulator: Emulator, detectable: dict[str, float]) -> None:
     """Friction that moves the drape far beyond the noise, but nearly as stiffness does, needs more than that."""
     hypothesis = next(one for one in hypotheses(emulator) if one.name == "bending-friction")
-    seen = against_base(emulator, _expected(emulator, THETA, 12), start=THETA, fixed=True)
+    seen = against_base(emulator, expected_features(emulator, THETA, 12), start=THETA, fixed=True)
     value = {"ratio": np.array([detectable["bending-friction"]])}
-    moved = shifts(emulator, hypothesis, THETA, seen.sd, seen.drift, value).rows
+    moved = shifts(emulator, hypothesis, THETA, seen.sd, seen.drift, value).features
     means = np.linalg.norm(moved[0, : 2 * len(NAMES)] * np.sqrt(12))
     assert means > 8 * np.linalg.norm(seen.whiten(moved))  # most of the shift is the base parameters' own
 
@@ -202,7 +203,7 @@ def test_limp_cloth_answers_as_its_simulation_does(emulator: Emulator) -> None:
         acts, base = simulate(theta, (cause,), 8, (3,), drift=1.0), simulate(theta, (), 8, (3,), drift=1.0)
         made = np.nanmean(acts.specimens - base.specimens, axis=0) / emulator.sd(theta)
         given = {key: np.array([number]) for key, number in value.items()}
-        moved = shifts(emulator, hypothesis, theta, emulator.sd(theta), 1.0, given).rows[0, : made.size]
+        moved = shifts(emulator, hypothesis, theta, emulator.sd(theta), 1.0, given).features[0, : made.size]
         size = list(GROUPS["size"])
         assert moved.reshape(made.shape)[:, size] == pytest.approx(made[:, size], rel=0.5), name
 
@@ -212,7 +213,7 @@ def test_shift_outside_of_the_list_is_unknown(emulator: Emulator) -> None:
     residual = residual_of(emulator, *drawn_fabric(emulator, generator))
     odd = generator.standard_normal(len(residual.white))
     residual = replace(residual, white=residual.white + 25 * odd / np.linalg.norm(odd))
-    made = grids(emulator, residual)
+    made = detectable_grids(emulator, residual)
     probability = posterior(by_effect(candidates(residual.white, made)), unknown_evidence(residual.white, made))
     assert probability[UNKNOWN] > 0.5
 
@@ -232,9 +233,11 @@ def test_direction_turns_the_shift(emulator: Emulator) -> None:
     value = {"shift": np.array([3e-3]), "direction": np.array([40.0])}
     sd = np.ones(len(NAMES))
     lab = (
-        shifts(emulator, found["camera-offset", "lab"], THETA, sd, 0.5, value).rows[0][: 2 * len(NAMES)].reshape(2, -1)
+        shifts(emulator, found["camera-offset", "lab"], THETA, sd, 0.5, value)
+        .features[0][: 2 * len(NAMES)]
+        .reshape(2, -1)
     )
-    fixed = shifts(emulator, found["camera-offset", "cloth"], THETA, sd, 0.5, value).rows[0]
+    fixed = shifts(emulator, found["camera-offset", "cloth"], THETA, sd, 0.5, value).features[0]
     up, down = fixed[: 2 * len(NAMES)].reshape(2, -1)
     np.testing.assert_allclose(up, down)
     np.testing.assert_allclose(lab[0], up)
@@ -256,9 +259,9 @@ def test_patch_is_found_where_it_is(emulator: Emulator) -> None:
         "radius": np.array([0.13]),
         "size": np.array([0.02]),
     }
-    moved = shifts(emulator, hypothesis, THETA, emulator.sd(THETA), 0.5, value).rows[0]
+    moved = shifts(emulator, hypothesis, THETA, emulator.sd(THETA), 0.5, value).features[0]
     residual = residual_of(emulator, *drawn_fabric(emulator, generator, shift=moved))
-    made = grids(emulator, residual)
+    made = detectable_grids(emulator, residual)
     best = next(one for one in candidates(residual.white, made) if one.hypothesis.name == "local-mass-patch")
     spot = place(best, residual.white, made)
     assert spot.map.shape == (4, 16)
@@ -407,7 +410,7 @@ def test_simulated_cause_moves_what_the_atlas_says(emulator: Emulator, one_threa
     scaled = simulate(THETA, (cause,), 2, (1,), model=model).specimens
     radius = NAMES.index("mean_radius")
     np.testing.assert_allclose(scaled[..., radius], 1.05 * plain[..., radius], rtol=1e-6)
-    moved = shifts(emulator, hypothesis, THETA, np.ones(len(NAMES)), 0.5, {"error": np.array([0.05])}).rows[0]
+    moved = shifts(emulator, hypothesis, THETA, np.ones(len(NAMES)), 0.5, {"error": np.array([0.05])}).features[0]
     assert moved[radius] == pytest.approx(0.05 * plain[..., radius].mean(), rel=0.15)
 
 
@@ -492,7 +495,7 @@ def test_a_pair_is_proposed_and_weighed(emulator: Emulator) -> None:
     """Two strong shifts at once: the pair's evidence beats either alone."""
     generator = np.random.default_rng(15)
     residual = residual_of(emulator, *drawn_fabric(emulator, generator))
-    made = grids(emulator, residual)
+    made = detectable_grids(emulator, residual)
     chosen = {}
     for name in ("camera-offset", "face-asymmetry"):
         grid = next(one for one in made if one.hypothesis.name == name)
@@ -511,9 +514,12 @@ def test_no_step_leaves_more_than_it_takes(emulator: Emulator) -> None:
     """What no effect explains, on limp cloth where shifts are extrapolated: few steps, and the misfit only falls."""
     theta = THETA.copy()
     theta[0] = LOW[0]
-    residual = against_base(emulator, _expected(emulator, theta, 12), start=theta, fixed=True)
+    residual = against_base(emulator, expected_features(emulator, theta, 12), start=theta, fixed=True)
     white = 2.0 * np.random.default_rng(18).standard_normal(len(residual.white))
-    misfits = [float(white @ white) / len(white), *(step.misfit for step in steps(white, grids(emulator, residual)))]
+    misfits = [
+        float(white @ white) / len(white),
+        *(step.misfit for step in forward_selection(white, detectable_grids(emulator, residual))),
+    ]
     assert all(after < before for before, after in pairwise(misfits))
 
 
@@ -521,12 +527,12 @@ def test_a_named_pair_holds_the_likeliest_cause_and_leads_with_it() -> None:
     """The largest entry may be a pair without it: two pairs share the cause, neither is as likely as a third."""
     probability = {NONE: 0.02, UNKNOWN: 0.02, "creep": 0.16, "threshold": 0.01, "perspective": 0.02}
     probability |= {"creep + threshold": 0.25, "creep + perspective": 0.22, "threshold + perspective": 0.3}
-    verdict, name = _verdict(0.01, probability)
+    verdict, name = verdict_of(0.01, probability)
     assert single_causes(probability)["creep"] == pytest.approx(0.63)
     assert (verdict, name) == ("effect", "creep + threshold")
     by_name = {one.name: one for one in hypotheses(load()[0])}
     halves = tuple(Candidate(by_name[name], {}, 0.0, 0.0, 0.0) for name in ("threshold", "creep"))
-    named = _named(name, [], {name: halves}, single_causes(probability))
+    named = named_cause(name, [], {name: halves}, single_causes(probability))
     assert [one.hypothesis.name for one in named] == ["creep", "threshold"]
 
 
@@ -542,8 +548,8 @@ def test_a_cause_is_not_named_beside_one_that_silhouettes_do_not_tell_from_it(
     other: str, share: float, verdict: str
 ) -> None:
     probability = {NONE: 0.0, UNKNOWN: 0.04, "cut-size": 0.96 - share, other: share}
-    assert _verdict(0.01, probability) == (verdict, "cut-size")
-    assert _verdict(0.5, probability) == (NONE, "")
+    assert verdict_of(0.01, probability) == (verdict, "cut-size")
+    assert verdict_of(0.5, probability) == (NONE, "")
 
 
 def test_an_ambiguous_headline_says_what_else_it_may_be(emulator: Emulator) -> None:
@@ -572,7 +578,7 @@ def test_an_unknown_headline_says_what_its_parts_close(emulator: Emulator) -> No
 def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:
     generator = np.random.default_rng(16)
     residual = residual_of(emulator, *drawn_fabric(emulator, generator))
-    made = grids(emulator, residual)
+    made = detectable_grids(emulator, residual)
     grid = next(one for one in made if one.hypothesis.name == "face-asymmetry")
     shift = grid.shift[int(np.argmax(np.linalg.norm(grid.shift, axis=1)))]
     moved = [one.shift for one in made]
@@ -586,13 +592,13 @@ def test_simpler_methods_name_what_is_plain(emulator: Emulator) -> None:
 def test_steps_take_off_what_is_there_and_stop(emulator: Emulator) -> None:
     generator = np.random.default_rng(17)
     residual = residual_of(emulator, *drawn_fabric(emulator, generator))
-    made = grids(emulator, residual)
-    assert steps(generator.standard_normal(len(residual.white)), made) == []
+    made = detectable_grids(emulator, residual)
+    assert forward_selection(generator.standard_normal(len(residual.white)), made) == []
     white, names = generator.standard_normal(len(residual.white)), ("camera-offset", "creep", "face-asymmetry")
     for name in names:
         grid = next(one for one in made if one.hypothesis.name == name)
         white = white + grid.shift[int(np.argmin(np.abs(np.linalg.norm(grid.shift, axis=1) - 14)))]
-    found = steps(white, made)
+    found = forward_selection(white, made)
     taken = {step.candidate.hypothesis.name for step in found}
     assert taken >= {"creep", "face-asymmetry"}
     assert taken & {

@@ -1,6 +1,7 @@
 """What keeps a diagnosis honest: noise and trust learned from known cases, what cannot be seen, what is in no list."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,20 +12,20 @@ from cusick_bench.diagnosis import calibrate as module
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load
-from cusick_bench.diagnosis.calibrate import calibrate, log_score
+from cusick_bench.diagnosis.calibrate import INFLATIONS, calibrate, inflation_at_level, log_score, parallel_map
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.evidence import (
     LEAST_SIZE,
     NONE,
     UNKNOWN,
+    detectable_grids,
     grid_at,
-    grids,
     posterior,
     unknown_evidence,
 )
-from cusick_bench.diagnosis.inference.fabric_evidence import Weighed
+from cusick_bench.diagnosis.inference.fabric_evidence import CauseEvidence
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
-from cusick_bench.diagnosis.inference.power import _expected
+from cusick_bench.diagnosis.inference.power import expected_features
 from cusick_bench.diagnosis.inference.residual import Residual, against_base
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.sim.effects import registered
@@ -39,13 +40,13 @@ def fabric(emulator: Emulator, bending: float) -> Residual:
     """A fabric that is what the atlas expects."""
     theta = PRIOR_MEAN.copy()
     theta[0] = bending
-    return against_base(emulator, _expected(emulator, theta, 12), start=theta, fixed=True)
+    return against_base(emulator, expected_features(emulator, theta, 12), start=theta, fixed=True)
 
 
-def weighed(generator: np.random.Generator, power: float) -> tuple[Weighed, str]:
+def weighed(generator: np.random.Generator, power: float) -> tuple[CauseEvidence, str]:
     """Evidences, and a truth that is drawn from the probabilities they make with a power."""
     effects = {name: float(generator.normal(0, 4)) for name in ("creep", "threshold", "plate-tilt")}
-    one = Weighed(0.01, effects, float(generator.normal(-2, 2)), {})
+    one = CauseEvidence(0.01, effects, float(generator.normal(-2, 2)), {})
     probability = one.probability(power)
     return one, str(generator.choice(list(probability), p=list(probability.values())))
 
@@ -58,12 +59,12 @@ def test_calibration_finds_the_noise_and_the_power_that_made_the_cases(monkeypat
     for i in list(limits)[: int(0.3 * len(limits))]:
         limits[i] = 1.25  # three in ten need as much
 
-    def examined(captures: int, emulator: None, inflation: float) -> Weighed:
+    def evidence(captures: int, emulator: None, inflation: float, generator: np.random.Generator) -> SimpleNamespace:
         one = cases[captures][0]
         p = 0.5 if inflation > limits.get(captures, 0.0) - 1e-9 else 0.01
-        return Weighed(p, one.effects, one.unknown, one.best)
+        return SimpleNamespace(causes=CauseEvidence(p, one.effects, one.unknown, one.best))
 
-    monkeypatch.setattr(module, "_examined", examined)
+    monkeypatch.setattr(module, "fabric_evidence", evidence)
     found = calibrate([(i, truth) for i, (_, truth) in enumerate(cases)], None)  # pyright: ignore[reportArgumentType]
     assert found.inflation == pytest.approx(1.25)
     assert found.tempering == pytest.approx(0.5, abs=0.11)
@@ -75,17 +76,17 @@ def test_calibration_finds_the_noise_and_the_power_that_made_the_cases(monkeypat
 def test_the_level_holds_with_confidence(detected: int, place: int) -> None:
     """Of 240 nulls 12 are the level; 6 are the most of which the upper bound of 95 % lies below it."""
     needed = [1] * detected + [0] * (240 - detected)
-    assert module._at_level(needed) == module.INFLATIONS[place]
+    assert inflation_at_level(needed) == INFLATIONS[place]
 
 
 def test_nulls_that_no_noise_explains_are_refused() -> None:
     with pytest.raises(DiagnosisError, match="60 of 240 cases without effect"):
-        module._at_level([len(module.INFLATIONS)] * 60 + [0] * 180)
+        inflation_at_level([len(INFLATIONS)] * 60 + [0] * 180)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_processes_give_the_same_in_the_same_order(workers: int) -> None:
-    with module._mapping(workers) as over:
+    with parallel_map(workers) as over:
         assert list(over(abs, range(-9, 9))) == [abs(number) for number in range(-9, 9)]
 
 
@@ -102,7 +103,7 @@ def test_calibration_without_nulls_is_refused() -> None:
 
 def test_effects_too_weak_to_see_take_no_part(emulator: Emulator) -> None:
     """A limp cloth hides the turn of its grain, which it does not have; a stiff one shows more of everything."""
-    limp, stiff = (grids(emulator, fabric(emulator, level)) for level in (-9.0, -4.8))
+    limp, stiff = (detectable_grids(emulator, fabric(emulator, level)) for level in (-9.0, -4.8))
     names = [{grid.hypothesis.name for grid in made} for made in (limp, stiff)]
     assert len(names[0]) < len(names[1])
     for grid in (*limp, *stiff):
@@ -124,7 +125,7 @@ def test_what_undetectable_effects_leave_goes_to_none() -> None:
 def test_unknown_expects_what_effects_move_together(emulator: Emulator) -> None:
     """A shift between two effects is likelier to come from an unlisted one than a shift in any direction."""
     residual = fabric(emulator, -6.0)
-    made = grids(emulator, residual)
+    made = detectable_grids(emulator, residual)
     by_name = {grid.hypothesis.name: grid for grid in made}
     halves = []
     for name in ("perspective", "camera-offset"):

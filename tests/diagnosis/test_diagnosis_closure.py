@@ -9,7 +9,7 @@ from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load
 from cusick_bench.diagnosis.inference.evidence import Candidate
-from cusick_bench.diagnosis.inference.fabric_evidence import Data
+from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.inference.residual import against_base, scatter_of
 from cusick_bench.diagnosis.measure.gap import fit_of
@@ -37,7 +37,7 @@ def drawn(
     moved = np.tile(error, 2)
     for one in causes:
         point = {name: np.array([value]) for name, value in one.value.items()}
-        moved = moved + shifts(emulator, one.hypothesis, theta, sd, 0.5, point).rows[0][: 2 * len(NAMES)]
+        moved = moved + shifts(emulator, one.hypothesis, theta, sd, 0.5, point).features[0][: 2 * len(NAMES)]
     return emulator.mean(theta) + ((noise + moved) * np.tile(sd, 2)).reshape(count, 2, -1)
 
 
@@ -54,12 +54,12 @@ def hypothesis_of(emulator: Emulator, name: str) -> Hypothesis:
     return next(one for one in hypotheses(emulator) if one.name == name)
 
 
-def fabric(emulator: Emulator, causes: Sequence[Candidate], error: np.ndarray) -> Data:
+def fabric(emulator: Emulator, causes: Sequence[Candidate], error: np.ndarray) -> SampleStatistics:
     specimens = drawn(emulator, THETA, causes, 60, 77, error)
-    return Data(specimens, np.full((60, len(NAMES)), np.nan), 0.5)
+    return SampleStatistics(specimens, np.full((60, len(NAMES)), np.nan), 0.5)
 
 
-def residual_of(emulator: Emulator, data: Data):
+def residual_of(emulator: Emulator, data: SampleStatistics):
     return against_base(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
 
 

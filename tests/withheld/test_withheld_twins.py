@@ -12,7 +12,7 @@ from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options
-from cusick_bench.diagnosis.inference.fabric_evidence import Data, data_of
+from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.power import NEEDED
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, scatter_of
@@ -40,37 +40,37 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def plain(folder: Path) -> Data:
+def plain(folder: Path) -> SampleStatistics:
     labels = json.loads((folder / "labels" / "labels.json").read_text())
     name = next(case for case, label in labels.items() if label["kind"] == "null")
-    return data_of(case_captures(folder / "cases" / name))
+    return sample_statistics(case_captures(folder / "cases" / name))
 
 
 @pytest.fixture(scope="module")
-def residual(plain: Data) -> Residual:
+def residual(plain: SampleStatistics) -> Residual:
     emulator, calibration = load_atlas(SHIPPED)
     found = against_base(emulator, plain.features(), scatter=scatter_of(plain.specimens), drift=plain.later)
     return inflated(found, calibration.inflation)
 
 
-def scaled(plain: Data, residual: Residual, size: float) -> Data:
+def scaled(plain: SampleStatistics, residual: Residual, size: float) -> SampleStatistics:
     """The same fabric with what the atlas expects of a wrong camera scale, on both faces, |d| being `size`."""
     emulator, _ = load_atlas(SHIPPED)
     hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
     value = {name: np.array([0.02 if name == "error" else column[0]]) for name, column in hypothesis.values.items()}
-    row = shifts(emulator, hypothesis, residual.theta, residual.sd, plain.later, value).rows
+    row = shifts(emulator, hypothesis, residual.theta, residual.sd, plain.later, value).features
     row[:, 2 * len(NAMES) :] = 0.0
     row *= size / np.linalg.norm(residual.whiten(row))
     moved = (row[0, : 2 * len(NAMES)].reshape(2, -1)) * residual.sd
-    return Data(plain.specimens + moved, plain.drift, plain.later)
+    return SampleStatistics(plain.specimens + moved, plain.drift, plain.later)
 
 
 class TestCompare:
-    def test_a_case_is_its_own_twin(self, plain: Data):
+    def test_a_case_is_its_own_twin(self, plain: SampleStatistics):
         assert compare(plain, plain, SHIPPED, ("creep",)) == Shown(0.0, "", 0.0)
 
     @pytest.mark.parametrize("size", [4.0, 10.0])
-    def test_a_known_shift_has_its_size_and_its_name(self, plain: Data, residual: Residual, size: float):
+    def test_a_known_shift_has_its_size_and_its_name(self, plain: SampleStatistics, residual: Residual, size: float):
         found = compare(scaled(plain, residual, size), plain, SHIPPED, ())
         assert found.shift == pytest.approx(size, rel=0.3)
         assert found.shift <= size + 1e-6, "base parameters may take some of it up, but add nothing"
@@ -79,17 +79,17 @@ class TestCompare:
         assert found.multiple == pytest.approx(found.shift / NEEDED)
         assert found.unlike < 0.35 * found.multiple
 
-    def test_what_acts_is_not_compared_with(self, plain: Data, residual: Residual):
+    def test_what_acts_is_not_compared_with(self, plain: SampleStatistics, residual: Residual):
         found = compare(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
         assert found.nearest not in SIZES
 
-    def test_chance_is_taken_off(self, plain: Data):
+    def test_chance_is_taken_off(self, plain: SampleStatistics):
         """Drapes that fell into other folds: no mean shift, but a large difference."""
         sizes = []
         for seed in range(5):
             sign = np.random.default_rng(seed).choice([-1.0, 1.0], size=(len(plain.specimens), 2, 1))
             other = plain.specimens + 0.5 * sign * plain.specimens.std(0)
-            sizes.append(compare(Data(other, plain.drift, plain.later), plain, SHIPPED, ()).multiple)
+            sizes.append(compare(SampleStatistics(other, plain.drift, plain.later), plain, SHIPPED, ()).multiple)
         assert np.median(sizes) < 1
 
 

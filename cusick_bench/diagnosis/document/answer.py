@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cusick_bench.diagnosis.diagnose import Verdict
 from cusick_bench.diagnosis.document.part import Interval, Map, Part, Probability
+from cusick_bench.diagnosis.inference.verdict import Verdict
 
 
 class StatedCause(Part):

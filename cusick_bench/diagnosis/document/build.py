@@ -7,7 +7,7 @@ import numpy as np
 
 from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.diagnose import Diagnosis, single_causes
+from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document import model
 from cusick_bench.diagnosis.document.answer import Answer
@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.document.part import Interval
 from cusick_bench.diagnosis.document.statistic_rows import finite, statistic_rows
 from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.inference.verdict import single_causes
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.samples import Simulated

@@ -11,10 +11,10 @@ from typing import Literal, Self
 
 from pydantic import Field
 
-from cusick_bench.diagnosis.diagnose import Verdict
 from cusick_bench.diagnosis.document.answer import Baseline, Closure, Location, NextMeasurement, StatedGap
 from cusick_bench.diagnosis.document.part import Interval, Part, Probability
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.verdict import Verdict
 from cusick_bench.runner.store import write_atomically
 
 

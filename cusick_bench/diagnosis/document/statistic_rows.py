@@ -69,7 +69,7 @@ def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, 
     if len(diagnosis.cause) == 1:
         one = diagnosis.cause[0]
         point = {name: np.array([value]) for name, value in one.value.items()}
-        row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).rows[0]
+        row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).features[0]
         moved = row[: 2 * len(NAMES)].reshape(2, -1).mean(0) * residual.sd
     return base, base + moved, 0
 

@@ -27,6 +27,9 @@ def largest_marginal_score(
         value: Data minus base, in sampling standard deviations, not projected.
         grids: All hypotheses.
         shifts: Of `value`, by hypothesis.
+
+    Returns:
+        By effect, the largest first.
     """
     scores: dict[str, float] = {}
     for grid, moved in zip(grids, shifts, strict=True):
@@ -43,7 +46,16 @@ def largest_marginal_score(
 def lasso_without_projection(
     value: Float[ndarray, "kept"], grids: Sequence[Grid], shifts: Sequence[Float[ndarray, "points kept"]]
 ) -> dict[str, float]:
-    """Normalised coefficients of a lasso; empty where none is active."""
+    """Normalised coefficients of a lasso; empty where none is active.
+
+    Args:
+        value: Data minus base, in sampling standard deviations, not projected.
+        grids: All hypotheses.
+        shifts: Of `value`, by hypothesis.
+
+    Returns:
+        By effect, the largest first.
+    """
     import cvxpy as cp  # slow to import
 
     if not grids:

@@ -38,6 +38,14 @@ ABSORBED = Equivalents(
 
 
 def partners(effect: str, named: Collection[str]) -> frozenset[str]:
-    """Those of some causes that silhouettes do not tell from an effect, without itself."""
+    """Those of some causes that silhouettes do not tell from an effect.
+
+    Args:
+        effect: The effect.
+        named: The causes.
+
+    Returns:
+        Their names, without that of the effect.
+    """
     alike = frozenset[str]().union(*(group.effects for group in EQUIVALENTS if effect in group.effects))
     return (alike - {effect}) & frozenset(named)

@@ -39,9 +39,9 @@ class Hypothesis:
     """An effect and the frame that its direction keeps to.
 
     Attributes:
-        effect: Which.
-        frame: Frame of its direction; "" if it has none.
-        prior: Its share of the effect's prior.
+        effect: The effect.
+        frame: Frame that its direction keeps to; "" if it has none.
+        prior: Share of the effect's prior.
     """
 
     effect: Effect
@@ -50,7 +50,7 @@ class Hypothesis:
 
     @property
     def name(self) -> str:
-        """Of the effect."""
+        """Name of the effect."""
         return self.effect.name
 
     @cached_property
@@ -88,19 +88,26 @@ class Hypothesis:
 
 
 def hypotheses(emulator: Emulator) -> list[Hypothesis]:
-    """All that can be told from the base model: effects in the atlas, and the turn of the grain."""
-    found = []
+    """All that can be told from the base model: effects in the atlas, and the turn of the grain.
+
+    Args:
+        emulator: The atlas.
+
+    Returns:
+        Effects with their frames; one that acts in the laboratory's frame may also keep to the cloth's.
+    """
+    listed = []
     for name, effect in registered().items():
         if name not in emulator.responses and name != GRAIN:
             continue
         if effect.located == "direction":
             expected: Frame = "lab" if in_lab(effect) else "cloth"
-            found.append(Hypothesis(effect, expected, 1 - _OTHER_FRAME if expected == "lab" else 1.0))
+            listed.append(Hypothesis(effect, expected, 1 - _OTHER_FRAME if expected == "lab" else 1.0))
             if expected == "lab":
-                found.append(Hypothesis(effect, "cloth", _OTHER_FRAME))
+                listed.append(Hypothesis(effect, "cloth", _OTHER_FRAME))
         else:
-            found.append(Hypothesis(effect, "cloth" if effect.located == "patch" else "", 1.0))
-    return found
+            listed.append(Hypothesis(effect, "cloth" if effect.located == "patch" else "", 1.0))
+    return listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +115,11 @@ class Shifts:
     """How much the features shift, at every value of a grid.
 
     Attributes:
-        rows: In the order of `residual.rows`, in sd.
-        variance: Mean variance of the rows of the means, from the atlas' finite number of points.
+        features: Shift of every feature, in the order of `residual.feature_vector` [sd].
+        variance: Mean variance of the shifts of the means, from the atlas' finite number of points.
     """
 
-    rows: Float[ndarray, "values rows"]
+    features: Float[ndarray, "values rows"]
     variance: Float[ndarray, "values"]
 
 
@@ -133,6 +140,9 @@ def shifts(
         sd: Unit of the rows [each statistic's unit].
         drift: Share of each face's captures that are later ones.
         values: Parameters by name, all of one length; by default the hypothesis' grid.
+
+    Returns:
+        Shifts at every value.
     """
     given = hypothesis.values if values is None else values
     effect = hypothesis.effect
@@ -146,12 +156,12 @@ def shifts(
     response = emulator.responses[hypothesis.name]
     at = np.tile(theta, (len(severity), 1))
     place = scaled_place(effect, given)
-    own = emulator.sd(theta)
+    scatter = emulator.sd(theta)
     faces, variance = [], np.zeros(len(severity))
     for face in (0, 1):
         signed = -severity if face and effect.face_odd else severity
         moved, doubt = response.shift(at, signed, place)
-        moved = moved * own
+        moved = moved * scatter
         variance += doubt.mean(1) / 2
         angle = _angle(hypothesis, given, face)
         faces.append((moved if angle is None else rotated(moved, angle)) / sd)

@@ -50,6 +50,9 @@ def patch_map(white: Float[ndarray, "kept"], grids: Sequence[Grid], only: str | 
         white: What the base model leaves.
         grids: All hypotheses.
         only: One effect; by default all patches together.
+
+    Returns:
+        By ring and sector; adds up to 1.
     """
     cells: dict[tuple[int, int], list[float]] = {}
     for grid in grids:
@@ -78,6 +81,9 @@ def place(candidate: Candidate | None, white: Float[ndarray, "kept"], grids: Seq
         candidate: The named cause with its parameters, or None.
         white: What the base model leaves.
         grids: All hypotheses.
+
+    Returns:
+        The place; not localisable where no cause is named, or the cause has no place.
     """
     if candidate is None:
         return Place(patch_map(white, grids), "", None, None, False, "no single cause is named")

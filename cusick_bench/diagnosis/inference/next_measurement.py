@@ -107,8 +107,11 @@ def advise(probability: Mapping[str, float], *, most: int = 3, least: float = 0.
         probability: Of every cause, `none` and `unknown` included.
         most: How many to name.
         least: Below so many bits a measurement is not worth it.
+
+    Returns:
+        The most informative first.
     """
-    found = []
+    advice = []
     for one in MEASUREMENTS:
         cells = [(name,) for name in one.decides] + list(one.groups)
         share = np.array([sum(probability.get(name, 0.0) for name in cell) for cell in cells])
@@ -116,5 +119,5 @@ def advise(probability: Mapping[str, float], *, most: int = 3, least: float = 0.
         p = np.append(share, rest)
         p = p[p > 0]
         about = tuple(name for cell in cells for name in cell if probability.get(name, 0.0) > 0.02)
-        found.append(Advice(one, float(-(p * np.log2(p)).sum()), about))
-    return [one for one in sorted(found, key=lambda a: -a.bits) if one.bits >= least][:most]
+        advice.append(Advice(one, float(-(p * np.log2(p)).sum()), about))
+    return [one for one in sorted(advice, key=lambda a: -a.bits) if one.bits >= least][:most]

@@ -25,7 +25,15 @@ _ACTIVE = 4
 
 
 def proposed(white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> list[str]:
-    """Effects that a group lasso leaves active, the largest first."""
+    """Effects that a group lasso leaves active.
+
+    Args:
+        white: What the base model leaves.
+        grids: All hypotheses.
+
+    Returns:
+        Their names, the largest first, at most four.
+    """
     import cvxpy as cp  # slow to import, and only diagnoses with something to explain need it
 
     groups: dict[str, ndarray] = {}
@@ -54,26 +62,27 @@ def pairs(
         white: What the base model leaves.
         grids: All hypotheses.
         singles: Every hypothesis alone, best first.
+
+    Returns:
+        Log evidence and the best points of both, by the names of the pair.
     """
     leading = list(dict.fromkeys([one.hypothesis.name for one in singles[:3]] + proposed(white, grids)))
-    found = {}
+    weighed = {}
     for first, second in combinations(leading, 2):
-        best = max(
-            (_pair(white, grids, singles, a, b) for a, b in ((first, second), (second, first))), key=lambda p: p[0]
-        )
-        found[first, second] = best
-    return found
+        orders = (_pair(white, grids, singles, a, b) for a, b in ((first, second), (second, first)))
+        weighed[first, second] = max(orders, key=lambda order: order[0])
+    return weighed
 
 
 def _pair(
     white: ndarray, grids: Sequence[Grid], singles: Sequence[Candidate], first: str, second: str
 ) -> tuple[float, tuple[Candidate, Candidate]]:
     """`first` at its best point, then `second` on what that leaves."""
-    own = next(one for one in singles if one.hypothesis.name == first)
-    grid = next(g for g in grids if g.hypothesis == own.hypothesis)
+    leading = next(one for one in singles if one.hypothesis.name == first)
+    grid = next(g for g in grids if g.hypothesis == leading.hypothesis)
     point = grid.best(grid.log_likelihood(white))
     left = white - grid.shift[point]
     other = candidates(left, [g for g in grids if g.hypothesis.name == second])[0]
-    freedom = own.log_likelihood - own.log_evidence  # what the first one's grid costs
+    freedom = leading.log_likelihood - leading.log_evidence  # what the first one's grid costs
     gained = 0.5 * float(white @ white) - 0.5 * float(left @ left)
-    return gained - freedom + other.log_evidence, (own, other)
+    return gained - freedom + other.log_evidence, (leading, other)

@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.inference.evidence import detection_statistic, grids
+from cusick_bench.diagnosis.inference.evidence import detectable_grids, detection_statistic
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.inference.residual import Residual, against_base
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
@@ -51,12 +51,12 @@ def detectable(
     Returns:
         By effect; None where half of the fabrics do not show the largest severity that a diagnosis considers.
     """
-    found: dict[str, list[float | None]] = {}
+    severities: dict[str, list[float | None]] = {}
     for level in STIFFNESS:
         at_level = detectable_at(emulator, level, need, inflation=inflation, samples=samples, step=step)
         for name, severity in at_level.items():
-            found.setdefault(name, []).append(float(f"{severity:.3g}") if np.isfinite(severity) else None)
-    return {name: tuple(values) for name, values in found.items() if any(value is not None for value in values)}
+            severities.setdefault(name, []).append(float(f"{severity:.3g}") if np.isfinite(severity) else None)
+    return {name: tuple(values) for name, values in severities.items() if any(value is not None for value in values)}
 
 
 def detectable_at(
@@ -82,23 +82,23 @@ def detectable_at(
         By effect, in its own unit; infinite where it is not found.
     """
     generator = np.random.default_rng(_SEED)
-    found: dict[str, list[float]] = {}
+    severities: dict[str, list[float]] = {}
     for _ in range(FABRICS):
         theta = PRIOR_MEAN + 0.7 * PRIOR_SD * generator.standard_normal(len(PRIOR_SD))
         theta[0] = level
-        expected = _expected(emulator, theta, samples)
+        expected = expected_features(emulator, theta, samples)
         residual = against_base(emulator, expected, start=theta, fixed=True)
         left = _Left(emulator, expected, residual, against_base(emulator, expected, start=theta).white)
-        own: dict[str, float] = {}
+        of_fabric: dict[str, float] = {}
         for hypothesis in hypotheses(emulator):
-            if hypothesis.name not in own:
-                moved = shifts(emulator, hypothesis, theta, residual.sd, residual.drift).rows
+            if hypothesis.name not in of_fabric:
+                moved = shifts(emulator, hypothesis, theta, residual.sd, residual.drift).features
                 least = inflation * need.get(hypothesis.name, NEEDED)
-                own[hypothesis.name] = _first(hypothesis, moved, left, least)
-        for name, severity in own.items():
-            found.setdefault(name, []).append(severity)
+                of_fabric[hypothesis.name] = _first(hypothesis, moved, left, least)
+        for name, severity in of_fabric.items():
+            severities.setdefault(name, []).append(severity)
         step()
-    return {name: float(np.median(values)) for name, values in found.items()}
+    return {name: float(np.median(values)) for name, values in severities.items()}
 
 
 def needed(
@@ -111,28 +111,40 @@ def needed(
         generator: Of the simulation.
         draws: Fabrics without effect; shifted ones are the same with each effect at a random point of its grid.
         power: The share.
+
+    Returns:
+        By effect.
     """
     theta = PRIOR_MEAN.copy()
-    residual = against_base(emulator, _expected(emulator, theta, 12), start=theta, fixed=True)
-    made = grids(emulator, residual)
+    residual = against_base(emulator, expected_features(emulator, theta, 12), start=theta, fixed=True)
+    grids = detectable_grids(emulator, residual)
     noise = generator.standard_normal((draws, len(residual.white)))
-    limit = float(np.quantile(detection_statistic(noise, made), 0.95))
+    limit = float(np.quantile(detection_statistic(noise, grids), 0.95))
     sizes = np.arange(3.0, 8.5, 0.5)
-    found: dict[str, float] = {}
-    for grid in made:
+    sizes_needed: dict[str, float] = {}
+    for grid in grids:
         if grid.hypothesis.prior < 0.5:
             continue
         shares = []
         for size in sizes:
             rows = grid.shift[generator.integers(len(grid.shift), size=draws)]
             unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-9)
-            shares.append(float((detection_statistic(noise + size * unit, made) > limit).mean()))
-        found[grid.hypothesis.name] = float(np.interp(power, np.maximum.accumulate(shares), sizes))
-    return found
+            shares.append(float((detection_statistic(noise + size * unit, grids) > limit).mean()))
+        sizes_needed[grid.hypothesis.name] = float(np.interp(power, np.maximum.accumulate(shares), sizes))
+    return sizes_needed
 
 
-def _expected(emulator: Emulator, theta: ndarray, samples: int) -> Features:
-    """Features of a fabric that is the base model's mean."""
+def expected_features(emulator: Emulator, theta: ndarray, samples: int) -> Features:
+    """Features of a fabric that is the base model's mean.
+
+    Args:
+        emulator: The atlas.
+        theta: Base parameters.
+        samples: Samples of the fabric, draped on both sides, each captured twice.
+
+    Returns:
+        The features, with the variances that so many samples have.
+    """
     mean = emulator.mean(theta)
     sd = emulator.sd(theta)[list(ORDERS)]
     return Features(
@@ -173,8 +185,8 @@ def _first(hypothesis: Hypothesis, moved: Float[ndarray, "values rows"], left: _
     severity, linear = np.abs(hypothesis.severity()), left.linear(moved)
     before = (0.0, 0.0)
     for level in np.unique(severity):
-        own = np.flatnonzero(severity == level)
-        middle = own[np.argsort(linear[own])[len(own) // 2]]
+        points = np.flatnonzero(severity == level)
+        middle = points[np.argsort(linear[points])[len(points) // 2]]
         size = float(linear[middle])
         if size >= _REFITTED * need:
             size = min(size, left.refitted(moved[middle]))

@@ -41,8 +41,8 @@ class Noise:
     """Covariance of a fabric's features, apart from the base parameters' uncertainty.
 
     Attributes:
-        sd: Between samples, of every statistic [its unit].
-        covariance: Of all rows (means of both faces in sd; spreads; orders in sd).
+        sd: Standard deviation of every statistic between samples [its unit].
+        covariance: Covariance of all entries of `feature_vector`.
     """
 
     sd: Float[ndarray, "statistics"]
@@ -56,10 +56,10 @@ class Residual:
     Attributes:
         theta: Best base parameters.
         theta_covariance: Their posterior covariance, by linearisation.
-        kept: Rows of the features that are known.
-        sd: Between samples, of every statistic.
-        white: w.
-        root: L, of the kept rows.
+        kept: Which entries of `feature_vector` are known.
+        sd: Standard deviation of every statistic between samples [its unit].
+        white: w, the known entries' difference to the base model, whitened.
+        root: L, the Cholesky factor of the known entries' covariance.
         drift: Share of each face's captures that are later ones.
     """
 
@@ -72,7 +72,14 @@ class Residual:
     drift: float
 
     def whiten(self, shift: Float[ndarray, "shifts rows"]) -> Float[ndarray, "shifts kept"]:
-        """Shifts of the features, in sd, as shifts of w."""
+        """Turns shifts of the features into shifts of w.
+
+        Args:
+            shift: Of the features, in the order of `feature_vector` [sd].
+
+        Returns:
+            L^-1 times the known entries.
+        """
         return solve_triangular(self.root, shift[:, self.kept].T, lower=True).T
 
     @property
@@ -81,13 +88,30 @@ class Residual:
         return float(self.white @ self.white)
 
 
-def rows(features: Features, sd: Float[ndarray, "statistics"]) -> Float[ndarray, "rows"]:
-    """Features in one vector: means by face and drifts in units of sd, spreads as they are."""
+def feature_vector(features: Features, sd: Float[ndarray, "statistics"]) -> Float[ndarray, "rows"]:
+    """Features in one vector: means by face and drifts in units of sd, spreads as they are.
+
+    Args:
+        features: Features of the data.
+        sd: Standard deviation of every statistic between samples [its unit].
+
+    Returns:
+        Means of both faces, spreads, drifts.
+    """
     return np.concatenate([(features.mean / sd).ravel(), features.spread, features.order / sd[list(ORDERS)]])
 
 
-def base_rows(emulator: Emulator, theta: Float[ndarray, "parameters"], sd: ndarray) -> Float[ndarray, "rows"]:
-    """The same of the base model."""
+def base_vector(emulator: Emulator, theta: Float[ndarray, "parameters"], sd: ndarray) -> Float[ndarray, "rows"]:
+    """Features of the base model in one vector.
+
+    Args:
+        emulator: The atlas.
+        theta: Base parameters.
+        sd: Standard deviation of every statistic between samples [its unit].
+
+    Returns:
+        In the order of `feature_vector`.
+    """
     mean = emulator.mean(theta) / sd
     return np.concatenate([mean, mean, emulator.spread(theta), np.zeros(len(ORDERS))])
 
@@ -108,6 +132,9 @@ def noise(
         features: Of the data, for their numbers of samples.
         scatter: Variances between samples in the data with their degrees of freedom in the last entry, or None.
         exact: Leave the errors of model and atlas out of the means' covariance.
+
+    Returns:
+        Their covariance, and the unit of the means.
     """
     sd = emulator.sd(theta)
     if scatter is not None and scatter[-1] > 0:
@@ -132,7 +159,14 @@ def noise(
 
 
 def scatter_of(specimens: Float[ndarray, "samples 2 statistics"]) -> Float[ndarray, "statistics_and_freedom"]:
-    """Variance between samples within faces, of every statistic, and its degrees of freedom."""
+    """Variance between samples within faces.
+
+    Args:
+        specimens: Statistics of every sample and face; NaN where there is none.
+
+    Returns:
+        The variance of every statistic, then its degrees of freedom.
+    """
     known = np.isfinite(specimens[..., 0])
     count = known.sum(0)
     freedom = int(np.maximum(count - 1, 0).sum())
@@ -158,13 +192,16 @@ def against_base(
 
     Args:
         emulator: The atlas.
-        features: Of the data.
-        scatter: See `scatter_of`.
+        features: Features of the data.
+        scatter: Variances between samples in the data, from `scatter_of`.
         drift: Share of each face's captures that are later ones.
         start: Base parameters to start from, instead of a search over the bending level.
         shift: Shift of the rows, in sd, that is taken off before (of an effect).
         fixed: Linearise at `start` instead of searching on.
         exact: As if model and atlas were without error: what is nearest to the data, not what is likeliest.
+
+    Returns:
+        The best base parameters and the whitened residual.
 
     Raises:
         DiagnosisError: No face has any drape.
@@ -173,11 +210,11 @@ def against_base(
         raise DiagnosisError("a diagnosis needs at least one drape, got none")
     theta = _start(emulator, features) if start is None else start.copy()
     precision = np.diag(PRIOR_SD**-2)
-    own = noise(emulator, theta, features, scatter, exact=exact)
+    errors = noise(emulator, theta, features, scatter, exact=exact)
     for sweep in range(0 if fixed else _SWEEPS):
-        own = noise(emulator, theta, features, scatter, exact=exact) if sweep < 8 else own
-        value, jacobian, kept = _linearised(emulator, theta, features, own, shift)
-        inverse = np.linalg.inv(own.covariance[np.ix_(kept, kept)])
+        errors = noise(emulator, theta, features, scatter, exact=exact) if sweep < 8 else errors
+        value, jacobian, kept = _linearised(emulator, theta, features, errors, shift)
+        inverse = np.linalg.inv(errors.covariance[np.ix_(kept, kept)])
         hessian = jacobian.T @ inverse @ jacobian + precision
         gradient = jacobian.T @ inverse @ value - precision @ (theta - PRIOR_MEAN)
         step = np.linalg.solve(hessian, gradient)
@@ -187,8 +224,8 @@ def against_base(
         theta = moved
         if done:
             break
-    value, jacobian, kept = _linearised(emulator, theta, features, own, shift)
-    covariance = own.covariance[np.ix_(kept, kept)]
+    value, jacobian, kept = _linearised(emulator, theta, features, errors, shift)
+    covariance = errors.covariance[np.ix_(kept, kept)]
     inverse = np.linalg.inv(covariance)
     posterior = np.linalg.inv(jacobian.T @ inverse @ jacobian + precision)
     total = covariance + jacobian @ np.diag(PRIOR_SD**2) @ jacobian.T
@@ -196,38 +233,46 @@ def against_base(
     # y - y0(theta) = noise + J (true - theta), and true - theta = (true - theta0) + (theta0 - theta) about the prior
     centred = value - jacobian @ (PRIOR_MEAN - theta)
     white = solve_triangular(root, centred, lower=True)
-    return Residual(theta, posterior, kept, own.sd, white, root, drift)
+    return Residual(theta, posterior, kept, errors.sd, white, root, drift)
 
 
 def inflated(residual: Residual, factor: float) -> Residual:
-    """The same where noise is larger by a factor."""
+    """The residual where noise is larger by a factor.
+
+    Args:
+        residual: The residual.
+        factor: Factor on the noise's standard deviation.
+
+    Returns:
+        It, scaled.
+    """
     return replace(residual, white=residual.white / factor, root=residual.root * factor)
 
 
 def _start(emulator: Emulator, features: Features) -> ndarray:
     """Prior means, with the bending level that has the fabric's drape coefficient."""
     column = NAMES.index("area_dc")
-    seen = float(np.nanmean(features.mean[:, column]))
+    coverage = float(np.nanmean(features.mean[:, column]))
     levels = np.linspace(LOW[0], HIGH[0], 60)
     trial = np.tile(PRIOR_MEAN, (60, 1))
     trial[:, 0] = levels
-    return trial[int(np.argmin(np.abs(emulator.base(base_terms(trial))[:, column] - seen)))]
+    return trial[int(np.argmin(np.abs(emulator.base(base_terms(trial))[:, column] - coverage)))]
 
 
 def _linearised(
-    emulator: Emulator, theta: ndarray, features: Features, own: Noise, shift: ndarray | None
+    emulator: Emulator, theta: ndarray, features: Features, errors: Noise, shift: ndarray | None
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Known rows of y - y0, of its Jacobian to theta, and which they are."""
-    value = rows(features, own.sd) - base_rows(emulator, theta, own.sd)
+    value = feature_vector(features, errors.sd) - base_vector(emulator, theta, errors.sd)
     if shift is not None:
         value = value - shift
-    kept = np.isfinite(value) & np.isfinite(np.diag(own.covariance))
+    kept = np.isfinite(value) & np.isfinite(np.diag(errors.covariance))
     step = 1e-3
     columns = []
     for i in range(len(theta)):
         ahead, behind = theta.copy(), theta.copy()
         ahead[i] += step
         behind[i] -= step
-        change = base_rows(emulator, ahead, own.sd) - base_rows(emulator, behind, own.sd)
+        change = base_vector(emulator, ahead, errors.sd) - base_vector(emulator, behind, errors.sd)
         columns.append(change[kept] / (2 * step))
     return value[kept], np.stack(columns, axis=1), kept

@@ -25,27 +25,30 @@ class Step:
     """A cause that was taken off.
 
     Attributes:
-        candidate: It, at its best.
-        misfit: |w|^2 over its number of entries that is left; 1 where all is explained.
+        candidate: The cause at its best parameters.
+        misfit: Mean square of w that is left; 1 where all is explained.
     """
 
     candidate: Candidate
     misfit: float
 
 
-def steps(white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> list[Step]:
-    """Causes in the order in which they are taken off.
+def forward_selection(white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> list[Step]:
+    """Takes causes off what the base model leaves until no further one shows.
 
     Args:
         white: What the base model leaves.
         grids: All hypotheses.
+
+    Returns:
+        Causes in the order in which they were taken off, at most `MOST`.
     """
-    left, open_grids, found = white, list(grids), []
-    while len(found) < MOST and (taken := _next(left, open_grids)) is not None:
+    left, open_grids, steps = white, list(grids), []
+    while len(steps) < MOST and (taken := _next(left, open_grids)) is not None:
         best, left = taken
         open_grids = [one for one in open_grids if one.hypothesis.name != best.hypothesis.name]
-        found.append(Step(best, float(left @ left) / len(left)))
-    return found
+        steps.append(Step(best, float(left @ left) / len(left)))
+    return steps
 
 
 def _next(left: Float[ndarray, "kept"], grids: Sequence[Grid]) -> tuple[Candidate, Float[ndarray, "kept"]] | None:

@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.evidence import Candidate, candidates, grid_at
-from cusick_bench.diagnosis.inference.fabric_evidence import Data, data_of, to_atlas
+from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, scatter_of
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -43,7 +43,7 @@ _POLISH = 120  # evaluations of the emulated misfit for a cause's parameters bet
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """What simulations of a fabric say.
+    """Gap between a fabric and simulations of it, and how far causes close it.
 
     Attributes:
         gap: Gap, floor and closure; None where a fold has fewer than two samples.
@@ -72,7 +72,7 @@ class Draping:
 
 def closures(
     emulator: Emulator,
-    data: Data,
+    samples: SampleStatistics,
     residual: Residual,
     alternatives: Sequence[tuple[Candidate, ...]],
     draping: Draping,
@@ -84,7 +84,7 @@ def closures(
 
     Args:
         emulator: The atlas.
-        data: Samples of a fabric.
+        samples: Statistics of a fabric's samples.
         residual: What the best base model leaves of all of them.
         alternatives: What is taken to act, together; nothing for the base model alone. Creep is left out: the gap
             compares drapes, not their drift from picture to picture, which is what tells of it.
@@ -95,20 +95,20 @@ def closures(
     Returns:
         One for each alternative.
     """
-    seen = [tuple(one for one in causes if not acts_later(one.hypothesis.effect)) for causes in alternatives]
-    every = np.arange(len(data.specimens))
+    compared = [tuple(one for one in causes if not acts_later(one.hypothesis.effect)) for causes in alternatives]
+    every = np.arange(len(samples.specimens))
     parts = [every] if len(every) < 4 else [every[0::2], every[1::2]]
-    steps = len(parts) * (1 + sum(bool(causes) for causes in seen))
-    held_out, base, with_causes = [], [], [[] for _ in seen]
+    steps = len(parts) * (1 + sum(bool(causes) for causes in compared))
+    held_out, base, with_causes = [], [], [[] for _ in compared]
     for number, held in enumerate(parts):
         fitted = every if len(parts) == 1 else np.setdiff1d(every, held)
-        model = _Model(emulator, data, fitted, residual, draping, (_SEED, draping.seed, number))
-        held_out.append(data.specimens[held])
+        model = _Model(emulator, samples, fitted, residual, draping, (_SEED, draping.seed, number))
+        held_out.append(samples.specimens[held])
         base.append(_simulated(model, (), refit))
-        for found, causes in zip(with_causes, seen, strict=True):
+        for drapes, causes in zip(with_causes, compared, strict=True):
             progress((len(base) + sum(map(len, with_causes))) / steps)
             if causes:
-                found.append(_simulated(model, causes, refit))
+                drapes.append(_simulated(model, causes, refit))
     return [
         _closure(held_out, base, effect, residual.sd, np.random.default_rng([_SEED, draping.seed]))
         for effect in with_causes
@@ -124,12 +124,15 @@ def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, 
         causes: With their true parameters, which are kept.
         draping: How models are simulated.
 
+    Returns:
+        The gap, or None where a fold has fewer than two samples.
+
     Raises:
         DiagnosisError: Another geometry than the atlas', or no usable drape.
     """
-    data = data_of(to_atlas(captures)[0])
-    residual = against_base(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
-    return closures(emulator, data, residual, [causes], draping, refit=False)[0].gap
+    samples = sample_statistics(to_atlas(captures)[0])
+    residual = against_base(emulator, samples.features(), scatter=scatter_of(samples.specimens), drift=samples.later)
+    return closures(emulator, samples, residual, [causes], draping, refit=False)[0].gap
 
 
 def _closure(
@@ -149,7 +152,7 @@ class _Model:
 
     Args:
         emulator: The atlas.
-        data: All samples.
+        samples: Statistics of all samples.
         chosen: Those that it is fitted to.
         residual: Of all samples: where the search starts.
         draping: How it is simulated.
@@ -157,12 +160,12 @@ class _Model:
     """
 
     def __init__(
-        self, emulator: Emulator, data: Data, chosen: ndarray, residual: Residual, draping: Draping,
+        self, emulator: Emulator, samples: SampleStatistics, chosen: ndarray, residual: Residual, draping: Draping,
         seed: tuple[int, ...],
     ) -> None:  # fmt: skip
         self.emulator, self.draping, self.seed = emulator, draping, seed
-        self.specimens, self.features = data.specimens[chosen], data.features(chosen)
-        self.scatter, self.drift = scatter_of(self.specimens), data.later
+        self.specimens, self.features = samples.specimens[chosen], samples.features(chosen)
+        self.scatter, self.drift = scatter_of(self.specimens), samples.later
         self.start, self.sd = residual.theta, residual.sd
         self.nothing = np.zeros(len(residual.kept))
 
@@ -178,7 +181,7 @@ class _Model:
         total = self.nothing.copy()
         for one in causes:
             point = {name: np.array([value]) for name, value in one.value.items()}
-            total += shifts(self.emulator, one.hypothesis, at.theta, at.sd, self.drift, point).rows[0]
+            total += shifts(self.emulator, one.hypothesis, at.theta, at.sd, self.drift, point).features[0]
         return total
 
     def drape(self, theta: ndarray, causes: Sequence[Candidate]) -> Simulated:
@@ -195,40 +198,40 @@ class _Model:
 def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> Simulated:
     """Samples of the base model with causes, the nearest of several rounds to what it is fitted to."""
     theta, mended = model.start, model.nothing
-    found = _on_grids(model, causes) if refit else list(causes)
+    fitted = _on_grids(model, causes) if refit else list(causes)
     rounds: list[Simulated] = []
     while True:
-        theta, found = _fit(model, theta, found, mended, refit)
-        rounds.append(model.drape(theta, found))
+        theta, fitted = _fit(model, theta, fitted, mended, refit)
+        rounds.append(model.drape(theta, fitted))
         if len(rounds) > ROUNDS:
             return min(rounds, key=model.distance)
-        mended = _mended(model, theta, found, rounds[-1])
+        mended = _mended(model, theta, fitted, rounds[-1])
 
 
 def _on_grids(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
     """Causes at the likeliest points of their grids for these samples, one after the other."""
-    found, total = [], model.nothing
+    placed, total = [], model.nothing
     for one in causes:
         plain = model.against(model.start, total, exact=False)
         grid = grid_at(model.emulator, one.hypothesis, plain, least=0.0)
-        found.append(candidates(plain.white, [grid], law_difference=0.0)[0])
-        total = model.shift(plain, found)
-    return found
+        placed.append(candidates(plain.white, [grid], law_difference=0.0)[0])
+        total = model.shift(plain, placed)
+    return placed
 
 
 def _fit(
     model: _Model, theta: ndarray, causes: Sequence[Candidate], mended: ndarray, refit: bool
 ) -> tuple[ndarray, list[Candidate]]:
     """Base parameters, and those of the causes, in turn."""
-    found = list(causes)
+    fitted = list(causes)
     for _ in range(_SWEEPS if causes else 1):
         at = model.against(theta, mended, fixed=True)
-        for index in range(len(found) if refit else 0):
-            others = found[:index] + found[index + 1 :]
+        for index in range(len(fitted) if refit else 0):
+            others = fitted[:index] + fitted[index + 1 :]
             without = model.against(theta, mended + model.shift(at, others), fixed=True)
-            found[index] = _polished(model, without, found[index])
-        theta = model.against(theta, mended + model.shift(at, found)).theta
-    return theta, found
+            fitted[index] = _polished(model, without, fitted[index])
+        theta = model.against(theta, mended + model.shift(at, fitted)).theta
+    return theta, fitted
 
 
 def _polished(model: _Model, at: Residual, one: Candidate) -> Candidate:
@@ -256,6 +259,6 @@ def _mended(model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: 
     at = model.against(theta, model.nothing, fixed=True)
     mean = features(drapes.specimens).mean / at.sd
     expected = np.tile(model.emulator.mean(theta) / at.sd, 2)
-    rows = model.nothing.copy()
-    rows[: mean.size] = np.nan_to_num(mean.ravel() - expected - model.shift(at, causes)[: mean.size])
-    return rows
+    error = model.nothing.copy()
+    error[: mean.size] = np.nan_to_num(mean.ravel() - expected - model.shift(at, causes)[: mean.size])
+    return error

@@ -28,10 +28,10 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.evidence import grid_at
-from cusick_bench.diagnosis.inference.fabric_evidence import Data, data_of, to_atlas
+from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
 from cusick_bench.diagnosis.inference.power import NEEDED
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, rows, scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual, against_base, feature_vector, inflated, scatter_of
 from cusick_bench.runner.processes import one_thread_each
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld.answers.blind import case_captures
@@ -134,11 +134,11 @@ def _beside_twin(suite: Suite, plan: Plan, cases: Path, atlas: Path) -> Shown:
     return compare(_data(cases / plan.case), twin, atlas, tuple(plan.causes))
 
 
-def _data(folder: Path) -> Data:
-    return data_of(to_atlas(case_captures(folder))[0])
+def _data(folder: Path) -> SampleStatistics:
+    return sample_statistics(to_atlas(case_captures(folder))[0])
 
 
-def compare(case: Data, twin: Data, atlas: Path, acting: Collection[str]) -> Shown:
+def compare(case: SampleStatistics, twin: SampleStatistics, atlas: Path, acting: Collection[str]) -> Shown:
     """What a case shows that its twin does not.
 
     Args:
@@ -173,7 +173,9 @@ def compare(case: Data, twin: Data, atlas: Path, acting: Collection[str]) -> Sho
     return Shown(size, nearest, alike)
 
 
-def _difference(residual: Residual, case: Data, twin: Data, chosen: ndarray | None = None) -> Float[ndarray, "kept"]:
+def _difference(
+    residual: Residual, case: SampleStatistics, twin: SampleStatistics, chosen: ndarray | None = None
+) -> Float[ndarray, "kept"]:
     """d at the twin's base parameters; rows that too few samples leave unknown are taken as alike."""
-    moved = rows(case.features(chosen), residual.sd) - rows(twin.features(chosen), residual.sd)
+    moved = feature_vector(case.features(chosen), residual.sd) - feature_vector(twin.features(chosen), residual.sd)
     return residual.whiten(np.nan_to_num(moved)[None])[0]
