@@ -159,7 +159,8 @@ class TestPopulation:
         slope = generator.standard_normal((5, len(STATISTICS)))
         cloths = LOW + (HIGH - LOW) * generator.random((200, 5))
         emulator = fit_emulator(cloths, cloths @ slope + 0.01 * generator.standard_normal((200, len(STATISTICS))))
-        assert np.diag(emulator.scatter) == pytest.approx(1e-4, rel=0.4)
+        # 200 cloths tell a variance to 11 %; seven of them, within three times that
+        assert np.diag(emulator.scatter) == pytest.approx(1e-4, rel=0.33)
         true = np.array([-1.0, -0.5, 0.5, 0.2, -4.0])
         assert emulator(true)[0] == pytest.approx(true @ slope, abs=0.02)
         samples = true @ slope + 0.01 * generator.standard_normal((12, len(STATISTICS)))
