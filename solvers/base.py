@@ -4,6 +4,7 @@ A new solver is one file with a frozen dataclass, whose fields are its options, 
 (or an entry point in the group `cusick_bench.solvers` of somebody else's package).
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
@@ -26,7 +27,12 @@ class SolverError(CusickError, ValueError):
 
 
 def silent(message: str, fraction: float) -> None:
-    """The progress of a run that nobody watches."""
+    """The progress of a run that nobody watches.
+
+    Args:
+        message: What is being done.
+        fraction: Share of it that is done.
+    """
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,9 @@ class Solver(ABC):
             generator: Source of all randomness.
             progress: Told what goes on.
 
+        Returns:
+            Its answer: fit of the training image, forecasts of unseen samples, parameters.
+
         Raises:
             SolverError: The solver cannot be used on this problem.
         """
@@ -131,6 +140,9 @@ class Solver(ABC):
             posterior: From the prediction.
             index: Number of the draw; `posterior["draws"]` has those of the predicted draws.
 
+        Returns:
+            Parameter vector of that draw.
+
         Raises:
             SolverError: The solver learns no distribution.
         """
@@ -139,6 +151,24 @@ class Solver(ABC):
     @abstractmethod
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         """Answers the problem; BudgetExceeded must not leave it."""
+
+
+def require_positive(solver: Solver, *names: str) -> None:
+    """Refuses options that are no positive numbers.
+
+    Args:
+        solver: Whose options they are.
+        names: Names of the options.
+
+    Raises:
+        SolverError: One of them is not positive, or not finite.
+    """
+    for name in names:
+        value = getattr(solver, name)
+        if not 0 < value < math.inf:
+            raise SolverError(
+                f"{solver.name}'s {name} must be > 0 and finite, got {value}; leave it out for the usual one"
+            )
 
 
 @dataclass(frozen=True)
@@ -161,7 +191,14 @@ class Oracle(Solver):
         return {}
 
     def revealing(self, heldout: HeldOut) -> "Oracle":
-        """The oracle with the held-out images before its eyes."""
+        """The oracle with the held-out images before its eyes.
+
+        Args:
+            heldout: The images that it may look at.
+
+        Returns:
+            An oracle that knows them.
+        """
         return replace(self, heldout=heldout)
 
     @property
@@ -177,7 +214,16 @@ class Oracle(Solver):
 
 
 def prediction_at(problem: DrapeProblem, tau: np.ndarray, *, finished: bool) -> Prediction:
-    """The drape at tau as fit of the training image and forecast of unseen samples; costs one drape."""
+    """The drape at tau as fit of the training image and forecast of unseen samples; costs one drape.
+
+    Args:
+        problem: The problem that was answered.
+        tau: Fitted parameters.
+        finished: Whether the solver came to its end, instead of that of its budget.
+
+    Returns:
+        An answer whose only draw is the fitted drape.
+    """
     seen = problem.observe(tau)
     return Prediction(
         train_image=seen.image,

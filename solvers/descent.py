@@ -41,6 +41,10 @@ def adam(incumbent: Incumbent, *, steps: int, rate: float) -> None:
 def lbfgs(incumbent: Incumbent, *, iterations: int) -> bool:
     """L-BFGS within the problem's box from the incumbent.
 
+    Args:
+        incumbent: Search to go on with.
+        iterations: Most iterations.
+
     Returns:
         Whether it converged.
     """

@@ -35,19 +35,39 @@ class Incumbent:
             self.tau, self.loss = np.array(tau), loss
 
     def value(self, tau: Vector) -> float:
-        """Loss at tau, PENALTY where the drape fails."""
+        """Loss at tau, PENALTY where the drape fails.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            The loss.
+        """
         loss = self.problem.evaluate(tau)
         self._keep(tau, loss)
         return min(loss, PENALTY)
 
     def value_and_gradient(self, tau: Vector) -> tuple[float, Vector]:
-        """Loss and gradient at tau, (PENALTY, 0) where the drape fails."""
+        """Loss and gradient at tau, (PENALTY, 0) where the drape fails.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            The loss and its derivatives by tau.
+        """
         loss, gradient = self.problem.evaluate_and_gradient(tau)
         self._keep(tau, loss)
         return min(loss, PENALTY), gradient
 
     def observe(self, tau: Vector) -> Observation:
         """The drape at tau and how it is seen.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            Vertices, image and loss.
 
         Raises:
             DrapeDiverged: The drape fails.
@@ -59,6 +79,13 @@ class Incumbent:
     def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
         """The drape at tau, how it is seen, and the gradient of a measure of that.
 
+        Args:
+            tau: Parameter vector.
+            measure: Takes the image to a number.
+
+        Returns:
+            Vertices, image and loss; derivatives of the measure by tau.
+
         Raises:
             DrapeDiverged: The drape fails.
         """
@@ -68,6 +95,12 @@ class Incumbent:
 
     def drape_coefficient(self, tau: Vector) -> float:
         """Drape coefficient at tau.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            Drape coefficient [1].
 
         Raises:
             DrapeDiverged: The drape fails.

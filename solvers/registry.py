@@ -67,6 +67,12 @@ def registered() -> dict[str, type[Solver]]:
 def solver_class(name: str) -> type[Solver]:
     """The solver of a name.
 
+    Args:
+        name: A registered name, or `FAMILY:MEMBER`.
+
+    Returns:
+        The class.
+
     Raises:
         SolverError: There is none; the message lists what there is.
     """
@@ -81,6 +87,12 @@ def solver_class(name: str) -> type[Solver]:
 
 def make_solver(text: str) -> Solver:
     """Makes a solver from `name` or `name,option=value,...`.
+
+    Args:
+        text: Name and options.
+
+    Returns:
+        The solver.
 
     Raises:
         SolverError: The name or an option is unknown.

@@ -41,14 +41,30 @@ class Nesting:
     parts: int
 
     def tolerance(self, embedded: int, evaluations: int) -> int:
-        """Failures in a row that halve the trust region of a d_i-dimensional subspace."""
+        """Failures in a row that halve the trust region of a d_i-dimensional subspace.
+
+        Args:
+            embedded: Dimension d_i of the subspace.
+            evaluations: Evaluations m of the whole search.
+
+        Returns:
+            Number of failures, at least 1.
+        """
         whole = self.first * (self.parts ** (self.splits + 1) - 1)
         share = round((self.parts - 1) * evaluations * embedded / whole)
         return min(embedded, max(1, share // _HALVINGS))
 
 
 def nesting(dimension: int, parts: int) -> Nesting:
-    """The nesting whose last subspace is nearest to D = `dimension`."""
+    """The nesting whose last subspace is nearest to D = `dimension`.
+
+    Args:
+        dimension: Number of coordinates D.
+        parts: Bins that a split makes of one.
+
+    Returns:
+        First dimension and number of splits.
+    """
     least = int(math.log(dimension, parts))
     first, splits = min(
         product(range(1, parts), (least, least + 1)), key=lambda pair: abs(pair[0] * parts ** pair[1] - dimension)
@@ -79,6 +95,7 @@ class Baxus(BoxSolver):
             raise SolverError(f"baxus splits a bin into at least 2, got parts={self.parts}")
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Searches nested subspaces one after the other, and begins anew when all coordinates are apart."""
         plan = nesting(dimension, self.parts)
         while True:
             embedding = balanced_embedding(dimension, plan.first, generator)

@@ -27,26 +27,33 @@ Returned = TypeVar("Returned")
 
 @dataclass(frozen=True)
 class GaussianEmbedding:
-    """REMBO's.
+    """Linear Gaussian embedding (Wang et al. 2016).
 
     Attributes:
-        matrix: A.
+        matrix: Random matrix A.
     """
 
     matrix: Float[np.ndarray, "dimension embedded"]
 
     def lift(self, point: Embedded) -> Point:
-        """The x of y / sqrt(d) in [-1, 1]^d."""
+        """Maps a point of the subspace into the box.
+
+        Args:
+            point: y / sqrt(d), in [-1, 1]^d.
+
+        Returns:
+            The point x of the box.
+        """
         return np.clip(self.matrix @ (math.sqrt(len(point)) * point), -1, 1)
 
 
 @dataclass(frozen=True)
 class HashEmbedding:
-    """HeSBO's, and that of BAxUS.
+    """Hashed embedding: every number moves a bin of coordinates (Nayebi et al. 2019; Papenmeier et al. 2022).
 
     Attributes:
         bins: h, the number of y that moves each coordinate.
-        signs: s.
+        signs: The sign s of each coordinate.
     """
 
     bins: Int[np.ndarray, " dimension"]
@@ -54,18 +61,33 @@ class HashEmbedding:
 
     @property
     def embedded(self) -> int:
-        """d."""
+        """Dimension d of the subspace."""
         return int(self.bins.max()) + 1
 
     def lift(self, point: Embedded) -> Point:
-        """The x of a y in [-1, 1]^d."""
+        """Maps a point of the subspace into the box.
+
+        Args:
+            point: y, in [-1, 1]^d.
+
+        Returns:
+            The point x of the box.
+        """
         return self.signs * point[self.bins]
 
 
 def lifted(
     search: Generator[Embedded, float, Returned], lift: Callable[[Embedded], Point]
 ) -> Generator[Point, float, Returned]:
-    """A search of y that asks for x, and returns what it returns."""
+    """Runs a search of the subspace in the box.
+
+    Args:
+        search: Search of [-1, 1]^d.
+        lift: Takes its points into the box [-1, 1]^D.
+
+    Returns:
+        What the search of y returns.
+    """
     try:
         point = next(search)
         while True:
@@ -75,7 +97,15 @@ def lifted(
 
 
 def gaussian_embedding(dimension: int, embedded: int, generator: np.random.Generator) -> GaussianEmbedding:
-    """Draws REMBO's embedding of R^d into the box [-1, 1]^D.
+    """Draws a linear Gaussian embedding of R^d into the box [-1, 1]^D (Wang et al. 2016).
+
+    Args:
+        dimension: Number of coordinates D of the box.
+        embedded: Dimension d of the subspace.
+        generator: Source of all randomness.
+
+    Returns:
+        The embedding.
 
     Raises:
         SolverError: d is not in 1 .. D.
@@ -85,7 +115,16 @@ def gaussian_embedding(dimension: int, embedded: int, generator: np.random.Gener
 
 
 def hash_embedding(dimension: int, embedded: int, generator: np.random.Generator) -> HashEmbedding:
-    """Draws HeSBO's embedding: every bin and sign independent, so that bins may differ in size or stay empty.
+    """Draws a hashed embedding: every bin and sign independent, so that bins may differ in size or stay empty (Nayebi
+    et al. 2019).
+
+    Args:
+        dimension: Number of coordinates D of the box.
+        embedded: Dimension d of the subspace.
+        generator: Source of all randomness.
+
+    Returns:
+        The embedding.
 
     Raises:
         SolverError: d is not in 1 .. D.
@@ -95,7 +134,15 @@ def hash_embedding(dimension: int, embedded: int, generator: np.random.Generator
 
 
 def balanced_embedding(dimension: int, embedded: int, generator: np.random.Generator) -> HashEmbedding:
-    """Draws the embedding of BAxUS: a hash whose bins differ in size by at most one.
+    """Draws a hashed embedding whose bins differ in size by at most one (Papenmeier et al. 2022).
+
+    Args:
+        dimension: Number of coordinates D of the box.
+        embedded: Dimension d of the subspace.
+        generator: Source of all randomness.
+
+    Returns:
+        The embedding.
 
     Raises:
         SolverError: d is not in 1 .. D.
@@ -109,6 +156,11 @@ def split(
     embedding: HashEmbedding, parts: int, generator: np.random.Generator
 ) -> tuple[HashEmbedding, Int[np.ndarray, " finer"]]:
     """Splits every bin at random into up to `parts` bins of about equal size; signs stay.
+
+    Args:
+        embedding: Embedding whose bins are split.
+        parts: Most bins that are made of one.
+        generator: Source of all randomness.
 
     Returns:
         The finer embedding and, for each of its bins, the bin it was part of: `finer.lift(y[parents])` equals

@@ -76,7 +76,14 @@ class Surrogate:
 
 @contextmanager
 def local_torch(seed: int) -> Iterator[None]:
-    """Torch with its own seed, on one thread, exact linear algebra, and without BoTorch's warnings; all put back."""
+    """Torch with its own seed, on one thread, exact linear algebra, and without BoTorch's warnings; all put back.
+
+    Args:
+        seed: Seed of torch's generator within.
+
+    Yields:
+        Nothing; the settings hold within the `with` block.
+    """
     from gpytorch.settings import fast_computations, max_cholesky_size
 
     threads = torch.get_num_threads()
@@ -105,6 +112,9 @@ def fit(
         losses: inf where a point failed.
         covariance: See above.
         last: Hyperparameters of the fit before this one.
+
+    Returns:
+        The fitted process.
     """
     inputs = torch.as_tensor(points, dtype=torch.float64)
     outcomes = _standardised(losses)
@@ -122,7 +132,14 @@ def fit(
 
 
 def most_promising(surrogate: Surrogate) -> Float[np.ndarray, " dimension"]:
-    """The point of the unit cube with the largest log expected improvement; within `local_torch`."""
+    """The point of the unit cube with the largest log expected improvement; within `local_torch`.
+
+    Args:
+        surrogate: The fitted process.
+
+    Returns:
+        The point, in the unit cube.
+    """
     from botorch.acquisition import LogExpectedImprovement
     from botorch.optim import optimize_acqf
 
@@ -166,7 +183,15 @@ def _ascend(improvement: Any, best: Float[Tensor, " dimension"]) -> Float[np.nda
 def thompson(
     surrogate: Surrogate, candidates: Float[np.ndarray, "candidates dimension"]
 ) -> Float[np.ndarray, " dimension"]:
-    """The best of some candidates under one draw of the process; within `local_torch`."""
+    """The best of some candidates under one draw of the process; within `local_torch`.
+
+    Args:
+        surrogate: The fitted process.
+        candidates: Points of the unit cube to choose from.
+
+    Returns:
+        One of the candidates.
+    """
     with torch.no_grad():
         posterior = surrogate.model.posterior(torch.as_tensor(candidates))
         draw = posterior.rsample(torch.Size([1])).reshape(-1)

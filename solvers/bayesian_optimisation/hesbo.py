@@ -22,7 +22,7 @@ class Hesbo(BoxSolver):
     """Bayesian optimisation in a hashed subspace.
 
     Attributes:
-        embedded: d.
+        embedded: Dimension d of the subspace.
         initial: Points of the first, quasi-random design.
     """
 
@@ -36,5 +36,6 @@ class Hesbo(BoxSolver):
         check_initial(self.name, self.initial)
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Searches one hashed subspace."""
         embedding = hash_embedding(dimension, self.embedded, generator)
         return lifted(bayesian_search(self.embedded, self.initial, generator), embedding.lift)

@@ -24,7 +24,7 @@ class Rembo(BoxSolver):
     """Bayesian optimisation in random linear subspaces.
 
     Attributes:
-        embedded: d.
+        embedded: Dimension d of each subspace.
         embeddings: Independent embeddings, searched in turn.
         initial: Points of the first, quasi-random design in each.
     """
@@ -42,6 +42,7 @@ class Rembo(BoxSolver):
             raise SolverError(f"rembo searches at least one embedding, got embeddings={self.embeddings}")
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Searches several linear subspaces in turn."""
         return in_turn([self._one(dimension, child) for child in generator.spawn(self.embeddings)])
 
     def _one(self, dimension: int, generator: np.random.Generator) -> Search:
@@ -50,7 +51,14 @@ class Rembo(BoxSolver):
 
 
 def in_turn(searches: list[Search]) -> Search:
-    """Asks several endless searches in turn; each is told its loss when it is next asked, and not before."""
+    """Asks several endless searches in turn; each is told its loss when it is next asked, and not before.
+
+    Args:
+        searches: Searches of the same box.
+
+    Yields:
+        Points of the first search, of the second, ..., and of the first again.
+    """
     losses: list[float | None] = [None] * len(searches)
     for turn in cycle(range(len(searches))):
         point = searches[turn].send(losses[turn])  # pyright: ignore[reportArgumentType]

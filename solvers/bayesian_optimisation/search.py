@@ -23,9 +23,12 @@ def bayesian_search(dimension: int, initial: int, generator: np.random.Generator
     """Searches [-1, 1]^d.
 
     Args:
-        dimension: d.
+        dimension: Number of coordinates d.
         initial: Points of the Sobol design.
         generator: Source of all randomness.
+
+    Yields:
+        Points of [-1, 1]^d; each is to be answered by its loss.
     """
     points, losses = yield from design(dimension, initial, generator)
     last: Hyperparameters | None = None
@@ -41,7 +44,16 @@ def bayesian_search(dimension: int, initial: int, generator: np.random.Generator
 def design(
     dimension: int, count: int, generator: np.random.Generator
 ) -> Generator[Point, float, tuple[Points, list[float]]]:
-    """Asks for the first points of a Sobol sequence; returns them, in the unit cube, and their losses."""
+    """Asks for the first points of a Sobol sequence.
+
+    Args:
+        dimension: Number of coordinates.
+        count: Number of points.
+        generator: Source of all randomness.
+
+    Returns:
+        The points, in the unit cube, and their losses.
+    """
     points = np.stack(list(islice(sobol_points(dimension, generator), count)))
     losses = []
     for point in points:
@@ -50,6 +62,14 @@ def design(
 
 
 def check_initial(name: str, initial: int) -> None:
-    """Raises SolverError where a design is too small to fit a process to."""
+    """Refuses a design that is too small to fit a process to.
+
+    Args:
+        name: Name of the solver.
+        initial: Number of points of its design.
+
+    Raises:
+        SolverError: The design has fewer than two points.
+    """
     if initial < 2:
         raise SolverError(f"{name} needs at least 2 initial points to fit a process to, got initial={initial}")

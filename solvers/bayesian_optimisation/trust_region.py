@@ -53,7 +53,14 @@ class TrustRegion:
         return self.length < SHORTEST
 
     def after(self, improved: bool) -> "TrustRegion":
-        """The region after another point."""
+        """The region after another point.
+
+        Args:
+            improved: Whether that point was an improvement.
+
+        Returns:
+            The region to go on with.
+        """
         if improved and self.successes + 1 == SUCCESSES:
             return replace(self, length=min(2 * self.length, LONGEST), successes=0, failures=0)
         if not improved and self.failures + 1 >= self.tolerance:
@@ -99,6 +106,16 @@ def candidates_around(
     """Quasi-random points of the region, each with most coordinates left at the centre's.
 
     The region's sides are proportional to the length scales, its volume is length^d.
+
+    Args:
+        centre: Best point so far, in the unit cube.
+        lengthscale: Length scales of the process, one a coordinate or one for all.
+        length: Side of the region for a coordinate of average length scale.
+        most: Most points.
+        generator: Source of all randomness.
+
+    Returns:
+        The points, in the unit cube.
     """
     dimension = len(centre)
     count = int(max(min(100 * dimension, most, MOST_NUMBERS / dimension), 2))

@@ -34,6 +34,7 @@ class Turbo(BoxSolver):
         check_initial(self.name, self.initial)
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Searches one trust region after the other."""
         while True:
             points, losses = yield from design(dimension, self.initial, generator)
             region = TrustRegion(tolerance=max(4, dimension))

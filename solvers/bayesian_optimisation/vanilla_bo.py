@@ -30,4 +30,5 @@ class VanillaBo(BoxSolver):
         check_initial(self.name, self.initial)
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Searches the whole box."""
         return bayesian_search(dimension, self.initial, generator)

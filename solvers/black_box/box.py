@@ -52,7 +52,14 @@ def run_search(search: Search, function: Callable[[Point], float], evaluations: 
 
 
 def digestible(losses: Sequence[float]) -> Float[np.ndarray, " evaluations"]:
-    """Losses with failures set to the worst success: bad enough to stay away, and no outlier that flattens the rest."""
+    """Losses with failures set to the worst success: bad enough to stay away, and no outlier that flattens the rest.
+
+    Args:
+        losses: Losses, inf where a point failed.
+
+    Returns:
+        Finite losses; 0 where all failed.
+    """
     values = np.array(losses, dtype=np.float64)
     known = np.isfinite(values)
     return np.where(known, values, values[known].max() if known.any() else 0.0)
@@ -67,9 +74,12 @@ class BoxSolver(Solver):
         """Starts a search.
 
         Args:
-            dimension: D.
-            evaluations: How many it may expect to be granted.
+            dimension: Number of coordinates D.
+            evaluations: Number of evaluations that it may expect to be granted.
             generator: Source of all randomness.
+
+        Yields:
+            Points of [-1, 1]^D; each is to be answered by its loss.
         """
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:

@@ -41,6 +41,7 @@ class CmaEs(BoxSolver):
             raise SolverError(f"population must be >= 2, or 0 for 4 + 3 log D, got {self.population}")
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Searches by generations, each from a normal distribution that adapts to the losses of the last."""
         import cma  # slow to import
 
         options: dict[str, Any] = {

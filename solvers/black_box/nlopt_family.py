@@ -13,13 +13,13 @@ References:
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import nlopt
 import numpy as np
 
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.sim.errors import did_you_mean
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
 from cusick_bench.solvers.incumbent import PENALTY, Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
@@ -74,7 +74,7 @@ class NloptSolver(Solver):
 
     def _optimise(self, incumbent: Incumbent, generator: np.random.Generator) -> bool:
         problem = incumbent.problem
-        nlopt.srand(int(generator.integers(1, 2**31)))
+        nlopt.srand(int(generator.integers(1, 2**31)))  # the library has one generator: seeded anew before each use
         optimiser = nlopt.opt(getattr(nlopt, self.algorithm), problem.dimension)
         lower, upper = problem.bounds
         optimiser.set_lower_bounds(lower)
@@ -123,27 +123,45 @@ class _Objective:
         return PENALTY
 
 
-@lru_cache
-def nlopt_solver(algorithm: str) -> type[Solver]:
-    """The solver class of an NLopt algorithm.
-
-    Raises:
-        SolverError: NLopt has no such algorithm, or it needs a second optimiser.
-    """
-    known = [name for name in dir(nlopt) if name[:3] in ("LD_", "LN_", "GD_", "GN_")]
-    if algorithm not in known:
-        raise SolverError(f"NLopt has no algorithm {algorithm!r}; it has {', '.join(known)}")
-    if any(word in algorithm for word in _NEEDS_ANOTHER):
-        raise SolverError(f"{algorithm} needs a second optimiser; use one of {', '.join(BENCHMARKED)}")
-    opt = nlopt.opt(getattr(nlopt, algorithm), 2)
+def _solver_of(algorithm: str) -> type[Solver]:
+    """Makes the solver class of an algorithm."""
+    words = nlopt.opt(getattr(nlopt, algorithm), 2).get_algorithm_name()
     attributes = {
         "name": f"nlopt:{algorithm}",
         "algorithm": algorithm,
         "needs_gradient": algorithm[1] == "D",
         "most_numbers": _MOST_DENSE if any(word in algorithm for word in _DENSE) else None,
-        "summary": opt.get_algorithm_name(),
+        "summary": words,
         "reference": "Johnson, NLopt, https://github.com/stevengj/nlopt",
-        "__doc__": f"NLopt's {algorithm}: {opt.get_algorithm_name()}.",
+        "__doc__": f"NLopt's {algorithm}: {words}.",
         "__module__": __name__,
     }
     return dataclass(frozen=True)(type(f"Nlopt{algorithm}", (NloptSolver,), attributes))
+
+
+_ALGORITHMS = tuple(name for name in dir(nlopt) if name[:3] in ("LD_", "LN_", "GD_", "GN_"))
+_SOLVERS = {
+    algorithm: _solver_of(algorithm)
+    for algorithm in _ALGORITHMS
+    if not any(word in algorithm for word in _NEEDS_ANOTHER)
+}
+
+
+def nlopt_solver(algorithm: str) -> type[Solver]:
+    """The solver class of an NLopt algorithm.
+
+    Args:
+        algorithm: NLopt's name, such as LN_BOBYQA.
+
+    Returns:
+        A subclass of `NloptSolver`.
+
+    Raises:
+        SolverError: NLopt has no such algorithm, or it needs a second optimiser.
+    """
+    if algorithm not in _ALGORITHMS:
+        hint = did_you_mean(algorithm, _ALGORITHMS)
+        raise SolverError(f"NLopt has no algorithm {algorithm!r}; {hint}it has {', '.join(_ALGORITHMS)}")
+    if algorithm not in _SOLVERS:
+        raise SolverError(f"{algorithm} needs a second optimiser; use one of {', '.join(BENCHMARKED)}")
+    return _SOLVERS[algorithm]

@@ -23,6 +23,13 @@ def sobol_points(dimension: int, generator: np.random.Generator) -> Iterator[Poi
 
     Coordinates for which there are no direction numbers are drawn independently; for the few points of a search in so
     many coordinates that is no worse.
+
+    Args:
+        dimension: Number of coordinates.
+        generator: Source of all randomness.
+
+    Yields:
+        Points of the unit cube, one after the other.
     """
     known = min(dimension, _MOST_COORDINATES)
     engine = SobolEngine(known, scramble=True, seed=int(generator.integers(2**31)))
@@ -31,7 +38,16 @@ def sobol_points(dimension: int, generator: np.random.Generator) -> Iterator[Poi
 
 
 def sobol_block(count: int, dimension: int, generator: np.random.Generator) -> Points:
-    """The first `count` points of such a sequence."""
+    """The first `count` points of such a sequence.
+
+    Args:
+        count: Number of points.
+        dimension: Number of coordinates.
+        generator: Source of all randomness.
+
+    Returns:
+        Points of the unit cube, one a row.
+    """
     known = min(dimension, _MOST_COORDINATES)
     engine = SobolEngine(known, scramble=True, seed=int(generator.integers(2**31)))
     return _with_rest(engine.draw(count, dtype=torch.float64).numpy(), dimension, generator)
@@ -50,5 +66,6 @@ class Sobol(BoxSolver):
     reference: ClassVar[str] = "Sobol 1967; Owen 1998"
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
+        """Asks for the points of the sequence."""
         for point in sobol_points(dimension, generator):
             yield 2 * point - 1

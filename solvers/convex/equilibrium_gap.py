@@ -32,7 +32,15 @@ _SHOWN = 3  # entries named of a singular direction
 
 
 def edge_strain(vertices: Float[np.ndarray, "V 3"], mesh: Mesh) -> float:
-    """Root mean square relative change of the edges' lengths."""
+    """Root mean square relative change of the edges' lengths.
+
+    Args:
+        vertices: Positions in the drape [m].
+        mesh: The flat cloth.
+
+    Returns:
+        Strain [1].
+    """
     start, end = mesh.edges.T
     length = np.linalg.norm(vertices[end] - vertices[start], axis=1)
     return float(
@@ -45,6 +53,13 @@ def unrolled(mesh: TrainMesh, plate_radius: float) -> Float[np.ndarray, "V 2"]:
 
     Outside of the plate's edge a point lies as far out as its generator is long, at its own angle: as if nothing had
     moved sideways.
+
+    Args:
+        mesh: The training drape's mesh.
+        plate_radius: Radius of the plate [m].
+
+    Returns:
+        Coordinates in the flat cloth [m].
     """
     x, y, z = mesh.vertices.T
     radius, angle = np.hypot(x, y), np.arctan2(y, x)
@@ -140,6 +155,9 @@ def notes(found: Balance, strain: float) -> dict[str, Any]:
     Args:
         found: The fit.
         strain: Of the edges.
+
+    Returns:
+        Numbers, by name.
     """
     entries = {
         name: {"value": float(value), "relative_sd": float(sd), "identifiable": bool(sd <= KNOWN)}

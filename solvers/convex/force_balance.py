@@ -104,7 +104,14 @@ class Errors:
                 raise SolverError(f"the {name} error must be >= 0 and finite, got {value}; 0 for an even, flat cloth")
 
     def modes(self, mesh: Mesh) -> tuple[Float[np.ndarray, "vertices rest"], Float[np.ndarray, "vertices uneven"]]:
-        """Modes of the rest shape's height [m] and of log stiffness; none where there is no spread."""
+        """Modes of the rest shape's height [m] and of log stiffness; none where there is no spread.
+
+        Args:
+            mesh: The flat cloth.
+
+        Returns:
+            One column a mode, for heights and for log stiffness.
+        """
         fields = ((self.rest_height, self.rest_length), (self.unevenness, self.unevenness_length))
         rest, uneven = (
             amplitude * field_modes(mesh, length) if amplitude > 0 else np.zeros((mesh.vertices, 0))
@@ -144,7 +151,15 @@ class Balance:
 
 
 def whitened(prior: StiffnessPrior, theta: Theta) -> Theta:
-    """The vector tau of admissible tables: inverse of the prior's `stretch` and `bending`."""
+    """The vector tau of admissible tables: inverse of the prior's `stretch` and `bending`.
+
+    Args:
+        prior: The prior of stiffness.
+        theta: C and B in one row [N/m, N m].
+
+    Returns:
+        Whitened vector tau.
+    """
     table, bending = theta[:STRETCH_NUMBERS].reshape(6, 4), theta[STRETCH_NUMBERS:].reshape(3, 5)
     c11, c12, c22, _ = STRETCH_REFERENCE.T
     reference = np.arctanh(c12 / np.sqrt(c11 * c22))
@@ -156,7 +171,15 @@ def whitened(prior: StiffnessPrior, theta: Theta) -> Theta:
 
 
 def tables_at(prior: StiffnessPrior, tau: Theta) -> tuple[Theta, Float[np.ndarray, "39 39"]]:
-    """theta of a whitened vector, and its derivative."""
+    """theta of a whitened vector, and its derivative.
+
+    Args:
+        prior: The prior of stiffness.
+        tau: Whitened vector.
+
+    Returns:
+        C and B in one row [N/m, N m], and their derivatives by tau.
+    """
 
     def both(vector: torch.Tensor) -> torch.Tensor:
         stretch, bending = vector.split([STRETCH_SIZE, BENDING_SIZE])
@@ -169,7 +192,14 @@ def tables_at(prior: StiffnessPrior, tau: Theta) -> tuple[Theta, Float[np.ndarra
 
 
 def relative_scale(theta: Theta) -> Theta:
-    """Unit of a relative change of every entry: itself, and for c12 the geometric mean of c11 and c22."""
+    """Unit of a relative change of every entry: itself, and for c12 the geometric mean of c11 and c22.
+
+    Args:
+        theta: C and B in one row [N/m, N m].
+
+    Returns:
+        What an entry is relative to [N/m, N m].
+    """
     scale = theta.copy()
     table = scale[:STRETCH_NUMBERS].reshape(6, 4)
     table[:, 1] = np.sqrt(table[:, 0] * table[:, 2])

@@ -42,11 +42,27 @@ class Adjoints:
 
     @classmethod
     def of(cls, residual: Float[np.ndarray, " outputs"], product: Vector) -> "Adjoints":
-        """A first pair."""
+        """A first pair.
+
+        Args:
+            residual: Residual r at a point.
+            product: (dr/dz)^T r there.
+
+        Returns:
+            A memory of one pair.
+        """
         return cls(residual[None], product[None])
 
     def and_of(self, residual: Float[np.ndarray, " outputs"], product: Vector) -> "Adjoints":
-        """A pair richer; the oldest one is forgotten where there are too many."""
+        """A pair richer; the oldest one is forgotten where there are too many.
+
+        Args:
+            residual: Residual r at another point.
+            product: (dr/dz)^T r there.
+
+        Returns:
+            A memory with that pair.
+        """
         return Adjoints(
             np.concatenate([self.residuals, residual[None]])[-MEMORY:],
             np.concatenate([self.products, product[None]])[-MEMORY:],
@@ -61,6 +77,9 @@ def damped_step(gradient: Vector, adjoints: Adjoints, *, weight: float, radius: 
         adjoints: What is known of the Jacobian.
         weight: Of the squared residual in J.
         radius: Of the ball.
+
+    Returns:
+        The step, not longer than the radius.
     """
     # ((1 + damping) I + 2 weight H K^-1 H^T) step = -gradient, by the Woodbury identity in as many unknowns as pairs.
     products = adjoints.products

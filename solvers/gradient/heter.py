@@ -23,7 +23,6 @@ References:
 """
 
 import contextlib
-import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -31,7 +30,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at, require_positive
 from cusick_bench.solvers.gradient.blurred_misfit import BlurredMisfit
 from cusick_bench.solvers.gradient.gauss_newton import Adjoints, damped_step
 from cusick_bench.solvers.gradient.smooth_field import StiffnessField
@@ -58,7 +57,14 @@ class BlurredIncumbent(Incumbent):
         self._misfit = BlurredMisfit(problem.train_image, blur)
 
     def residual_and_product(self, tau: np.ndarray) -> tuple[Residual, np.ndarray] | None:
-        """Residual r of the blurred silhouette, and (dr/dtau)^T r; None where the drape fails."""
+        """Residual r of the blurred silhouette, and (dr/dtau)^T r; None where the drape fails.
+
+        Args:
+            tau: Parameter vector.
+
+        Returns:
+            r and (dr/dtau)^T r, or None.
+        """
         losses, gradients = self.problem.evaluate_and_gradient_batch(tau[None], self._misfit)
         self._keep(tau, float(losses[0]))
         return (self._misfit.residual, gradients[0] / 2) if np.isfinite(losses[0]) else None
@@ -90,16 +96,37 @@ class RegularisedFit:
     weight: float = MODES / FLOOR
 
     def look(self, z: White) -> Point | None:
-        """The cloth at z, None where its drape fails."""
+        """The cloth at z, None where its drape fails.
+
+        Args:
+            z: White coordinates of the cloth.
+
+        Returns:
+            What was seen there.
+        """
         seen = self.incumbent.residual_and_product(self.mean + self.field.deviation(z))
         return None if seen is None else Point(z, seen[0], self.field.pulled_back(seen[1]))
 
     def value(self, point: Point) -> float:
-        """J."""
+        """The objective J.
+
+        Args:
+            point: A cloth that was draped.
+
+        Returns:
+            J there.
+        """
         return self.weight * float(point.residual @ point.residual) + 0.5 * float(point.z @ point.z)
 
     def gradient(self, point: Point) -> White:
-        """Gradient of J."""
+        """Gradient of J.
+
+        Args:
+            point: A cloth that was draped.
+
+        Returns:
+            Derivatives of J by z.
+        """
         return 2 * self.weight * point.product + point.z
 
 
@@ -123,11 +150,26 @@ class Walk:
 
     @classmethod
     def at(cls, point: Point) -> "Walk":
-        """A walk that begins."""
+        """A walk that begins.
+
+        Args:
+            point: Where it begins.
+
+        Returns:
+            A walk of no steps.
+        """
         return cls(point, point, Adjoints.of(point.residual, point.product))
 
     def on(self, fit: RegularisedFit, radius: float) -> "Walk":
-        """The next step, wherever it leads; where the drape fails, back to the lowest point and shorter from there."""
+        """The next step, wherever it leads; where the drape fails, back to the lowest point and shorter from there.
+
+        Args:
+            fit: Objective of the walk.
+            radius: Longest step [standard deviations of the prior].
+
+        Returns:
+            The walk after that step.
+        """
         gradient, length = fit.gradient(self.here), self.caution * radius
         there = fit.look(self.here.z + damped_step(gradient, self.adjoints, weight=fit.weight, radius=length))
         if there is None:  # the last point may stand on the brink: not on from there
@@ -163,9 +205,7 @@ class Heter(Solver):
     needs_gradient: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        for name in ("radius", "blur"):
-            if not (math.isfinite(value := getattr(self, name)) and value > 0):
-                raise SolverError(f"heter's {name} must be > 0 and finite, got {value}; leave it out for the usual one")
+        require_positive(self, "radius", "blur")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         incumbent, finished = BlurredIncumbent(problem, self.blur), False

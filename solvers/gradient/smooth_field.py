@@ -33,7 +33,14 @@ FIELDS = STRETCH_SIZE + BENDING_SIZE
 
 
 def stiffness_matrix(mesh: Mesh) -> sparse.csc_matrix:
-    """Linear finite elements' Dirichlet form on the flat cloth, (V, V) [1]."""
+    """Linear finite elements' Dirichlet form on the flat cloth, (V, V) [1].
+
+    Args:
+        mesh: The flat cloth.
+
+    Returns:
+        Sparse symmetric matrix.
+    """
     corner = mesh.material[mesh.faces]
     opposite = np.roll(corner, -2, axis=1) - np.roll(corner, -1, axis=1)  # edge that faces each corner
     blocks = np.einsum("fac,fbc->fab", opposite, opposite) / (4 * mesh.areas[:, None, None])
@@ -42,7 +49,14 @@ def stiffness_matrix(mesh: Mesh) -> sparse.csc_matrix:
 
 
 def lumped_mass(mesh: Mesh) -> Float[np.ndarray, " vertices"]:
-    """A third of the area of every adjacent face [m2]."""
+    """A third of the area of every adjacent face [m2].
+
+    Args:
+        mesh: The flat cloth.
+
+    Returns:
+        Area that belongs to each vertex [m2].
+    """
     return np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas / 3, 3), mesh.vertices)
 
 
@@ -106,14 +120,28 @@ class StiffnessField:
         return (self.amplitude * math.sqrt(4 * math.pi) * self._kappa * root_mass)[:, None]
 
     def deviation(self, z: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " parameters"]:
-        """The change of tau that z stands for; linear."""
+        """The change of tau that z stands for; linear.
+
+        Args:
+            z: White coordinates.
+
+        Returns:
+            Change of tau.
+        """
         common, white = np.split(z.reshape(-1, FIELDS), [1])
         fields = self.shared * common + self._factor.solve(self._noise * white)
         stretch, bending = fields[:, :STRETCH_SIZE], fields[:, STRETCH_SIZE:]
         return np.concatenate([(self._on_faces @ stretch).ravel(), (self._on_hinges @ bending).ravel()])
 
     def pulled_back(self, gradient: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " dimension"]:
-        """Gradient to z from a gradient to tau: the transpose of `deviation`."""
+        """Gradient to z from a gradient to tau: the transpose of `deviation`.
+
+        Args:
+            gradient: Derivatives by tau.
+
+        Returns:
+            Derivatives by z.
+        """
         cut = STRETCH_SIZE * len(self.mesh.faces)
         stretch = self._on_faces.T @ gradient[:cut].reshape(-1, STRETCH_SIZE)
         bending = self._on_hinges.T @ gradient[cut:].reshape(-1, BENDING_SIZE)

@@ -14,7 +14,7 @@ from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.sim.constants import PIXELS_PER_METRE
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError
-from cusick_bench.solvers.reference.silhouettes import SIZE, silhouette
+from cusick_bench.solvers.reference.silhouettes import SIZE, Canvas, silhouette
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,8 @@ class NullRotation(Null):
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         profile = profile_from_image(problem.train_image)
         angles = np.arange(_positive(self.draws)) * (360 / self.draws)
-        turned = (silhouette(profile.rotated(angle).radii) for angle in angles)
+        canvas = Canvas.of(len(profile.radii))
+        turned = (canvas.silhouette(profile.rotated(angle).radii) for angle in angles)
         return Prediction(problem.train_image, _stack(turned, self.draws, progress))
 
 
@@ -85,7 +86,8 @@ class NullRandomPhase(Null):
         phase = generator.uniform(0, 2 * np.pi, (_positive(self.draws), len(amplitude)))
         phase[:, 0] = 0  # the mean radius stays
         profiles = np.fft.irfft(amplitude * np.exp(1j * phase), len(radii))
-        images = (silhouette(profile) for profile in profiles)
+        canvas = Canvas.of(len(radii))
+        images = (canvas.silhouette(profile) for profile in profiles)
         return Prediction(problem.train_image, _stack(images, self.draws, progress))
 
 

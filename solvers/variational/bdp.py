@@ -25,7 +25,7 @@ from jaxtyping import Float
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
 from cusick_bench.solvers.adam import Adam, cosine_rate
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.variational.gaussian_posterior import (
@@ -77,9 +77,7 @@ class Bdp(Solver):
     def __post_init__(self) -> None:
         if self.reduction not in REDUCTIONS:
             raise SolverError(f"reduction must be one of {', '.join(REDUCTIONS)}, got {self.reduction!r}")
-        for name in ("draws", "steps", "samples", "rate", "sigma", "scale"):
-            if not getattr(self, name) > 0:
-                raise SolverError(f"{name} must be > 0, got {getattr(self, name)}")
+        require_positive(self, "draws", "steps", "samples", "rate", "sigma", "scale")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         if problem.loss != "mse":
@@ -95,6 +93,7 @@ class Bdp(Solver):
     def redraw(
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
+        """Draws one stiffness for every element."""
         tie = _tie(problem, self.shared)
         noise = standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension)
         return posterior["mean"][tie] + posterior["scale"][tie] * noise

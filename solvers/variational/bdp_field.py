@@ -36,7 +36,7 @@ from cusick_bench.problem.field_space import DISCREPANCY, FIELDS, Trait
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.shape import fade_in
 from cusick_bench.sim.errors import DrapeDiverged
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
 from cusick_bench.solvers.descent import rounds
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
@@ -82,8 +82,7 @@ class BdpField(Solver):
         for name, least in (("draws", 1), ("first", 0), ("rounds", 0), ("cloths", 1), ("refinement", 0)):
             if not getattr(self, name) >= least:
                 raise SolverError(f"{name} must be >= {least}, got {getattr(self, name)}")
-        if not self.rate > 0:
-            raise SolverError(f"rate must be > 0, got {self.rate}")
+        require_positive(self, "rate")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         seed, finished = int(generator.integers(2**63)), False
@@ -107,6 +106,7 @@ class BdpField(Solver):
     def redraw(
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
+        """Draws a cloth, and the fields of a specimen of it."""
         q = Normal(posterior["mean"], posterior["root"])
         return _specimen(q, standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension))
 

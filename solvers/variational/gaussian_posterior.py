@@ -28,6 +28,9 @@ def standard_normal(seed: int, purpose: int, index: int, size: int) -> Float[nda
         purpose: INFERENCE or PREDICTION.
         index: Number of the draw.
         size: How many.
+
+    Returns:
+        The numbers.
     """
     return np.random.default_rng([seed, purpose, index]).standard_normal(size)
 
@@ -48,7 +51,16 @@ class Gaussian:
 
     @classmethod
     def around(cls, mean: Float[ndarray, " pairs"], scale: float, tie: Int[ndarray, " dimension"]) -> "Gaussian":
-        """q with one scale for all."""
+        """q with one scale for all.
+
+        Args:
+            mean: mu, one number a pair.
+            scale: Standard deviation of every pair.
+            tie: The pair of every entry of tau.
+
+        Returns:
+            The distribution.
+        """
         return cls(mean.copy(), np.full(len(mean), np.log(np.expm1(scale))), tie)
 
     @property
@@ -57,7 +69,14 @@ class Gaussian:
         return np.logaddexp(0, self.raw)
 
     def draw(self, noise: Float[ndarray, "*draws dimension"]) -> Float[ndarray, "*draws dimension"]:
-        """tau = mu + softplus(eta) * noise."""
+        """tau = mu + softplus(eta) * noise.
+
+        Args:
+            noise: Numbers from N(0, 1).
+
+        Returns:
+            Drawn parameter vectors.
+        """
         return self.mean[self.tie] + self.scale[self.tie] * noise
 
     def divergence(self) -> tuple[Float[ndarray, " pairs"], Float[ndarray, " pairs"], Float[ndarray, " pairs"]]:
@@ -69,7 +88,15 @@ class Gaussian:
     def pull_back(
         self, gradient: Float[ndarray, "draws dimension"], noise: Float[ndarray, "draws dimension"]
     ) -> tuple[Float[ndarray, " pairs"], Float[ndarray, " pairs"]]:
-        """Derivatives by mean and scale, from those by every draw's tau, summed over the draws."""
+        """Derivatives by mean and scale, from those by every draw's tau, summed over the draws.
+
+        Args:
+            gradient: Derivatives by every draw's tau.
+            noise: What these were drawn with.
+
+        Returns:
+            Derivatives by mean and by scale.
+        """
         pairs = len(self.mean)
         by_mean = np.bincount(self.tie, gradient.sum(0), minlength=pairs)
         return by_mean, np.bincount(self.tie, (gradient * noise).sum(0), minlength=pairs)
@@ -85,5 +112,8 @@ class Gaussian:
         Args:
             by_mean: Its derivatives by the mean.
             by_scale: By the scale.
+
+        Returns:
+            Derivatives by name of the array.
         """
         return {"mean": by_mean, "raw": by_scale / (1 + np.exp(-self.raw))}

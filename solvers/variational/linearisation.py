@@ -42,7 +42,14 @@ class Normal:
     root: Float[ndarray, "cloth cloth"]
 
     def draw(self, noise: Float[ndarray, " cloth"]) -> Float[ndarray, " cloth"]:
-        """mean + root noise."""
+        """mean + root noise.
+
+        Args:
+            noise: Numbers from N(0, 1).
+
+        Returns:
+            A cloth.
+        """
         return self.mean + self.root @ noise
 
 
@@ -59,7 +66,14 @@ class LinearModel:
         return cloths @ self.slope.T + self.intercept
 
     def posterior(self, observed: Float[ndarray, " statistics"]) -> Normal:
-        """Of the cloth, given statistics of one specimen."""
+        """Distribution of the cloth, given statistics of one specimen.
+
+        Args:
+            observed: Statistics s of the specimen.
+
+        Returns:
+            The posterior under the prior N(0, I).
+        """
         weighted = np.linalg.solve(self.scatter, self.slope).T
         precision = np.eye(self.slope.shape[1]) + weighted @ self.slope
         root = np.linalg.inv(np.linalg.cholesky(precision)).T
@@ -71,6 +85,13 @@ class LinearModel:
         """Weights exp(-g^2), g the root mean square gap between expected and observed statistics in units of scatter.
 
         They fall more slowly where fewer than `PAIRS` for every number of the cloth would be left.
+
+        Args:
+            cloths: theta of every pair.
+            observed: Statistics s of the specimen.
+
+        Returns:
+            A weight for each pair.
         """
         gap = self(cloths) - observed
         squares = (gap * np.linalg.solve(self.scatter, gap.T).T).mean(1)
@@ -96,6 +117,9 @@ def linearise(
         weights: How much a pair counts, > 0.
         axis: Unit vector along which slopes are not shrunk.
         known: Slopes near the observation that are known otherwise, by statistic: only what they leave is regressed.
+
+    Returns:
+        Slopes, intercept, and the scatter about them.
     """
     slope = np.zeros((statistics.shape[1], cloths.shape[1]))
     if axis is not None:

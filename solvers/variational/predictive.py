@@ -28,6 +28,9 @@ def predictive_draws(
         count: Number of draws.
         progress: Told how far it is.
 
+    Returns:
+        What was seen of each draw that is at rest, by its number.
+
     Raises:
         DrapeDiverged: Every one of them fails.
     """
@@ -45,7 +48,16 @@ def predictive_draws(
 
 
 def with_draws(best: Prediction, seen: dict[int, Observation], posterior: dict[str, np.ndarray]) -> Prediction:
-    """A fit of the training image with its posterior and what was drawn from that."""
+    """A fit of the training image with its posterior and what was drawn from that.
+
+    Args:
+        best: Fit of the training image.
+        seen: Draws by their number.
+        posterior: What was learned, by name of the array.
+
+    Returns:
+        An answer with draws, and with their numbers in its posterior.
+    """
     images, vertices = (np.stack([getattr(one, name) for one in seen.values()]) for name in ("image", "vertices"))
     posterior = posterior | {"draws": np.array(list(seen))}
     return replace(best, draws=images, draw_vertices=vertices, posterior=posterior)
