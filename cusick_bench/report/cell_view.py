@@ -1,10 +1,9 @@
 """What the report shows of one cell: the prediction, read without trusting the file, and the trace of the search."""
 
 import json
-import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -13,9 +12,8 @@ from numpy import ndarray
 
 from cusick_bench.datasets.profile import Profile, profile_from_image
 from cusick_bench.metrics import ruled_surface
-from cusick_bench.report.errors import ReportError
+from cusick_bench.report.prediction_file import check_mesh, read_prediction
 
-_MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
 _MAXIMUM_DRAWS = 6  # shown
 _SHOWN_MODES = 40  # harmonics of a profile that its picture shows
 
@@ -56,36 +54,33 @@ class CellView:
 def load_cell_view(folder: Path) -> CellView:
     """Reads `prediction.npz` and `trace.jsonl` of a finished cell.
 
+    Args:
+        folder: The cell's folder.
+
+    Returns:
+        What is shown of the cell.
+
     Raises:
         ReportError: The prediction is missing, damaged or oversized; the message says which file.
     """
-    path = folder / "prediction.npz"
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if max(entry.file_size for entry in archive.infolist()) > _MAXIMUM_BYTES:
-                raise ReportError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
-        with np.load(path, allow_pickle=False) as arrays:
-            return _view(dict(_needed(arrays)), read_trace(folder / "trace.jsonl"))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        if isinstance(error, ReportError):
-            raise
-        raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
+    return read_prediction(folder, lambda arrays: _view(arrays, read_trace(folder / "trace.jsonl")))
 
 
 def shown_surface(profile: Profile) -> trimesh.Trimesh:
-    """The ruled surface over a profile, without the pleats that single pixels would make."""
+    """The ruled surface over a profile, without the pleats that single pixels would make.
+
+    Args:
+        profile: Radius over angle.
+
+    Returns:
+        The surface [m].
+    """
     harmonics = np.fft.rfft(profile.radii)
     harmonics[_SHOWN_MODES + 1 :] = 0
     return ruled_surface(np.fft.irfft(harmonics, len(profile.radii)), strips=12)
 
 
-def _needed(arrays: Any) -> Any:
-    for name in ("train_image", "train_target", "draws", "vertices", "faces"):
-        if name in arrays:
-            yield name, arrays[name]
-
-
-def _view(arrays: dict[str, ndarray], trace: ndarray) -> CellView:
+def _view(arrays: Mapping[str, ndarray], trace: ndarray) -> CellView:
     fit, target = (np.asarray(arrays[name], dtype=np.float64) for name in ("train_image", "train_target"))
     if fit.shape != target.shape or fit.ndim != 2:
         raise ValueError(f"images have shapes {fit.shape} and {target.shape}")
@@ -94,8 +89,7 @@ def _view(arrays: dict[str, ndarray], trace: ndarray) -> CellView:
     simulated = "vertices" in arrays and "faces" in arrays
     if simulated:
         vertices, faces = np.asarray(arrays["vertices"], dtype=np.float64), np.asarray(arrays["faces"], dtype=np.int64)
-        if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError("its mesh is damaged")
+        check_mesh(vertices, faces)
     else:
         surface = shown_surface(profile_from_image(fit))
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
@@ -103,7 +97,14 @@ def _view(arrays: dict[str, ndarray], trace: ndarray) -> CellView:
 
 
 def read_trace(path: Path) -> Float[ndarray, "evaluations 2"]:
-    """Forward-equivalents and best loss after each evaluation; lines that cannot be read are passed over."""
+    """Forward-equivalents and best loss after each evaluation.
+
+    Args:
+        path: `trace.jsonl` of a cell; lines that cannot be read are passed over.
+
+    Returns:
+        A row for each evaluation; none where there is no file.
+    """
     points: list[tuple[float, float]] = []
     if path.is_file():
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():

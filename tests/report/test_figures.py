@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 import typer
 from finished_cell import CLOTHS, held_out_images, write_cell
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from PIL import Image
 from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli.fit import paper_figures
 from cusick_bench.leaderboard import load_cells
-from cusick_bench.metrics import ruled_surface
+from cusick_bench.metrics import Confusion, ruled_surface
 from cusick_bench.report import ReportError
-from cusick_bench.report.figures.predictions import entrants, in_blocks, load_draws
-from cusick_bench.report.figures.radius_angle import radius_angle
-from cusick_bench.report.figures.side_by_side import fitted, held_out
+from cusick_bench.report.figures.predictions import entrants, load_draws
+from cusick_bench.report.figures.radius_angle import Group, RadiusAngle, radius_angle, radius_angle_figure
+from cusick_bench.report.figures.sheet import in_blocks
+from cusick_bench.report.figures.side_by_side import Strip, Tile, fitted, held_out, strips_figure
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
 app = typer.Typer()
@@ -172,21 +175,43 @@ def test_many_methods_stand_in_even_blocks(count, lengths):
     assert [item for block in blocks for item in block] == list(range(count))
 
 
-@pytest.mark.parametrize("command", ["figure-6", "figure-8"])
-def test_a_sheet_of_many_methods_is_higher_not_wider(toy_dataset, toy_data, tmp_path, command):
-    names = [f"method-{letter}" for letter in "abcdefg"]
-    for cloth in CLOTHS:
-        for name in names:
-            write_cell(tmp_path / "run", toy_dataset, name, cloth, held_out_images(toy_dataset, cloth)[:2])
-    some = [word for name in names[:4] for word in ("--solver", name)]
-    few, many = (
-        next(pictures(draw(command, tmp_path / "run", toy_data, tmp_path / "figure", *options)))
-        for options in (some, [])
-    )
-    assert many.shape[1] == few.shape[1]
-    assert 1.6 * few.shape[0] < many.shape[0] < 2.2 * few.shape[0]
-    for half in (slice(0, len(many) // 2), slice(len(many) // 2, None)):
-        assert many[half].std() > 5
+METHODS = [f"method-{letter}" for letter in "abcdefg"]
+
+
+def strip(cloth: str, methods: list[str]) -> Strip:
+    tile = Tile(np.full((256, 256), 0.5), ruled_surface(np.full(12, 0.12)), ruled=True, mse=0.1)
+    return Strip(cloth, 1, tile, dict.fromkeys(methods, tile))
+
+
+def study(methods: list[str]) -> RadiusAngle:
+    confusion = Confusion(CLOTHS, np.array([[3, 1, 0], [0, 4, 0]]))
+    radii = {cloth: np.full((4, 36), 0.12) for cloth in CLOTHS}
+    real, *drawn = (Group(name, radii, {}, confusion) for name in ("real samples", *methods))
+    return RadiusAngle(real, tuple(drawn))
+
+
+def drawn_axes(figure: Figure) -> list[Axes]:
+    return [axes for axes in figure.axes if axes.images or axes.lines]
+
+
+@pytest.mark.parametrize(
+    "sheet",
+    [  # both with two axes for each method: from above and from the side, or two cloths
+        lambda methods: strips_figure([strip(CLOTHS[0], methods)], "title"),
+        lambda methods: radius_angle_figure(study(methods)),
+    ],
+    ids=["side by side", "radius over angle"],
+)
+def test_a_sheet_of_many_methods_is_higher_not_wider(sheet):
+    few, many = sheet(METHODS[:4]), sheet(METHODS)
+    (width, height), (many_width, many_height) = few.get_size_inches(), many.get_size_inches()
+    assert many_width == width
+    assert 1.6 * height < many_height < 2.2 * height
+    for figure, methods, blocks in ((few, 4, 1), (many, 7, 2)):
+        assert len(drawn_axes(figure)) == 2 * (methods + blocks)  # real ones in each block
+        headings = [axes.get_title().split("\n")[0] for axes in figure.axes if axes.get_title()]
+        assert sorted(headings)[:methods] == METHODS[:methods]
+        assert sum(words.startswith("real") for words in headings) == blocks
 
 
 def test_a_solver_that_lacks_a_cloth_leaves_its_place_empty(toy_dataset, toy_data, tmp_path):

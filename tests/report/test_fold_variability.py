@@ -64,7 +64,7 @@ class TestFoldVariability:
 
 def test_table_1_writes_the_variability_of_its_draws(toy_data, tmp_path):
     words = ["--vertices", "100", "--steps", "20", "--budget", "4", "--draws", "8", "--solver", "null:random-phase"]
-    words += ["--solver", "null:disc", "--json"]
+    words += ["--solver", "null:disc", "--cloth", CLOTHS[0], "--json"]
     result = CliRunner().invoke(app, ["paper", "table-1", "--data", str(toy_data), "--out", str(tmp_path), *words])
     assert result.exit_code == 0, result.output
     rows = json.loads((tmp_path / "table-1-variability.json").read_text())["rows"]

@@ -142,7 +142,7 @@ def _draw_scale(figure: Figure, top: float | None, shades: _Shades) -> None:
     if top is None:
         axes.annotate("no map was made", (10, 0), xytext=(0, 0), ha="center", **style)
         return
-    axes.bar(np.arange(20), 1, 1.08, color=shades.of(np.linspace(0, 1, 20)), align="edge")
+    axes.bar(np.arange(20), 1, 1.0, color=shades.of(np.linspace(0, 1, 20)), align="edge")
     axes.annotate("0 %", (0, 0.5), xytext=(-6, 0), ha="right", va="center", **style)
     axes.annotate(percent(top), (20, 0.5), xytext=(6, 0), va="center", **style)
     words = "probability that the cause sits there" if shades.named else "if the cause were a local patch: no finding"

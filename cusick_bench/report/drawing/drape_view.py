@@ -58,7 +58,14 @@ class View:
 
 
 def cloth_colour(name: str) -> tuple[float, float, float]:
-    """A colour for a cloth, sRGB in [0, 1]; sand where its name has no colour in it."""
+    """A colour for a cloth.
+
+    Args:
+        name: Name of the cloth, such as "cotton_blue".
+
+    Returns:
+        sRGB in [0, 1]; sand where the name has no colour in it.
+    """
     return next((colour for word, colour in _COLOURS.items() if word in name.lower()), _NEUTRAL)
 
 

@@ -20,14 +20,29 @@ ONLY_REAL = (235, 115, 25)
 
 
 def silhouette_picture(image: Float[ndarray, "height width"]) -> UInt8[ndarray, "height width 4"]:
-    """A silhouette in grey, as opaque as the cloth covers a pixel."""
+    """A silhouette in grey, as opaque as the cloth covers a pixel.
+
+    Args:
+        image: The silhouette, cloth = 1.
+
+    Returns:
+        RGBA picture.
+    """
     return _layer(CLOTH, image)
 
 
 def difference_picture(
     simulated: Float[ndarray, "height width"], real: Float[ndarray, "height width"]
 ) -> UInt8[ndarray, "height width 4"]:
-    """Signed difference of two silhouettes: blue only simulated, orange only real, pale grey both."""
+    """Signed difference of two silhouettes: blue only simulated, orange only real, pale grey both.
+
+    Args:
+        simulated: The simulated silhouette, cloth = 1.
+        real: The real one.
+
+    Returns:
+        RGBA picture.
+    """
     picture = _layer(CLOTH, 0.35 * np.minimum(simulated, real))
     difference = simulated - real
     for colour, part in ((ONLY_SIMULATED, difference), (ONLY_REAL, -difference)):
@@ -39,12 +54,30 @@ def difference_picture(
 def drape_picture(
     vertices: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], cloth: str, view: View | None = None
 ) -> UInt8[ndarray, "height width 4"]:
-    """The drape from the side, in a colour that suits the cloth's name."""
+    """The drape from the side, in a colour that suits the cloth's name.
+
+    Args:
+        vertices: Positions [m].
+        faces: Triangles.
+        cloth: Name of the cloth.
+        view: Where it is seen from.
+
+    Returns:
+        RGBA picture.
+    """
     return render_drape(vertices, faces, cloth_colour(cloth), view)
 
 
 def contact_sheet(images: Float[ndarray, "draws height width"], columns: int = 3) -> UInt8[ndarray, "rows columns 4"]:
-    """Silhouettes at half size, side by side in rows of `columns`."""
+    """Silhouettes at half size, side by side.
+
+    Args:
+        images: The silhouettes, cloth = 1.
+        columns: How many stand in a row.
+
+    Returns:
+        RGBA picture.
+    """
     count, height, width = images.shape
     halves = images.reshape(count, height // 2, 2, width // 2, 2).mean((2, 4))
     filled = np.concatenate([halves, np.zeros((-count % columns, *halves.shape[1:]))])
@@ -53,7 +86,14 @@ def contact_sheet(images: Float[ndarray, "draws height width"], columns: int = 3
 
 
 def png(picture: UInt8[ndarray, "height width 4"]) -> bytes:
-    """PNG bytes."""
+    """A picture as a file.
+
+    Args:
+        picture: RGBA picture.
+
+    Returns:
+        Bytes of the PNG file.
+    """
     buffer = io.BytesIO()
     Image.fromarray(picture, "RGBA").save(buffer, "PNG", optimize=True)
     return buffer.getvalue()

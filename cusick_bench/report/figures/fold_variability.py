@@ -62,6 +62,9 @@ def variability_table(rows: Sequence[Row], notes: Sequence[str] = ()) -> TextTab
     Args:
         rows: From `fold_variability`.
         notes: Sentences below the table.
+
+    Returns:
+        The table.
     """
     ordered = sorted(rows, key=lambda row: row["cloth"] != ALL)
     heads = {"pair_mse": ("pair MSE", 4, 1.0), "dc_sd": ("DC sd points", 1, 100.0), "folds_sd": ("folds sd", 2, 1.0)}

@@ -1,10 +1,8 @@
 """What the cells of a run predict, solver by solver, beside the real drapes: the common source of the figures."""
 
-import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -17,14 +15,10 @@ from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.leaderboard import Cells, variants
 from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
-from cusick_bench.runner import load_prediction
+from cusick_bench.report.prediction_file import check_mesh, read_prediction
 from cusick_bench.runner.cell import load_cell
 
-_MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
-COLUMNS = 5  # of methods beside the real drapes; a page has room for no more
 _KINDS = {"solver": 0, "null": 1, "oracle": 2}
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +36,14 @@ class Entrant:
     cells: pd.DataFrame
 
     def folders(self, cloth: str) -> list[Path]:
-        """Folders of its cells on a cloth, by seed."""
+        """Folders of its cells on a cloth.
+
+        Args:
+            cloth: Name of the cloth.
+
+        Returns:
+            The folders, by seed.
+        """
         own = self.cells.loc[self.cells["cloth"] == cloth].sort_values(by="seed")
         return [Path(folder) for folder in own["folder"]]
 
@@ -66,7 +67,14 @@ class Draws:
     faces: Int[ndarray, "faces 3"] | None = None
 
     def evenly(self, count: int) -> UInt8[ndarray, "chosen 256 256"]:
-        """At most `count` of the silhouettes, evenly spaced: draws may be in order, as rotations are."""
+        """Some of the silhouettes, evenly spaced: draws may be in order, as rotations are.
+
+        Args:
+            count: How many at most.
+
+        Returns:
+            The silhouettes, in bytes.
+        """
         return self.images[np.unique(np.linspace(0, len(self.images) - 1, count).astype(int))]
 
     def fit_surface(self) -> trimesh.Trimesh:
@@ -74,7 +82,14 @@ class Draws:
         return surface_of(self.fit, self.fit_vertices, self.faces)
 
     def surface(self, draw: int) -> trimesh.Trimesh:
-        """The same of a draw."""
+        """The drape behind a draw, or the ruled surface over it where nothing was simulated.
+
+        Args:
+            draw: Number of the draw, from 0.
+
+        Returns:
+            The surface [m].
+        """
         vertices = None if self.vertices is None else self.vertices[draw]
         return surface_of(self.images[draw] / 255, vertices, self.faces)
 
@@ -89,6 +104,9 @@ def entrants(
         solvers: Names of the solvers to keep, in this order, a name without options standing for all that it has;
             those of the kinds by default.
         kinds: Kinds to keep where no solver is named; all where the run has none of them.
+
+    Returns:
+        The solvers, each with its cells.
 
     Raises:
         ReportError: A solver that is not in the run.
@@ -110,19 +128,12 @@ def _named(solver: str, name: str) -> bool:
     return name in (solver, solver.partition(",")[0])
 
 
-def in_blocks(items: Sequence[T], most: int = COLUMNS) -> list[list[T]]:
-    """Items in as few blocks of at most `most` as can be, of nearly equal length: what stands side by side."""
-    count = max(1, -(-len(items) // most))
-    return [list(items[len(items) * i // count : len(items) * (i + 1) // count]) for i in range(count)]
-
-
-def heading(label: str) -> str:
-    """A solver's label with a line for each of its options."""
-    return label.replace(",", "\n").replace(" (", "\n(")
-
-
 def check_data(cells: Cells, dataset: DrapeDataset) -> None:
     """Makes sure that a run was made with these data.
+
+    Args:
+        cells: What the run's folder holds.
+        dataset: The data.
 
     Raises:
         ReportError: It was not.
@@ -139,6 +150,13 @@ def check_data(cells: Cells, dataset: DrapeDataset) -> None:
 def held_out_rows(cells: Cells, cloth: str) -> list[int]:
     """Index rows of the held-out samples of a cloth.
 
+    Args:
+        cells: What the run's folder holds.
+        cloth: Name of the cloth.
+
+    Returns:
+        The rows, sorted.
+
     Raises:
         ReportError: There are none.
     """
@@ -151,6 +169,12 @@ def held_out_rows(cells: Cells, cloth: str) -> list[int]:
 
 def train_row(folder: Path) -> int:
     """Index row of the sample that a cell was fitted to.
+
+    Args:
+        folder: The cell's folder.
+
+    Returns:
+        The row.
 
     Raises:
         ReportError: The cell's description is missing or damaged.
@@ -166,19 +190,16 @@ def train_row(folder: Path) -> int:
 def load_draws(folder: Path) -> Draws:
     """Reads `prediction.npz` of a finished cell, without trusting it.
 
+    Args:
+        folder: The cell's folder.
+
+    Returns:
+        What the cell predicts.
+
     Raises:
         ReportError: It is missing, damaged or oversized.
     """
-    path = folder / "prediction.npz"
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if max(entry.file_size for entry in archive.infolist()) > _MAXIMUM_BYTES:
-                raise ReportError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
-        return _draws(load_prediction(folder))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        if isinstance(error, ReportError):
-            raise
-        raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
+    return read_prediction(folder, _draws)
 
 
 def surface_of(
@@ -186,26 +207,29 @@ def surface_of(
     vertices: Float[ndarray, "vertices 3"] | None,
     faces: Int[ndarray, "faces 3"] | None,
 ) -> trimesh.Trimesh:
-    """A mesh, or where there is none the ruled surface over a silhouette."""
+    """A mesh, or where there is none the ruled surface over a silhouette.
+
+    Args:
+        image: The silhouette.
+        vertices: Positions [m], None where there is no mesh.
+        faces: Triangles, None where there is no mesh.
+
+    Returns:
+        The surface.
+    """
     if vertices is None or faces is None:
         return shown_surface(profile_from_image(image))
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _draws(arrays: dict[str, ndarray]) -> Draws:
+def _draws(arrays: Mapping[str, ndarray]) -> Draws:
     fit, images = np.asarray(arrays["train_image"], dtype=np.float64), arrays["draws"]
     if fit.ndim != 2 or images.dtype != np.uint8 or images.shape != (len(images), *fit.shape) or len(images) == 0:
         raise ValueError(f"its images have shapes {fit.shape} and {images.shape}, type {images.dtype}")
     vertices, drawn, faces = (arrays.get(name) for name in ("vertices", "draw_vertices", "faces"))
     for drapes in (vertices, drawn):
-        if drapes is not None and (faces is None or not _is_sound(drapes, faces)):
-            raise ValueError("its mesh is damaged")
+        if drapes is not None:
+            check_mesh(drapes, faces)
     if drawn is not None and len(drawn) != len(images):
         raise ValueError(f"{len(drawn)} drapes stand behind {len(images)} draws")
     return Draws(fit, images, vertices, drawn, faces)
-
-
-def _is_sound(vertices: ndarray, faces: ndarray) -> bool:
-    """Whether drapes are finite and their triangles exist."""
-    shapes = vertices.shape[-1] == 3 and faces.ndim == 2 and faces.shape[1] == 3
-    return bool(shapes and np.isfinite(vertices).all() and faces.min() >= 0 and faces.max() < vertices.shape[-2])

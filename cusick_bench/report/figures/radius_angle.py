@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy import ndarray
 
@@ -33,19 +32,21 @@ from cusick_bench.metrics import (
     ranks,
     standardised,
 )
+from cusick_bench.report.drawing.radius_over_angle import WHOLE_TURN, draw_levels, draw_turn
 from cusick_bench.report.figures.predictions import (
     Entrant,
     check_data,
     entrants,
-    heading,
     held_out_rows,
-    in_blocks,
     load_draws,
 )
+from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 DRAWS = 200  # of a cell that are classified, evenly spaced
 _LINES = 12  # drawn in a panel
-_REAL, _DRAWN, _PLATE_MM, _CLOTH_MM = "#c85a00", "#1c63b7", 90, 150
+_REAL, _DRAWN = "#c85a00", "#1c63b7"
+_LIMITS = (1e3 * PLATE_RADIUS - 8, 1e3 * CLOTH_RADIUS + 14)  # of the radius [mm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,9 @@ def radius_angle(
         draws: Most draws of a cell to look at.
         progress: Told what is measured.
 
+    Returns:
+        The figure's content.
+
     Raises:
         ReportError: Other data, an unknown solver, or a damaged prediction.
         MetricError: Fewer than two cloths, or too few samples.
@@ -179,21 +183,34 @@ def _radii(shapes: dict[str, list[Shape]]) -> dict[str, ndarray]:
 
 
 def save_radius_angle(study: RadiusAngle, path: Path) -> None:
-    """Draws radius over angle as PNG: a row a cloth, solvers side by side, in blocks that begin with real samples."""
+    """Writes `radius_angle_figure` as PNG.
+
+    Args:
+        study: The figure's content.
+        path: File to write.
+    """
+    radius_angle_figure(study).savefig(path)
+
+
+def radius_angle_figure(study: RadiusAngle) -> Figure:
+    """Radius over angle: a row for each cloth, solvers side by side, in blocks that begin with the real samples.
+
+    Args:
+        study: The figure's content.
+
+    Returns:
+        The figure.
+    """
     blocks, cloths = in_blocks(study.drawn), study.cloths
     rows, columns = len(cloths) * len(blocks), 1 + max(map(len, blocks))
-    figure = Figure(figsize=(0.8 + 2.9 * columns, 1.2 + 1.5 * rows), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axis in axes.ravel():
-        axis.set_axis_off()
+    figure, axes = empty_sheet(0.8 + 2.9 * columns, 1.2 + 1.5 * rows, rows, columns, sharex=True, sharey=True)
     for number, block in enumerate(blocks):
         _block(axes[number * len(cloths) :][: len(cloths)], cloths, [study.real, *block])
     figure.suptitle(
         f"radius over angle of up to {_LINES} drapes each (dotted: radius of the plate and of the flat cloth)",
         fontsize=10,
     )
-    figure.savefig(path)
+    return figure
 
 
 def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group]) -> None:
@@ -211,40 +228,39 @@ def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group]) -> Non
 
 
 def save_confusion(study: RadiusAngle, path: Path) -> None:
-    """Draws as PNG what real samples and draws are taken for, in per cent of each cloth's drapes."""
+    """Draws as PNG what real samples and draws are taken for, in per cent of each cloth's drapes.
+
+    Args:
+        study: The figure's content.
+        path: File to write.
+    """
     groups = [study.real, *study.drawn]
     columns = min(len(groups), 4)
     rows = -(-len(groups) // columns)
-    figure = Figure(figsize=(1.2 + 2.9 * columns, 1.0 + 2.5 * rows), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    ticks = range(len(study.cloths))
-    for axis, group in zip(axes, groups, strict=False):
+    figure, axes = empty_sheet(1.2 + 2.9 * columns, 1.0 + 2.5 * rows, rows, columns)
+    for axis, group in zip(axes.ravel(), groups, strict=False):
+        axis.set_axis_on()
         _matrix(axis, group.confusion)
         axis.set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
         axis.set_xticks(range(len(study.cloths) + 1), (*study.cloths, "none"), rotation=45, ha="right", fontsize=8)
         axis.set_xlabel("taken for", fontsize=8)
         axis.set_ylabel("drapes of", fontsize=8)
-        axis.set_yticks(ticks, study.cloths, fontsize=8)
-    for axis in axes[len(groups) :]:
-        axis.set_axis_off()
+        axis.set_yticks(range(len(study.cloths)), study.cloths, fontsize=8)
     figure.savefig(path)
 
 
 def _panel(axis: Axes, radii: ndarray | None, accuracy: float, colour: str) -> None:
-    for height in (_PLATE_MM, _CLOTH_MM):
-        axis.axhline(height, color="0.5", linewidth=0.8, linestyle=":")
-    axis.set(xlim=(0, 360), xticks=range(0, 361, 90), ylim=(_PLATE_MM - 8, _CLOTH_MM + 14))
+    axis.set(xlim=(0, 360), xticks=WHOLE_TURN, ylim=_LIMITS)
+    draw_levels(axis, colour="0.5")
     axis.tick_params(labelsize=7)
     if radii is None:
         axis.text(180, 120, "no cell", ha="center", fontsize=8, color="0.5")
         return
-    angle = np.linspace(0, 360, radii.shape[1] + 1)
     for index in np.unique(np.linspace(0, len(radii) - 1, _LINES).astype(int)):
-        axis.plot(angle, 1e3 * np.append(radii[index], radii[index, 0]), color=colour, linewidth=0.7, alpha=0.55)
+        draw_turn(axis, radii[index], color=colour, linewidth=0.7, alpha=0.55)
     text = f"{len(radii)} drape{'s' * (len(radii) > 1)}, {_at_home(accuracy)}"
     behind = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1}
-    axis.text(356, _CLOTH_MM + 12, text, ha="right", va="top", fontsize=6.5, color="0.3", bbox=behind)
+    axis.text(356, _LIMITS[1] - 2, text, ha="right", va="top", fontsize=6.5, color="0.3", bbox=behind)
 
 
 def _matrix(axis: Axes, confusion: Confusion) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy import ndarray
 
@@ -28,13 +27,12 @@ from cusick_bench.report.figures.predictions import (
     Entrant,
     check_data,
     entrants,
-    heading,
     held_out_rows,
-    in_blocks,
     load_draws,
     surface_of,
     train_row,
 )
+from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE
 
 SAMPLES = 3  # held-out samples of a cloth that are shown
@@ -101,6 +99,9 @@ def fitted(
         solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
         progress: Told what is read.
 
+    Returns:
+        A strip for each real drape that is shown.
+
     Raises:
         ReportError: Other data, an unknown solver, or a damaged prediction.
     """
@@ -138,6 +139,9 @@ def held_out(
         solvers: Which of its solvers; by default all but oracles.
         samples: Most samples of a cloth.
         progress: Told what is read.
+
+    Returns:
+        A strip for each real drape that is shown.
 
     Raises:
         ReportError: Other data, an unknown solver, or a damaged prediction.
@@ -196,27 +200,37 @@ def _draw_tile(draws: Draws, best: int, error: float, remark: str) -> Tile:
 
 
 def save_strips(strips: Sequence[Strip], path: Path, title: str) -> None:
-    """Writes strips one below the other as PNG; where there are many methods, in blocks that repeat the real drapes.
+    """Writes `strips_figure` as PNG.
 
     Args:
         strips: At least one.
         path: File to write.
         title: Line above them.
     """
+    strips_figure(strips, title).savefig(path)
+
+
+def strips_figure(strips: Sequence[Strip], title: str) -> Figure:
+    """Strips one below the other; where there are many methods, in blocks that repeat the real drapes.
+
+    Args:
+        strips: At least one.
+        title: Line above them.
+
+    Returns:
+        The figure.
+    """
     blocks = in_blocks(list(dict.fromkeys(label for strip in strips for label in strip.predicted)))
     columns, rows = 1 + max(map(len, blocks)), len(blocks) * len(strips)
-    figure = Figure(figsize=(0.5 + 2.1 * columns, 0.6 + 3.55 * rows), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[1.45, 1.0] * rows)
-    for axis in axes.ravel():
-        axis.set_axis_off()
+    heights = [1.45, 1.0] * rows
+    figure, axes = empty_sheet(0.5 + 2.1 * columns, 0.6 + 3.55 * rows, 2 * rows, columns, height_ratios=heights)
     for number, labels in enumerate(blocks):
         for index, strip in enumerate(strips, start=number * len(strips)):
             _strip(axes[2 * index : 2 * index + 2], strip, labels)
         for axis, label in zip(axes[2 * number * len(strips)], ["real", *labels], strict=False):
             axis.set_title(heading(label), fontsize=9)
     figure.suptitle(title, fontsize=10)
-    figure.savefig(path)
+    return figure
 
 
 def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:

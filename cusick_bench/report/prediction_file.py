@@ -1,0 +1,56 @@
+"""Reading `prediction.npz` of a finished cell without trusting it."""
+
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy import ndarray
+
+from cusick_bench.report.errors import ReportError
+
+_MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
+
+T = TypeVar("T")
+
+
+def read_prediction(folder: Path, understand: Callable[[Mapping[str, ndarray]], T]) -> T:
+    """What a cell predicts.
+
+    Args:
+        folder: The cell's folder.
+        understand: Makes the result of the file's arrays, which are read when they are asked for; raises ValueError or
+            KeyError where they are damaged.
+
+    Returns:
+        What `understand` returns.
+
+    Raises:
+        ReportError: The file is missing, damaged or oversized; the message says which it is and what to do.
+    """
+    path = folder / "prediction.npz"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            largest = max(entry.file_size for entry in archive.infolist())
+        if largest <= _MAXIMUM_BYTES:
+            with np.load(path, allow_pickle=False) as arrays:
+                return understand(arrays)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
+    raise ReportError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
+
+
+def check_mesh(vertices: ndarray, faces: ndarray | None) -> None:
+    """Makes sure that drapes can be drawn.
+
+    Args:
+        vertices: Positions of one drape or of several (..., vertices, 3) [m].
+        faces: Their triangles (faces, 3).
+
+    Raises:
+        ValueError: Positions are not finite, or triangles are missing or name vertices that are not there.
+    """
+    sound = faces is not None and vertices.shape[-1] == 3 and faces.ndim == 2 and faces.shape[1] == 3
+    if not (sound and np.isfinite(vertices).all() and faces.min() >= 0 and faces.max() < vertices.shape[-2]):
+        raise ValueError("its mesh is damaged")
