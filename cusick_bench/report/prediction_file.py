@@ -51,6 +51,12 @@ def check_mesh(vertices: ndarray, faces: ndarray | None) -> None:
     Raises:
         ValueError: Positions are not finite, or triangles are missing or name vertices that are not there.
     """
-    sound = faces is not None and vertices.shape[-1] == 3 and faces.ndim == 2 and faces.shape[1] == 3
-    if not (sound and np.isfinite(vertices).all() and faces.min() >= 0 and faces.max() < vertices.shape[-2]):
+    if faces is None or not _is_sound(vertices, faces):
         raise ValueError("its mesh is damaged")
+
+
+def _is_sound(vertices: ndarray, faces: ndarray) -> bool:
+    """Whether positions are finite and triangles name vertices that are there."""
+    if vertices.shape[-1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        return False
+    return bool(np.isfinite(vertices).all() and faces.min() >= 0 and faces.max() < vertices.shape[-2])
