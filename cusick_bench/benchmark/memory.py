@@ -1,13 +1,14 @@
 """Peak memory of one case, measured in a process of its own."""
 
 import gc
-import multiprocessing
 import resource
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import ParamSpec
+
+from cusick_bench.runner.environment import cores
+from cusick_bench.runner.processes import process_pool
 
 P = ParamSpec("P")
 
@@ -48,5 +49,5 @@ def peak_of(prepare: Callable[P, Callable[[], object]], *args: P.args, **kwargs:
         *args: Its arguments, which must be picklable.
         **kwargs: More of them.
     """
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with process_pool(1, threads=cores()) as pool:
         return pool.submit(_peak, prepare, *args, **kwargs).result()

@@ -28,7 +28,7 @@ from cusick_bench.diagnosis.inference.evidence import NONE
 from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, CauseEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.verdict import single_causes
 from cusick_bench.diagnosis.measure.captures import Captures
-from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.processes import process_pool
 
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)
 TEMPERINGS = np.round(np.arange(0.1, 1.55, 0.05), 2)
@@ -104,7 +104,7 @@ def parallel_map(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     if workers <= 1:
         yield map
         return
-    with one_thread_each(workers) as pool:
+    with process_pool(workers) as pool:
         yield pool.map
 
 

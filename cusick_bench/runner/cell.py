@@ -4,7 +4,6 @@ import json
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +32,9 @@ from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.render.camera import Camera, ParallelCamera, PinholeCamera
+from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
 
@@ -43,17 +42,7 @@ from cusick_bench.solvers.registry import make_solver
 Report = Callable[[float, float, str], None]
 
 
-@lru_cache(maxsize=4)
-def _simulator(vertices: int, settings: DrapeSettings, cloth_radius: float) -> DrapeSimulator:
-    """Shared by the cells of a process: meshing and the linear solver's analysis take a second each."""
-    mesh = disc_mesh(vertices, radius=cloth_radius, plate_radius=settings.plate_radius)
-    return DrapeSimulator(mesh, settings)
-
-
-@lru_cache(maxsize=4)
-def _simulator_of(mesh: Mesh, settings: DrapeSettings) -> DrapeSimulator:
-    """The same for meshes that effects have moved."""
-    return DrapeSimulator(mesh, settings)
+SIMULATORS_KEPT = 8  # of the cells of a process: meshing and the linear solver's analysis take a second each
 
 
 def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scene | None:
@@ -82,15 +71,29 @@ def _camera(name: str, protocol: Protocol) -> Camera:
     return PinholeCamera(centre_px=protocol.centre_px, image_y=image_y)
 
 
-def build_problem(dataset: DrapeDataset, cell: Cell, folder: Path | None = None) -> DrapeProblem:
-    """Poses a cell's problem, with its memory in `folder`."""
+def build_problem(
+    dataset: DrapeDataset, cell: Cell, folder: Path | None = None, simulators: Simulators | None = None
+) -> DrapeProblem:
+    """Poses a cell's problem.
+
+    Args:
+        dataset: Data.
+        cell: What to pose.
+        folder: Where the problem keeps what a resumed solver needs; nowhere by default.
+        simulators: Kept from cell to cell; made anew by default.
+
+    Returns:
+        The problem, its budget not touched.
+    """
+    kept = Simulators() if simulators is None else simulators
     settings, protocol, sample = cell.settings, dataset.protocol, dataset.sample(cell.train[0])
     known: dict[str, Any] = sample.row.to_dict()
     drape = replace(settings.drape, seed=cell.seed, plate_radius=protocol.plate_radius_m, gravity=protocol.gravity_m_s2)
-    simulator = _simulator(settings.vertices, drape, protocol.cloth_radius_m)
+    mesh = disc_mesh(settings.vertices, radius=protocol.cloth_radius_m, plate_radius=protocol.plate_radius_m)
+    simulator = kept.get(mesh, drape)
     scene = _scene(dataset, cell, simulator)
     if scene is not None:
-        simulator = _simulator_of(scene.warped, scene.simulated)
+        simulator = kept.get(scene.warped, scene.simulated)
     prior, plate_radius = StiffnessPrior(drape.law, float(known["areal_density"])), simulator.settings.plate_radius
     radii = sample.profile.radii if scene is None else scene.profile(sample.profile.radii)
     laid = laid_like(radii, simulator.mesh, plate_radius=plate_radius)
@@ -119,7 +122,9 @@ def _train_mesh(sample: DrapeSample, model: Mesh) -> TrainMesh | None:
     return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic, model))
 
 
-def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) -> dict[str, Any]:
+def run_cell(
+    dataset: DrapeDataset, cell: Cell, store: Store, report: Report, simulators: Simulators | None = None
+) -> dict[str, Any]:
     """Runs a cell, or goes on with it where an earlier run was killed.
 
     Args:
@@ -127,6 +132,7 @@ def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) ->
         cell: What to run.
         store: Where results lie.
         report: Told how far the cell is.
+        simulators: Kept from cell to cell; made anew by default.
 
     Returns:
         The cell's result; `status` is "done" or "failed".
@@ -143,7 +149,7 @@ def run_cell(dataset: DrapeDataset, cell: Cell, store: Store, report: Report) ->
         problem: DrapeProblem | None = None
         spent: dict[str, float] | None = None
         try:
-            problem = build_problem(dataset, cell, folder)
+            problem = build_problem(dataset, cell, folder, simulators)
             meter = problem.meter
             prediction = _solve(problem, dataset, cell, report)
             spent = _spent(meter)  # before scoring, which is not the solver's time

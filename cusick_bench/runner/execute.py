@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.runner.cell import run_cell
+from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.pool import Source, load_once, run_on_executor, run_on_processes
+from cusick_bench.runner.pool import run_on_executor, run_on_processes
 from cusick_bench.runner.progress import Unwatched, Watcher
+from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store, disk_errors, read_json, write_json
+from cusick_bench.sim.setup import Simulators
 
 
 def run(
@@ -66,13 +68,14 @@ def run(
 
 
 def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watcher: Watcher) -> None:
+    simulators = Simulators(most=SIMULATORS_KEPT)
     for cell in cells:
 
         def report(fraction: float, loss: float, message: str, cell: Cell = cell) -> None:
             watcher.update(cell, fraction, loss, message)
 
         report(0.0, float("inf"), "starting")
-        result = run_cell(dataset, cell, store, report)
+        result = run_cell(dataset, cell, store, report, simulators)
         watcher.end(cell, result["status"], result["failure"])
 
 

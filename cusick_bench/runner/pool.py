@@ -1,83 +1,73 @@
-"""Worker processes: cells run in pools, and a worker that dies costs no cell but its own."""
+"""Cells on worker processes; a worker that dies costs no cell but its own."""
 
 import multiprocessing
 import queue
 import time
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numba
-import torch
-
-from cusick_bench.datasets import DrapeDataset, load
-from cusick_bench.runner.cell import run_cell
+from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import cores
 from cusick_bench.runner.grid import Cell
+from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.progress import Watcher
+from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store
+from cusick_bench.sim.setup import Simulators
 
 POLL_SECONDS = 0.2  # between looks at the workers' messages
 
-# In a worker: where its messages go.
-_messages: Any = None
 
-
-@dataclass(frozen=True)
-class Source:
-    """Where a data set comes from: what workers are sent instead of the data.
+@dataclass(eq=False)
+class _Worker:
+    """What a worker process keeps from cell to cell; no cell's numbers depend on it.
 
     Attributes:
-        data: Name or folder.
-        fabrics_csv: Table of areal densities, None for the one beside the data.
+        messages: Where it tells how far its cell is; None where nobody listens.
+        simulators: Meshes and linear solvers that are analysed already.
     """
 
-    data: str
-    fabrics_csv: str | None = None
+    messages: Any = None
+    simulators: Simulators = field(default_factory=lambda: Simulators(most=SIMULATORS_KEPT))
+
+    def run(self, source: Source, cell: Cell, out: Path) -> dict[str, Any]:
+        """Runs one cell."""
+        last = 0.0
+
+        def report(fraction: float, loss: float, message: str) -> None:
+            nonlocal last
+            if self.messages is not None and time.monotonic() - last > POLL_SECONDS:
+                last = time.monotonic()
+                self.messages.put((cell, fraction, loss, message))
+
+        return run_cell(load_once(source), cell, Store(out), report, self.simulators)
 
 
-@lru_cache(maxsize=1)
-def load_once(source: Source) -> DrapeDataset:
-    """The data set of a source, loaded once a process."""
-    return load(source.data, fabrics_csv=source.fabrics_csv)
+# This process as a worker. An executor passes tasks to a function of a module, which has to find the worker somewhere.
+_worker = _Worker()
 
 
-def _start_worker(threads: int, messages: Any) -> None:
-    """Keeps the workers from fighting for the same cores, and tells this one where its messages go."""
-    global _messages
-    _messages = messages
-    torch.set_num_threads(threads)
-    numba.set_num_threads(min(threads, numba.get_num_threads()))
+def _start_worker(messages: Any) -> None:
+    _worker.messages = messages
 
 
 def _work(source: Source, cell: Cell, out: Path) -> dict[str, Any]:
-    """Runs one cell in a worker."""
-    last = 0.0
-
-    def report(fraction: float, loss: float, message: str) -> None:
-        nonlocal last
-        if _messages is not None and time.monotonic() - last > POLL_SECONDS:
-            last = time.monotonic()
-            _messages.put((cell, fraction, loss, message))
-
-    return run_cell(load_once(source), cell, Store(out), report)
-
-
-def _process_pool(workers: int, messages: Any) -> Executor:
-    return ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(max(1, cores() // workers), messages),
-    )
+    return _worker.run(source, cell, out)
 
 
 def run_on_processes(source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, workers: int) -> list[Cell]:
     """Runs cells on a pool of processes, and those lost with a dead worker once more, each alone.
+
+    Args:
+        source: Where the data come from.
+        cells: What to run.
+        store: Where results lie.
+        watcher: Told how the grid gets on.
+        workers: Processes.
 
     Returns:
         Cells whose own process died twice.
@@ -88,7 +78,8 @@ def run_on_processes(source: Source, cells: Sequence[Cell], store: Store, watche
 
 def _run_on_a_pool(source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, workers: int) -> list[Cell]:
     messages = multiprocessing.get_context("spawn").Queue()
-    pool = _process_pool(min(workers, len(cells)), messages)
+    workers = min(workers, len(cells))
+    pool = process_pool(workers, threads=max(1, cores() // workers), initializer=_start_worker, initargs=(messages,))
     try:
         return run_on_executor(pool, source, cells, store, watcher, messages)
     finally:
@@ -99,6 +90,14 @@ def run_on_executor(
     pool: Executor, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, messages: Any = None
 ) -> list[Cell]:
     """Runs cells on any executor whose workers see the results folder.
+
+    Args:
+        pool: The executor.
+        source: Where the data come from.
+        cells: What to run.
+        store: Where results lie.
+        watcher: Told how the grid gets on.
+        messages: Queue in which workers tell how far they are, None where they cannot.
 
     Returns:
         Cells lost with a worker that died.

@@ -1,40 +1,84 @@
-"""Processes that share the cores: independent pieces of work side by side, each on one thread."""
+"""The one kind of process pool: fresh processes that share the cores, and where their numbers of threads are set.
+
+Compiled code reads its number of threads when it is loaded, and refuses another one once it runs. So the number stands
+in the environment while a process is started, and only then: set for good, it would slow down the process that asks,
+and set in a worker, it would come too late for a library that is already loaded.
+"""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any
+
+import numba
+import torch
 
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
-def one_thread_each(workers: int) -> ProcessPoolExecutor:
-    """A pool of fresh processes, each on one thread unless the environment says otherwise.
+def process_pool(
+    workers: int,
+    *,
+    threads: int = 1,
+    initializer: Callable[..., object] | None = None,
+    initargs: tuple[Any, ...] = (),
+) -> ProcessPoolExecutor:
+    """A pool of fresh processes, each on so many threads unless the environment says otherwise.
 
-    This process keeps its own threads and environment: compiled code refuses another number of threads once it runs.
+    This process keeps its own threads and environment.
 
     Args:
         workers: Processes.
+        threads: Threads of each.
+        initializer: Called in each process as it starts.
+        initargs: What it is given.
+
+    Returns:
+        The pool; it is a context manager.
     """
-    return ProcessPoolExecutor(workers, mp_context=_OneThread())
-
-
-class _OneThreadProcess(SpawnProcess):
-    def start(self) -> None:
-        with _one_thread():
-            super().start()
-
-
-class _OneThread(SpawnContext):
-    Process = _OneThreadProcess
+    return ProcessPoolExecutor(workers, mp_context=_Context(threads), initializer=initializer, initargs=initargs)
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """The environment that a process started now inherits: thread counts are read when a library is loaded."""
+def one_thread() -> Iterator[None]:
+    """One thread in this process for a while: what is computed then is the same to the bit on any number of cores."""
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before[0])
+        numba.set_num_threads(before[1])
+
+
+class _Context(SpawnContext):
+    """Starts processes on a number of threads."""
+
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
+
+    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return _Process(self._threads, *args, **kwargs)
+
+
+class _Process(SpawnProcess):
+    def __init__(self, threads: int, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._threads = threads
+
+    def start(self) -> None:
+        with _environment(self._threads):
+            super().start()
+
+
+@contextmanager
+def _environment(threads: int) -> Iterator[None]:
+    """The environment that a process started now inherits."""
     unset = [name for name in _THREADS if name not in os.environ]
-    os.environ.update(dict.fromkeys(unset, "1"))
+    os.environ.update(dict.fromkeys(unset, str(threads)))
     try:
         yield
     finally:

@@ -1,10 +1,12 @@
-"""A pool's processes are on one thread each; the process that asks for them keeps its own."""
+"""A pool's processes are on a number of threads; the process that asks for them keeps its own."""
 
 import os
 
+import numba
 import pytest
+import torch
 
-from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.processes import one_thread, process_pool
 
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
@@ -17,7 +19,7 @@ def unset(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("unset")
 def test_workers_are_on_one_thread_and_this_environment_stays_as_it_was() -> None:
-    with one_thread_each(1) as pool:
+    with process_pool(1) as pool:
         given = list(pool.map(os.getenv, THREADS))
     assert given == ["1", "1", "1"]
     assert not [name for name in THREADS if name in os.environ]
@@ -26,6 +28,19 @@ def test_workers_are_on_one_thread_and_this_environment_stays_as_it_was() -> Non
 @pytest.mark.usefixtures("unset")
 def test_the_environment_has_the_last_word(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    with one_thread_each(1) as pool:
+    with process_pool(1) as pool:
         assert pool.submit(os.getenv, "OMP_NUM_THREADS").result() == "2"
     assert os.environ["OMP_NUM_THREADS"] == "2"
+
+
+@pytest.mark.usefixtures("unset")
+def test_number_of_threads_is_that_of_the_pool() -> None:
+    with process_pool(1, threads=2) as pool:
+        assert list(pool.map(os.getenv, THREADS)) == ["2", "2", "2"]
+
+
+def test_one_thread_for_a_while() -> None:
+    before = numba.get_num_threads(), torch.get_num_threads()
+    with one_thread():
+        assert (numba.get_num_threads(), torch.get_num_threads()) == (1, 1)
+    assert (numba.get_num_threads(), torch.get_num_threads()) == before

@@ -31,7 +31,6 @@ from cusick_bench.runner import (
     run_cell,
     shard,
 )
-from cusick_bench.runner import cell as cell_module
 from cusick_bench.runner.environment import code_state, code_text
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
@@ -287,7 +286,7 @@ class TestPool:
 
     def test_dead_worker_costs_its_own_cell_only(self, data, tmp_path, monkeypatch):
         """A broken pool loses every cell under way; the innocent ones are run again."""
-        monkeypatch.setattr("cusick_bench.runner.pool._process_pool", lambda workers, messages: _Mortal())
+        monkeypatch.setattr("cusick_bench.runner.pool.process_pool", lambda workers, **settings: _Mortal())
         _, results = _run(data, tmp_path, ["null:copy", "null:disc"], workers=2)
         assert [result["status"] for result in results] == ["failed", "done"]
         assert "Worker process died" in results[0]["failure"]
@@ -333,12 +332,12 @@ class TestDisk:
         if not device.exists():
             pytest.skip("no /dev/full on this system")
 
-        def full(path, prediction, problem):
+        def full(file, **arrays):
             with device.open("wb", buffering=0) as file:
                 file.write(b"x")
 
         with monkeypatch.context() as patch:
-            patch.setattr(cell_module, "_write_prediction", full)
+            patch.setattr(np, "savez_compressed", full)
             with pytest.raises(RunnerError, match=r"No space left.*finished cells are kept"):
                 _run(data, tmp_path, ["null:disc", "null:copy"])
         _, results = _run(data, tmp_path, ["null:disc", "null:copy"])
@@ -397,10 +396,11 @@ class TestCommand:
 def test_bars_show_loss_and_end(data, dataset):
     (cell,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
     console = Console(force_terminal=True, width=150, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
-    with ProgressBars(console) as bars:
+    bars = ProgressBars(console)
+    with bars:
         bars.begin(2, 1)
         bars.update(cell, 0.5, 0.0123, "fitting")
-        bars._progress.refresh()
+    with bars:
         bars.end(cell, "failed", "planted failure")
     text = console.export_text()
     assert "loss 0.0123 fitting" in text

@@ -32,7 +32,7 @@ from cusick_bench.diagnosis.atlas.design import (
 from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
 from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, Point, point_file, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.processes import process_pool
 from cusick_bench.sim.effects import Effect, registered
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
@@ -145,7 +145,7 @@ def _make_all(folder: Path, design: Design, fabrics: list[tuple[int, list[str]]]
         for point, names in fabrics:
             yield make_points(folder, design, point, names, simulators)
         return
-    with one_thread_each(workers) as pool:
+    with process_pool(workers) as pool:
         for future in [pool.submit(make_points, folder, design, point, names) for point, names in fabrics]:
             yield future.result()
 

@@ -25,7 +25,7 @@ from cusick_bench.diagnosis.inference.evidence import UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.numerics import diagnosis_numerics, numerics_text
-from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
@@ -166,7 +166,7 @@ def _each(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str]
             _answer_and_write(task, atlas, simulators)
             step(task.folder.name)
         return
-    with one_thread_each(workers) as pool:
+    with process_pool(workers) as pool:
         futures = {pool.submit(_answer_and_write, task, atlas): task for task in todo}
         for future in as_completed(futures):
             future.result()

@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.evidence import Candidate
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
 from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
-from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
@@ -52,7 +52,7 @@ def oracle_closures(
         if name not in found and label.kind in (SINGLE, PAIR) and (cases / name).is_dir()
     ]
     todo.sort(key=lambda name: (known[name].unit != DETECTABLE, -known[name].multiple))  # the strongest count most
-    with one_thread_each(workers) as pool:
+    with process_pool(workers) as pool:
         futures = {pool.submit(oracle_closure, cases / name, labels[name], atlas, draping): name for name in todo}
         for future in as_completed(futures):
             found[futures[future]] = future.result()

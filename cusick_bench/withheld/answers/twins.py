@@ -32,7 +32,7 @@ from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, s
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
 from cusick_bench.diagnosis.inference.power import NEEDED
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, feature_vector, inflated, scatter_of
-from cusick_bench.runner.processes import one_thread_each
+from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.errors import WithheldError
@@ -100,7 +100,7 @@ def twins(
     missing = [plan for plan in todo if plan.case not in found]
     for case in found:
         step(case)
-    with one_thread_each(workers) as pool:
+    with process_pool(workers) as pool:
         futures = {pool.submit(_beside_twin, suite, plan, cases, atlas): plan.case for plan in missing}
         for future in as_completed(futures):
             found[futures[future]] = future.result()

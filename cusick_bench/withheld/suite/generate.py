@@ -5,21 +5,18 @@ was stopped goes on where it was. Everything follows from the seed.
 """
 
 import json
-import multiprocessing
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
-import torch
 
+from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld.errors import WithheldError
@@ -103,7 +100,7 @@ def generate(
         else:
             missing.append(plan)
     if workers == 1:
-        with _alone():
+        with one_thread():
             for plan in missing:
                 step(write_case(suite, plan, out))
     elif missing:
@@ -197,12 +194,17 @@ def _protocol() -> dict[str, Any]:
     }
 
 
+def _write_alone(suite: Suite, plan: Plan, out: Path) -> str:
+    """Writes a case on one thread, whatever the environment says: bytes then depend on nothing but the seed."""
+    with one_thread():
+        return write_case(suite, plan, out)
+
+
 def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, step: Callable[[str], None]) -> None:
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(plans)), mp_context=context, initializer=_one_thread)
+    pool = process_pool(min(workers, len(plans)))
     failures: list[str] = []
     try:
-        for future in as_completed([pool.submit(write_case, suite, plan, out) for plan in plans]):
+        for future in as_completed([pool.submit(_write_alone, suite, plan, out) for plan in plans]):
             try:
                 step(future.result())
             except WithheldError as error:
@@ -213,21 +215,3 @@ def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, 
         pool.shutdown(wait=False, cancel_futures=True)
     if failures:
         raise WithheldError(f"{len(failures)} of {len(plans)} cases cannot be made: {failures[0]}")
-
-
-def _one_thread() -> None:
-    """Cases are simulated side by side, each on one thread: bytes then depend on nothing but the seed."""
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-
-
-@contextmanager
-def _alone() -> Iterator[None]:
-    """One thread in this process, as in a worker, for a while."""
-    before = torch.get_num_threads(), numba.get_num_threads()
-    _one_thread()
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before[0])
-        numba.set_num_threads(before[1])
