@@ -17,7 +17,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from cusick_bench.datasets.profile import PROFILE_ANGLES
-from cusick_bench.datasets.silhouette_statistics import SCORED
+from cusick_bench.datasets.silhouette_statistics.selections import SCORED
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.shape import Shape
 

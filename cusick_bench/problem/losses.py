@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.datasets.silhouette_statistics import OVERHANG_WIDTH
+from cusick_bench.datasets.silhouette_statistics.definitions import OVERHANG_WIDTH
 
 CENTRE_PX = 127.5
 PX_PER_M = 723.0

@@ -9,16 +9,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.datasets.silhouette_statistics import (
+from cusick_bench.datasets.silhouette_statistics.definitions import (
     CREST_SCALE,
     FIRST_FOLD,
     GRAIN_SCALE,
-    INFERRED,
     LAST_FOLD,
     LEAST_ODDS,
     OVERHANG_WIDTH,
     SHALLOW,
 )
+from cusick_bench.datasets.silhouette_statistics.selections import INFERRED
 from cusick_bench.problem.losses import Image, radius_profile
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.silhouette_statistics import DIAGNOSED, INFERRED, SCORED, Selection, numbered
+from cusick_bench.datasets.silhouette_statistics.selections import DIAGNOSED, INFERRED, SCORED, Selection, numbered
 
 GOLDEN = Path(__file__).with_name("silhouette_statistics.json")
 SELECTIONS = {"scored": SCORED, "diagnosed": DIAGNOSED, "inferred": INFERRED}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from cusick_bench.datasets.silhouette_statistics import INFERRED
+from cusick_bench.datasets.silhouette_statistics.selections import INFERRED
 from cusick_bench.problem.statistics import STATISTICS, profile_statistics
 
 

@@ -18,7 +18,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import Protocol
-from cusick_bench.datasets.silhouette_statistics import DIAGNOSED, LAST_ORDER
+from cusick_bench.datasets.silhouette_statistics.definitions import LAST_ORDER
+from cusick_bench.datasets.silhouette_statistics.selections import DIAGNOSED
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import SIDES, Captures
 
