@@ -15,7 +15,7 @@ References:
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,6 +33,7 @@ _ACCEPTED = 1e-3  # least agreement of a step that is taken
 _GOOD, _POOR = 0.75, 0.25  # agreements above which mu shrinks and below which it grows
 
 
+@runtime_checkable
 class RestState(Protocol):
     """A configuration with its energy and net forces."""
 
@@ -55,6 +56,7 @@ class RestState(Protocol):
 S = TypeVar("S", bound=RestState)
 
 
+@runtime_checkable
 class Landscape(Protocol[S]):
     """The energy that a cloth descends, as a function of its positions."""
 
