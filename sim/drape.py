@@ -83,6 +83,12 @@ class DrapeBatch:
     def member(self, index: int) -> Drape:
         """The drape of one cloth; its time is its share.
 
+        Args:
+            index: Place of the cloth in the batch.
+
+        Returns:
+            Its drape, with gradients.
+
         Raises:
             DrapeDiverged: It has none.
         """
@@ -132,7 +138,14 @@ class DrapeSimulator:
         object.__setattr__(self, "engine", engine)
 
     def laid_down(self, seed: int | None = None) -> Float[ndarray, "vertices 3"]:
-        """The shape in which the cloth is laid down, from the settings' seed or another one [m]."""
+        """The shape in which the cloth is laid down, from the settings' seed or another one [m].
+
+        Args:
+            seed: Seed of the laying; None for that of the settings.
+
+        Returns:
+            Positions [m].
+        """
         if seed is None:
             return self._laid.copy()
         s = self.settings
@@ -140,7 +153,14 @@ class DrapeSimulator:
         return laid_down(self.mesh, smooth_field(s.laying_amplitude, s.laying_length, generator), s.plate_radius)
 
     def rest_angles(self, seed: int | None = None) -> Float[Tensor, "hinges"]:
-        """Stress-free dihedral angles of the random rest shape, from the settings' seed or another one [rad]."""
+        """Stress-free dihedral angles of the random rest shape, from the settings' seed or another one [rad].
+
+        Args:
+            seed: Seed of the rest shape; None for that of the settings.
+
+        Returns:
+            Angles, in the order of `mesh.hinges`.
+        """
         if seed is None:
             return self._rest.clone()
         s = self.settings

@@ -48,6 +48,9 @@ class StateLaw(ABC):
         Args:
             system: Cloth and support.
             parameters: One cloth, not a batch, as it is without this law.
+
+        Returns:
+            The state, to be advanced through one drop.
         """
 
 
@@ -65,6 +68,9 @@ class State(ABC):
             parameters: As they left them.
             x: Where the cloth is [m].
             share: How much of the drop is over, in [0, 1).
+
+        Returns:
+            System and parameters with this law.
         """
 
 

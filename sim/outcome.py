@@ -32,6 +32,9 @@ def flown_apart(settings: DrapeSettings, residual: float) -> str | None:
     Args:
         settings: How it was dropped.
         residual: Its net force at the end, as a fraction of its weight.
+
+    Returns:
+        The message, or None.
     """
     if residual < _BLOWN_UP:
         return None
@@ -67,7 +70,17 @@ class Outcome:
         return DROP_AT_REST if self._drops else self.settings.tolerance
 
     def run(self, p: Parameters, laid: ndarray, differentiate: bool) -> tuple[ndarray, "Adjoint"]:
-        """Drapes the batch: positions, and the way back."""
+        """Drapes the batch: positions, and the way back.
+
+        Args:
+            p: A batch of cloths.
+            laid: Shapes in which they are laid down (members, vertices, 3) [m].
+            differentiate: Whether to keep what gradients need.
+
+        Returns:
+            Positions [m], NaN where a cloth diverged, and the function from their gradient to that of the
+            parameters.
+        """
         members = len(laid)
         self.failures = [None] * members
         self.residual, self.iterations = np.full(members, np.nan), np.zeros(members, np.int64)

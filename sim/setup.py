@@ -90,7 +90,14 @@ class Setup:
         return replace(self, **{name: (*getattr(self, name), item) for name, item in added.items()})
 
     def cloth_direction(self, degrees: float | Tensor) -> float | Tensor:
-        """A direction of the laboratory, counter-clockwise from +x, in the frame of the simulated cloth [deg]."""
+        """A direction of the laboratory, counter-clockwise from +x, in the frame of the simulated cloth [deg].
+
+        Args:
+            degrees: Direction in the laboratory [deg].
+
+        Returns:
+            Direction in the cloth's frame, mirrored where the face lies down.
+        """
         return degrees if self.side == "up" else 180.0 - degrees
 
     @property
@@ -133,7 +140,14 @@ class Setup:
         return shape
 
     def to_camera(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
-        """From the simulated cloth to where its points seem to be, for a parallel projection [m]."""
+        """From the simulated cloth to where its points seem to be, for a parallel projection [m].
+
+        Args:
+            vertices: Positions of the simulated cloth [m].
+
+        Returns:
+            Positions in the camera's frame.
+        """
         if self.side == "down":
             vertices = vertices * torch.tensor([-1.0, 1.0, 1.0], dtype=vertices.dtype, device=vertices.device)
         for change in (*self.finish, *self.seen):
@@ -158,7 +172,15 @@ class Simulators:
     _kept: dict[tuple[int, DrapeSettings], DrapeSimulator] = field(default_factory=dict)
 
     def get(self, mesh: Mesh, settings: DrapeSettings) -> DrapeSimulator:
-        """The simulator of a mesh."""
+        """The simulator of a mesh.
+
+        Args:
+            mesh: The cloth; meshes are compared by identity.
+            settings: How it is draped.
+
+        Returns:
+            The simulator, kept or new.
+        """
         key = (id(mesh), settings)
         found = self._kept.pop(key, None)
         if found is None or found.mesh is not mesh:
@@ -213,7 +235,15 @@ def drape_setups(
 
 
 def turned(shape: Float[Tensor, "vertices 3"], degrees: float | Tensor) -> Float[Tensor, "vertices 3"]:
-    """Positions turned counter-clockwise about z."""
+    """Positions turned counter-clockwise about z.
+
+    Args:
+        shape: Positions [m].
+        degrees: Angle [deg].
+
+    Returns:
+        Positions [m], differentiable by both.
+    """
     angle = torch.as_tensor(degrees, dtype=torch.float64) * (math.pi / 180)
     cosine, sine = torch.cos(angle), torch.sin(angle)
     x, y, z = shape.unbind(-1)

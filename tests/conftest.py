@@ -16,6 +16,7 @@ from toy_problem import toy_image
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.threads import thread_pool
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
@@ -81,6 +82,7 @@ def _no_global_seeds():
 @pytest.fixture(scope="module")
 def one_thread():
     """One thread for compiled kernels: small meshes are done before a second thread has woken up."""
+    thread_pool()
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     yield

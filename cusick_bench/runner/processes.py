@@ -15,6 +15,8 @@ from typing import Any
 import numba
 import torch
 
+from cusick_bench.sim.threads import thread_pool
+
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
@@ -44,6 +46,7 @@ def process_pool(
 @contextmanager
 def one_thread() -> Iterator[None]:
     """One thread in this process for a while: what is computed then is the same to the bit on any number of cores."""
+    thread_pool()  # numba's thread functions would start it without its preferences
     before = torch.get_num_threads(), numba.get_num_threads()
     torch.set_num_threads(1)
     numba.set_num_threads(1)

@@ -13,12 +13,26 @@ FIELD_LENGTH = 0.02  # [m] correlation length
 
 
 def face_centres(mesh: Mesh) -> Float[ndarray, "faces 2"]:
-    """Material centroid of every face [m]."""
+    """Material centroid of every face [m].
+
+    Args:
+        mesh: The cloth.
+
+    Returns:
+        Centroids, in the order of `mesh.faces`.
+    """
     return mesh.material[mesh.faces].mean(1)
 
 
 def hinge_centres(mesh: Mesh) -> Float[ndarray, "hinges 2"]:
-    """Material midpoint of every hinge's edge [m]."""
+    """Material midpoint of every hinge's edge [m].
+
+    Args:
+        mesh: The cloth.
+
+    Returns:
+        Midpoints, in the order of `mesh.hinges`.
+    """
     return mesh.material[mesh.hinges[:, :2]].mean(1)
 
 
@@ -30,6 +44,9 @@ def modulated(material: Material, mesh: Mesh, stretch: SmoothField, bending: Smo
         mesh: Its mesh.
         stretch: Logarithm of the factor on C over the material plane.
         bending: Logarithm of the factor on B.
+
+    Returns:
+        The cloth with a table for every face and every hinge.
     """
     on_faces = torch.from_numpy(np.exp(stretch(face_centres(mesh))))
     on_hinges = torch.from_numpy(np.exp(bending(hinge_centres(mesh))))
@@ -49,5 +66,8 @@ def random_heterogeneity(
         spread: Standard deviation of the log stiffness (0.2 is about 20 %).
         generator: Source of randomness.
         length: Correlation length [m].
+
+    Returns:
+        The cloth with a table for every face and every hinge.
     """
     return modulated(material, mesh, smooth_field(spread, length, generator), smooth_field(spread, length, generator))

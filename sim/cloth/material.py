@@ -62,6 +62,9 @@ class Material:
     def check_fits(self, mesh: Mesh) -> None:
         """Checks that per-element parameters belong to this mesh.
 
+        Args:
+            mesh: The cloth.
+
         Raises:
             SimulationError: The number of tables differs from the number of elements.
         """
@@ -77,7 +80,14 @@ class Material:
                 )
 
     def vertex_mass(self, mesh: Mesh) -> Float[Tensor, "vertices"]:
-        """Lumped masses: a third of every adjacent face's mass [kg]."""
+        """Lumped masses: a third of every adjacent face's mass [kg].
+
+        Args:
+            mesh: The cloth.
+
+        Returns:
+            Masses, differentiable by the density.
+        """
         areas = torch.from_numpy(mesh.areas).to(self.density.device)
         share = (self.density * areas / 3).repeat_interleave(3)
         corners = torch.from_numpy(mesh.faces.ravel()).to(self.density.device)
@@ -94,6 +104,9 @@ def uniform_material(
         bending: Table value of B, one for all directions or (0, 45, 90 degrees) [N m].
         stretch: Membrane stiffness along warp and weft, in force per width at unit strain [N/m]; Poisson's ratio 0.
         shear: Shear stiffness, in force per width at unit shear angle [N/m].
+
+    Returns:
+        The cloth, homogeneous.
 
     Raises:
         SimulationError: A value is not positive and finite.

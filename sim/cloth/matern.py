@@ -70,6 +70,9 @@ def disc_modes(count: int, radius: float = EXTENSION * CLOTH_RADIUS) -> DiscMode
     Args:
         count: Number of modes, >= 1.
         radius: Of the disc [m].
+
+    Returns:
+        The modes, wave numbers ascending.
     """
     found = [(0.0, 0, False)]
     highest = 2 * int(np.sqrt(count)) + 4  # by Weyl's law k R grows as 2 sqrt(count), and order m begins above m
@@ -87,6 +90,9 @@ def matern_root(modes: DiscModes, amplitude: Float[Tensor, ""], length: Float[Te
         modes: Basis.
         amplitude: Standard deviation of the field, averaged over the disc, in the field's unit.
         length: Correlation length [m]: over it the correlation falls to about a half.
+
+    Returns:
+        Standard deviations, differentiable by amplitude and length.
     """
     kappa_squared = 2 * SMOOTHNESS / length**2
     spectrum = (1 + torch.as_tensor(modes.wave_number) ** 2 / kappa_squared) ** (-(SMOOTHNESS + 1))

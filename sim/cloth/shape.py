@@ -54,6 +54,9 @@ def smooth_field(amplitude: float, length: float, generator: np.random.Generator
         length: Correlation length [m], > 0.
         generator: Source of randomness.
 
+    Returns:
+        The field, a function of material points (points, 2) [m].
+
     Raises:
         SimulationError: Amplitude or length out of range.
     """
@@ -70,6 +73,9 @@ def laid_down(mesh: Mesh, height: SmoothField, held_radius: float) -> Float[ndar
         mesh: The cloth.
         height: Undulation [m].
         held_radius: Radius of the plate [m].
+
+    Returns:
+        Positions [m].
     """
     shape = mesh.flat.copy()
     shape[:, 2] = height(mesh.material) * fade_in(mesh, held_radius)
@@ -82,6 +88,9 @@ def fade_in(mesh: Mesh, held_radius: float) -> Float[ndarray, "vertices"]:
     Args:
         mesh: The cloth.
         held_radius: Radius of the plate [m].
+
+    Returns:
+        Factor of every vertex.
     """
     ramp = np.clip((np.hypot(*mesh.material.T) - held_radius) / 0.01, 0, 1)
     return ramp * ramp * (3 - 2 * ramp)
@@ -92,6 +101,13 @@ def dihedral_angles(vertices: Float[Tensor, "vertices 3"], hinges: Int[ndarray, 
 
     Differentiable. Of a rest shape these are the stress-free angles; its metric stays flat (a cloth with natural
     curvature, not a cloth cut to that shape).
+
+    Args:
+        vertices: Positions [m].
+        hinges: As in `Mesh.hinges`.
+
+    Returns:
+        Angles, in the order of the hinges.
     """
     start, end, left, right = (vertices[torch.from_numpy(hinges[:, k]).to(vertices.device)] for k in range(4))
     edge, p, r = end - start, left - start, right - start

@@ -24,7 +24,14 @@ _KEPT = 32  # meshes
 
 
 def cloth_circle(mesh: Mesh) -> tuple[Float[ndarray, "2"], float]:
-    """Centre and radius of the rim [m]: its area's centroid, and the mean distance of its vertices from there."""
+    """Centre and radius of the rim [m]: its area's centroid, and the mean distance of its vertices from there.
+
+    Args:
+        mesh: The cloth.
+
+    Returns:
+        Centre and radius.
+    """
     rim = mesh.material[mesh.boundary]
     following = np.roll(rim, -1, axis=0)
     twice = rim[:, 0] * following[:, 1] - rim[:, 1] * following[:, 0]
@@ -41,6 +48,9 @@ def shifted(mesh: Mesh, held: float, x: float, y: float) -> Mesh:
         held: Radius of the plate [m].
         x, y: By how much the centre moves [m].
 
+    Returns:
+        The mesh about the plate's axis, with the same faces.
+
     Raises:
         SimulationError: The cloth would no longer cover the plate's edge.
     """
@@ -55,6 +65,9 @@ def recut(mesh: Mesh, held: float, growth: float) -> Mesh:
         mesh: The cloth about the plate's axis.
         held: Radius of the plate [m].
         growth: Of the cloth's radius [m].
+
+    Returns:
+        The mesh, with the same faces.
 
     Raises:
         SimulationError: The cloth would no longer cover the plate's edge.
@@ -72,6 +85,9 @@ def on_plate(mesh: Mesh, held: float, radius: float) -> Mesh:
         mesh: The cloth about the plate's axis, with a ring of vertices at `held`.
         held: Radius of the plate that it was made for [m].
         radius: Of the other plate [m].
+
+    Returns:
+        The mesh with a ring of vertices at the other plate's edge, and the same faces.
 
     Raises:
         SimulationError: The cloth does not cover the other plate's edge.

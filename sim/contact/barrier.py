@@ -68,6 +68,9 @@ def smallest_distance(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> float:
         mesh: The cloth.
         x: Positions [m].
 
+    Returns:
+        The distance.
+
     Raises:
         SimulationError: Positions of another mesh or not finite, or the package ipctk is missing.
     """
@@ -114,6 +117,9 @@ class ContactForces:
 
         Args:
             project: Take only the positive-semidefinite part of every pair's Hessian.
+
+        Returns:
+            Symmetric sparse matrix over all coordinates of all vertices.
         """
         method = _toolkit().PSDProjectionMethod
         chosen = method.CLAMP if project else method.NONE
@@ -185,7 +191,15 @@ class SelfContact:
         return ContactForces(self, x, pairs, -gradient.reshape(-1, 3), energy)
 
     def couplings(self, x: Float[ndarray, "vertices 3"], reach: float) -> Int[ndarray, "couplings 2"]:
-        """Pairs of vertices that belong to parts nearer to each other than `reach` [m]."""
+        """Pairs of vertices that belong to parts near each other.
+
+        Args:
+            x: Positions [m].
+            reach: Distance below which parts couple [m].
+
+        Returns:
+            Pairs of vertex indices.
+        """
         return ContactForces(self, x, self._pairs(x, reach), np.zeros_like(x), 0.0).couplings()
 
     def free_share(self, x: Float[ndarray, "vertices 3"], step: Float[ndarray, "vertices 3"]) -> float:
@@ -194,6 +208,9 @@ class SelfContact:
         Args:
             x: Positions, free of intersections [m].
             step: Displacements [m].
+
+        Returns:
+            Share in (0, 1]; 1 where the whole step is free.
         """
         ipctk = _toolkit()
         narrow = ipctk.AdditiveCCD(conservative_rescaling=1 - _KEPT)
@@ -203,6 +220,9 @@ class SelfContact:
 
     def check_apart(self, x: Float[ndarray, "vertices 3"]) -> None:
         """Checks that contact can start from a shape.
+
+        Args:
+            x: Positions [m].
 
         Raises:
             SimulationError: Positions of another mesh or not finite, or the cloth passes through itself.

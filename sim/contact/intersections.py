@@ -75,6 +75,9 @@ def piercing_pairs(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> Int[ndarray, 
         mesh: The cloth.
         x: Positions [m].
 
+    Returns:
+        The pairs.
+
     Raises:
         SimulationError: Positions of another mesh, or not finite.
     """
@@ -91,12 +94,27 @@ def piercing_pairs(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> Int[ndarray, 
 
 
 def intersections(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
-    """How many pairs of an edge and a triangle intersect; 0 where the cloth nowhere passes through itself."""
+    """How many pairs of an edge and a triangle intersect; 0 where the cloth nowhere passes through itself.
+
+    Args:
+        mesh: The cloth.
+        x: Positions [m].
+
+    Returns:
+        Number of pairs.
+    """
     return len(piercing_pairs(mesh, x))
 
 
 def checked_positions(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "vertices 3"]:
     """Positions as the kernels take them.
+
+    Args:
+        mesh: The cloth.
+        x: Positions [m].
+
+    Returns:
+        The same positions, contiguous, in double precision.
 
     Raises:
         SimulationError: Positions of another mesh, or not finite.

@@ -53,6 +53,9 @@ class ContactMatrix:
             cloth: Blocks of the cloth alone, in its layout's slots.
             contacts: The contacts at the same configuration.
             project: Take only the positive-semidefinite part of every contact's Hessian.
+
+        Returns:
+            Blocks in the slots of the present pattern, which grows with what comes near contact.
         """
         keys, values = self._contact_blocks(contacts, project=project)
         if not np.isin(keys, self._keys, assume_unique=True).all():
@@ -66,6 +69,13 @@ class ContactMatrix:
 
     def factorise(self, blocks: Float[ndarray, "slots 3 3"], added: Float[ndarray, " rows"]) -> Factor:
         """Factor of the Hessian plus added[i] times the identity at every free vertex i.
+
+        Args:
+            blocks: As `blocks` returned them last [N/m].
+            added: One number for each free vertex [N/m].
+
+        Returns:
+            The factor.
 
         Raises:
             NotPositiveDefinite: The sum is not positive definite.

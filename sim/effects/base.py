@@ -87,6 +87,12 @@ class Effect(ABC):
     def complete(self, value: Values) -> dict[str, float | Tensor]:
         """All parameters: the given ones, defaults for the others.
 
+        Args:
+            value: Parameters by name.
+
+        Returns:
+            Every parameter by name.
+
         Raises:
             SimulationError: An unknown name, or a value out of bounds.
         """
@@ -108,6 +114,9 @@ class Effect(ABC):
         Args:
             setup: A drape about to be made.
             value: Parameters by name; those left out take their defaults.
+
+        Returns:
+            Another setup; the given one stays as it is.
 
         Raises:
             SimulationError: An unknown parameter, or a value out of bounds.

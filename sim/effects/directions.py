@@ -8,7 +8,14 @@ from torch import Tensor
 
 
 def unit(degrees: float | Tensor) -> Float[Tensor, "2"]:
-    """The horizontal unit vector at an angle counter-clockwise from +x [deg]."""
+    """The horizontal unit vector at an angle counter-clockwise from +x [deg].
+
+    Args:
+        degrees: Angle [deg].
+
+    Returns:
+        Cosine and sine.
+    """
     angle = torch.as_tensor(degrees, dtype=torch.float64) * (math.pi / 180)
     return torch.stack([torch.cos(angle), torch.sin(angle)])
 
@@ -24,6 +31,9 @@ def leaned(
         points: Positions [m].
         degrees: Angle a [deg].
         direction: Counter-clockwise from +x [deg].
+
+    Returns:
+        Positions [m].
     """
     cosine, sine = unit(degrees)
     along = unit(direction)

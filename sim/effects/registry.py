@@ -77,7 +77,14 @@ class Cause:
     value: dict[str, float]
 
     def apply(self, setup: Setup) -> Setup:
-        """The setup with this cause."""
+        """The setup with this cause.
+
+        Args:
+            setup: A drape about to be made.
+
+        Returns:
+            Another setup; the given one stays as it is.
+        """
         return self.effect.apply(setup, self.value)
 
 
@@ -93,6 +100,12 @@ def registered() -> dict[str, Effect]:
 def effect(name: str) -> Effect:
     """An effect by name.
 
+    Args:
+        name: Name of the effect, as `EFFECTS` has it.
+
+    Returns:
+        The effect.
+
     Raises:
         SimulationError: Unknown name.
     """
@@ -107,6 +120,12 @@ def effect(name: str) -> Effect:
 
 def parse(text: str) -> Cause:
     """Reads `name` or `name:parameter=value,...`.
+
+    Args:
+        text: As on the command line.
+
+    Returns:
+        The effect with its parameters.
 
     Raises:
         SimulationError: Unknown effect or parameter, or a value that is no number or out of bounds.
@@ -126,7 +145,15 @@ def parse(text: str) -> Cause:
 
 
 def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
-    """The setup with all causes, in order."""
+    """The setup with all causes, in order.
+
+    Args:
+        causes: Effects with their parameters.
+        setup: A drape about to be made.
+
+    Returns:
+        Another setup; the given one stays as it is.
+    """
     for cause in causes:
         setup = cause.apply(setup)
     return setup

@@ -52,6 +52,9 @@ def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
     Args:
         mesh: The cloth, a disc.
         x: Its positions [m].
+
+    Returns:
+        The number.
     """
     rim, angle = _rim(mesh)
     radius = np.interp(
@@ -67,6 +70,9 @@ def follow(mesh: Mesh, before: Float[ndarray, "vertices 3"], after: Float[ndarra
         mesh: The cloth.
         before: Positions of the warm start [m].
         after: Positions of the drape [m].
+
+    Returns:
+        Folds before and after, and how far the cloth moved.
     """
     moved = float(np.linalg.norm(after - before, axis=1).max())
     return Branch(rim_folds(mesh, before), rim_folds(mesh, after), moved)

@@ -70,7 +70,15 @@ class Stepper:
         return np.empty((len(self.mass), len(self.system.free), 3))
 
     def factor(self, state: Evaluation, old: Factor | None) -> Factor:
-        """Factor of the step matrix M + h^2 K at an evaluated state; `old` is storage to use again."""
+        """Factor of the step matrix M + h^2 K at an evaluated state; `old` is storage to use again.
+
+        Args:
+            state: Elements at the positions before the step.
+            old: Factor whose storage may be used again.
+
+        Returns:
+            The factor, of one matrix or of a batch.
+        """
         linear, h = self.system.linear, self.h
         state.matrix(scale=h * h, diagonal=self.mass + h * h * self.system.spring, out=self.blocks)
         if len(self.blocks) == 1:
@@ -123,7 +131,14 @@ class Stepper:
 
 
 def too_far(laid: Float[ndarray, "*members vertices 3"]) -> float:
-    """A coordinate that only a cloth that has blown up reaches, laid down as it was [m]."""
+    """A coordinate that only a cloth that has blown up reaches, laid down as it was [m].
+
+    Args:
+        laid: Shapes in which the cloths are laid down [m].
+
+    Returns:
+        The coordinate.
+    """
     return _FAR * float(np.abs(laid).max())
 
 

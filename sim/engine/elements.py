@@ -47,7 +47,14 @@ class Elements:
 
 
 def elements_of(mesh: Mesh) -> Elements:
-    """Computes the element constants of a mesh from its material coordinates."""
+    """Computes the element constants of a mesh from its material coordinates.
+
+    Args:
+        mesh: The cloth.
+
+    Returns:
+        Constants of its faces and hinges.
+    """
     corner = mesh.corners
     edge_matrix = np.stack([corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]], axis=2)
     inverse = np.linalg.inv(edge_matrix)  # D = Dm^-1

@@ -18,7 +18,14 @@ STRETCH_NUMBERS, TABLE_NUMBERS = 24, 39
 
 
 def tables_of(theta: Float[ndarray, " 39"]) -> tuple[Float[ndarray, "6 4"], Float[ndarray, "3 5"]]:
-    """C [N/m] and B [N m] of one row of numbers."""
+    """C [N/m] and B [N m] of one row of numbers.
+
+    Args:
+        theta: C row by row, then B row by row.
+
+    Returns:
+        C and B.
+    """
     return theta[:STRETCH_NUMBERS].reshape(STRETCH_TABLE), theta[STRETCH_NUMBERS:].reshape(BENDING_TABLE)
 
 
@@ -61,6 +68,9 @@ def stiffness(
         x: Positions [m].
         theta: C and B in one row.
         rest_angle: Stress-free dihedral angles [rad].
+
+    Returns:
+        Symmetric sparse matrix over the coordinates of the free vertices.
     """
     p = _parameters(system, theta, rest_angle).batch()
     state = system.evaluate(x[None], x[None], p, exact=system.law == "paper")

@@ -23,6 +23,9 @@ def field_modes(mesh: Mesh, length: float) -> Float[ndarray, "vertices modes"]:
     Args:
         mesh: The cloth.
         length: Of the covariance exp(-d^2 / (2 length^2)) [m].
+
+    Returns:
+        One column for each mode.
     """
     square = np.square(mesh.material[:, None] - mesh.material[None]).sum(2)
     values, vectors = np.linalg.eigh(np.exp(-0.5 * square / length**2))
@@ -60,6 +63,9 @@ def uneven_forces(
         theta: C and B in one row.
         rest: Modes of the rest shape's height [m].
         uneven: Modes of the logarithm of stiffness; stretch and bending stiffness have fields of their own.
+
+    Returns:
+        Columns of the rest shape, then those of stretch, then those of bending stiffness.
     """
     stretch, bending = tables_of(theta)
     mesh, none = system.mesh, np.zeros(len(system.elements.hinges))

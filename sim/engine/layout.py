@@ -35,6 +35,9 @@ def block_layout(elements: Elements, free: Int[ndarray, "rows"], vertices: int) 
         elements: The mesh's elements.
         free: Indices of the free vertices, ascending; row r of the matrix is vertex free[r].
         vertices: Number of all vertices.
+
+    Returns:
+        The pattern, and where every element's blocks go.
     """
     row_of = np.full(vertices, -1)
     row_of[free] = np.arange(len(free))
@@ -104,6 +107,9 @@ def gather_tables(
         needed: Slots that the linear solver reads, ascending.
         free: Indices of the free vertices, ascending.
         vertices: Number of all vertices.
+
+    Returns:
+        For every slot and vertex, the elements that add to it.
     """
     counts = np.diff(layout.contribution_ptr)[needed]
     place = np.repeat(np.arange(len(needed)), counts)

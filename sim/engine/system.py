@@ -20,7 +20,7 @@ from cusick_bench.sim.engine.layout import BlockLayout, GatherTables, block_layo
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.laws import tables
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
-from cusick_bench.sim.threads import check_fork
+from cusick_bench.sim.threads import check_fork, thread_pool
 
 Law = Literal["paper", "published"]
 _LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
@@ -47,11 +47,25 @@ class Parameters:
         return Parameters(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
 
     def member(self, index: int) -> "Parameters":
-        """One cloth of this batch."""
+        """One cloth of this batch.
+
+        Args:
+            index: Place of the cloth in the batch.
+
+        Returns:
+            Its parameters, in the same memory.
+        """
         return Parameters(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
 
     def take(self, members: Int[ndarray, "some"]) -> "Parameters":
-        """Some cloths of this batch."""
+        """Some cloths of this batch.
+
+        Args:
+            members: Places of the cloths in the batch, ascending.
+
+        Returns:
+            Their parameters.
+        """
         if len(members) == len(self.mass):
             return self
         return Parameters(self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members])
@@ -68,7 +82,15 @@ class ParameterGradient:
 
     @classmethod
     def zeros(cls, system: "DrapeSystem", *members: int) -> "ParameterGradient":
-        """A gradient to add to."""
+        """A gradient to add to.
+
+        Args:
+            system: Mesh of the cloths.
+            *members: Number of cloths, for a batch.
+
+        Returns:
+            Zeros.
+        """
         faces, hinges = len(system.elements.faces), len(system.elements.hinges)
         shapes = ((faces, 6, 4), (hinges, 3, 5), (system.mesh.vertices,), (hinges,))
         return cls(*(np.zeros((*members, *shape)) for shape in shapes))
@@ -78,11 +100,23 @@ class ParameterGradient:
         return ParameterGradient(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
 
     def member(self, index: int) -> "ParameterGradient":
-        """One member's gradient."""
+        """One member's gradient.
+
+        Args:
+            index: Place of the cloth in the batch.
+
+        Returns:
+            Its gradient, in the same memory.
+        """
         return ParameterGradient(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
 
     def put(self, members: int | Int[ndarray, "some"], found: "ParameterGradient") -> None:
-        """Sets the gradients of some members, in place."""
+        """Sets the gradients of some members, in place.
+
+        Args:
+            members: Place or places in the batch.
+            found: Their gradients.
+        """
         for mine, theirs in zip(vars(self).values(), vars(found).values(), strict=True):
             mine[members] = theirs
 
@@ -109,6 +143,7 @@ class DrapeSystem:
     elements: Elements = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        thread_pool()
         if self.law not in _LAWS:
             raise SimulationError(f"law must be one of {', '.join(_LAWS)}, got {self.law!r}")
         if self.fixed.all():
@@ -134,6 +169,9 @@ class DrapeSystem:
 
         Args:
             elements: Of the same faces and hinges.
+
+        Returns:
+            The other system.
         """
         _ = self.linear, self._tables, self._chosen, self._workspaces  # made here, so that there is one of each
         other = copy.copy(self)
@@ -216,7 +254,14 @@ class DrapeSystem:
         return Evaluation(self, work, x, anchor, p, exact, everywhere)
 
     def bent(self, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "hinges"]:
-        """Dihedral angles of one cloth [rad], positive where it is convex seen from its face."""
+        """Dihedral angles of one cloth [rad], positive where it is convex seen from its face.
+
+        Args:
+            x: Positions [m].
+
+        Returns:
+            Angles, in the order of the hinges.
+        """
         angle = np.empty(len(self.elements.hinges))
         hinge_kernels.hinge_angles(self.elements.hinges, x, angle)
         return angle
@@ -227,6 +272,9 @@ class DrapeSystem:
         Args:
             angle: Dihedral angles [rad].
             p: The cloth.
+
+        Returns:
+            Stiffness, in the order of the hinges.
         """
         el, secant = self.elements, np.empty(len(angle))
         hinge_kernels.hinge_secants(
@@ -256,7 +304,17 @@ class DrapeSystem:
     def gather(
         self, face_vector: ndarray, hinge_vector: ndarray, factor: ndarray, everywhere: bool = True
     ) -> Float[ndarray, "members vertices 3"]:
-        """Sums corner vectors into vertices, or into the free ones; `factor` is each hinge's."""
+        """Sums corner vectors into vertices, or into the free ones; `factor` is each hinge's.
+
+        Args:
+            face_vector: Vectors at the corners of every face (members, faces, 3, 3).
+            hinge_vector: Vectors at the corners of every hinge (members, hinges, 12).
+            factor: Factor of every hinge's vectors (members, hinges).
+            everywhere: Whether fixed vertices get their sums too; they are zero otherwise.
+
+        Returns:
+            Sums.
+        """
         t = self._tables
         out = np.zeros((len(factor), self.mesh.vertices, 3))
         assembly.gather_vertices(
@@ -268,7 +326,12 @@ class DrapeSystem:
     def add_diagonal(
         self, blocks: Float[ndarray, "*members slots 3 3"], amount: Float[ndarray, "*members vertices"]
     ) -> None:
-        """Adds amount[i] times the identity to the diagonal block of every free vertex, in place."""
+        """Adds amount[i] times the identity to the diagonal block of every free vertex, in place.
+
+        Args:
+            blocks: Blocks in the layout's slots [N/m]; changed.
+            amount: A number for every vertex [N/m].
+        """
         for axis in range(3):
             blocks[..., self.layout.diagonal, axis, axis] += amount[..., self.free]
 
@@ -336,7 +399,15 @@ class Workspace:
 
     @classmethod
     def of(cls, elements: Elements, members: int) -> "Workspace":
-        """Buffers for the elements of a mesh."""
+        """Buffers for the elements of a mesh.
+
+        Args:
+            elements: Faces and hinges.
+            members: Number of cloths.
+
+        Returns:
+            The buffers, zero.
+        """
         faces, hinges = (members, len(elements.faces)), (members, len(elements.hinges))
         return cls(
             np.zeros(faces), np.zeros((*faces, 3, 3)), np.zeros((*faces, 6, 9)), np.zeros(hinges),
@@ -391,6 +462,9 @@ class Evaluation:
             scale: Factor of the stiffness.
             diagonal: Added to the diagonal of every vertex (springs are not in K).
             out: Used again where given.
+
+        Returns:
+            The blocks, in `out` where given.
         """
         system, work, t = self.system, self.work, self.system._tables
         blocks = np.zeros((len(self.x), len(system.layout.indices), 3, 3)) if out is None else out

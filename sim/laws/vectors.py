@@ -10,7 +10,14 @@ CHUNKS = 16
 
 
 def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """Compiles a function: cached on disk, IEEE division, products and sums fused (the same on every run)."""
+    """Compiles a function: cached on disk, IEEE division, products and sums fused (the same on every run).
+
+    Args:
+        parallel: Whether its `prange` loops run on all threads.
+
+    Returns:
+        A decorator.
+    """
     return numba.njit(cache=True, parallel=parallel, error_model="numpy", fastmath={"contract"})
 
 

@@ -66,6 +66,14 @@ class UpperTriangle:
         self.slots = np.flatnonzero(pattern.rows <= pattern.indices)
 
     def numbers(self, blocks: Float[ndarray, "slots 3 3"]) -> Float[ndarray, " numbers"]:
+        """The triangle's numbers, in the order of the scalar pattern.
+
+        Args:
+            blocks: The block of every entry of the pattern.
+
+        Returns:
+            The numbers.
+        """
         return np.take(blocks, self.places)
 
 
@@ -94,7 +102,14 @@ class TriangleFactor(Factor):
         self.triangle = triangle
 
     def update(self, numbers: Float[ndarray, " numbers"]) -> None:
-        """Factorise; raises NotPositiveDefinite."""
+        """Factorises new numbers in the same pattern.
+
+        Args:
+            numbers: The triangle's numbers, as `UpperTriangle.numbers` returns them.
+
+        Raises:
+            NotPositiveDefinite: The matrix is not positive definite.
+        """
         raise NotImplementedError
 
 
@@ -118,6 +133,7 @@ class PardisoFactor(TriangleFactor):
         return self.pardiso._call_pardiso(self.matrix, right)
 
     def update(self, numbers: Float[ndarray, " numbers"]) -> None:
+        """Factorises with PARDISO; its analysis is kept."""
         self.matrix.data = numbers
         try:
             self._call(self.FACTORISE)
@@ -158,6 +174,7 @@ class CholmodFactor(TriangleFactor):
         self.factor = self.cholmod.symbolic(self.matrix)
 
     def update(self, numbers: Float[ndarray, " numbers"]) -> None:
+        """Factorises with CHOLMOD; its analysis is kept."""
         self.matrix.V = self.cvxopt.matrix(numbers)
         try:
             self.cholmod.numeric(self.matrix, self.factor)

@@ -59,7 +59,16 @@ _LOWER, _RIGHT, _TRANSPOSED, _PLAIN = (ord(letter) for letter in "LRTN")
 
 @numba.njit(cache=True)
 def cholesky(matrix, size, stride):
-    """A <- L with L L^T = A, in the lower triangle; False if A is not positive definite."""
+    """A <- L with L L^T = A, in the lower triangle.
+
+    Args:
+        matrix: A; changed.
+        size: Rows and columns of A.
+        stride: Distance between the starts of its columns.
+
+    Returns:
+        Whether A is positive definite.
+    """
     failed = np.zeros(1, np.int32)
     _potrf(_letter(_LOWER), _integer(size), matrix.ctypes, _integer(stride), failed.ctypes)
     return failed[0] == 0
@@ -67,7 +76,15 @@ def cholesky(matrix, size, stride):
 
 @numba.njit(cache=True)
 def divide_by_transposed(triangle, matrix, rows, columns, stride):
-    """B <- B L^-T."""
+    """B <- B L^-T.
+
+    Args:
+        triangle: L.
+        matrix: B; changed.
+        rows: Rows of B.
+        columns: Columns of B, and size of L.
+        stride: Distance between the starts of the columns of both.
+    """
     _trsm(
         _letter(_RIGHT), _letter(_LOWER), _letter(_TRANSPOSED), _letter(_PLAIN), _integer(rows),
         _integer(columns), _real(1.0), triangle.ctypes, _integer(stride), matrix.ctypes, _integer(stride),
@@ -76,7 +93,17 @@ def divide_by_transposed(triangle, matrix, rows, columns, stride):
 
 @numba.njit(cache=True)
 def subtract_product(left, right, target, rows, columns, inner, stride):
-    """C <- C - A B^T."""
+    """C <- C - A B^T.
+
+    Args:
+        left: A.
+        right: B.
+        target: C; changed.
+        rows: Rows of A and C.
+        columns: Rows of B, columns of C.
+        inner: Columns of A and B.
+        stride: Distance between the starts of the columns of all three.
+    """
     _gemm(
         _letter(_PLAIN), _letter(_TRANSPOSED), _integer(rows), _integer(columns), _integer(inner),
         _real(-1.0), left.ctypes, _integer(stride), right.ctypes, _integer(stride), _real(1.0), target.ctypes,
@@ -86,7 +113,15 @@ def subtract_product(left, right, target, rows, columns, inner, stride):
 
 @numba.njit(cache=True)
 def negative_square(matrix, rows, columns, stride, target):
-    """C <- -A A^T, its lower triangle, without gaps between its columns."""
+    """C <- -A A^T, its lower triangle, without gaps between its columns.
+
+    Args:
+        matrix: A.
+        rows: Rows of A, and size of C.
+        columns: Columns of A.
+        stride: Distance between the starts of the columns of A.
+        target: C; overwritten.
+    """
     _syrk(
         _letter(_LOWER), _letter(_PLAIN), _integer(rows), _integer(columns), _real(-1.0), matrix.ctypes,
         _integer(stride), _real(0.0), target.ctypes, _integer(rows),
@@ -95,7 +130,15 @@ def negative_square(matrix, rows, columns, stride, target):
 
 @numba.njit(cache=True)
 def solve_lower(triangle, size, stride, vector, transposed):
-    """x <- L^-1 x, or x <- L^-T x."""
+    """x <- L^-1 x, or x <- L^-T x.
+
+    Args:
+        triangle: L.
+        size: Its size.
+        stride: Distance between the starts of its columns.
+        vector: x; changed.
+        transposed: Whether L is transposed.
+    """
     _trsv(
         _letter(_LOWER), _letter(_TRANSPOSED if transposed else _PLAIN), _letter(_PLAIN), _integer(size),
         triangle.ctypes, _integer(stride), vector.ctypes, _integer(1),
@@ -104,7 +147,17 @@ def solve_lower(triangle, size, stride, vector, transposed):
 
 @numba.njit(cache=True)
 def subtract_times(matrix, rows, columns, stride, vector, target, transposed):
-    """y <- y - A x, or y <- y - A^T x."""
+    """y <- y - A x, or y <- y - A^T x.
+
+    Args:
+        matrix: A.
+        rows: Its rows.
+        columns: Its columns.
+        stride: Distance between the starts of its columns.
+        vector: x.
+        target: y; changed.
+        transposed: Whether A is transposed.
+    """
     _gemv(
         _letter(_TRANSPOSED if transposed else _PLAIN), _integer(rows), _integer(columns), _real(-1.0),
         matrix.ctypes, _integer(stride), vector.ctypes, _integer(1), _real(1.0), target.ctypes, _integer(1),

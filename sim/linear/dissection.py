@@ -49,6 +49,9 @@ def dissect(pattern: BlockPattern, leaf: int) -> Dissection:
     Args:
         pattern: The coupled vertices with their positions.
         leaf: Pieces of at most this many vertices are not cut any more.
+
+    Returns:
+        The order, and the tree of separators.
     """
     entries = (np.ones(pattern.slots, np.float32), pattern.indices, pattern.indptr)
     graph = sparse.csr_array(entries, shape=(pattern.vertices, pattern.vertices))

@@ -55,7 +55,16 @@ class EliminationTree(NamedTuple):
 
 
 def analyse(pattern: BlockPattern, dissection: Dissection, workers: int) -> EliminationTree:
-    """Symbolic analysis of a pattern in a given order, for `workers` threads."""
+    """Symbolic analysis of a pattern in a given order, for `workers` threads.
+
+    Args:
+        pattern: The coupled vertices.
+        dissection: Their order.
+        workers: Number of threads.
+
+    Returns:
+        Fronts, where their numbers lie, and who works on them.
+    """
     start, parent = dissection.start, dissection.parent
     children = _grouped(parent)
     columns = _lower_columns(pattern, dissection.order)
@@ -163,6 +172,15 @@ def schedule(parent: ndarray, children: list[list[int]], work: ndarray, workers:
     """Share the forest out: one list of whole subtrees per worker, and last the fronts above them.
 
     Starts from the roots and cuts the heaviest subtree open as long as that shortens the estimated time.
+
+    Args:
+        parent: Parent of every front, -1 for a root.
+        children: Children of every front.
+        work: Estimated operations of every front.
+        workers: Number of threads.
+
+    Returns:
+        Fronts in the order of their elimination, a list for each worker, then one for those that come last.
     """
     below = np.array(work)
     for front, above in enumerate(parent):

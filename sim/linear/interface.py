@@ -69,6 +69,9 @@ class BlockPattern:
         Args:
             points: Position of every vertex in the plane.
             couplings: Pairs of vertices, in any order, repeated or not.
+
+        Returns:
+            The pattern, rows ascending.
         """
         vertices = len(points)
         pairs = np.asarray(couplings, np.int64).reshape(-1, 2)
@@ -182,7 +185,11 @@ class LinearSolver(ABC):
         self._spare: list[Factor] = []
 
     def recycle(self, factor: Factor) -> None:
-        """Takes back the storage of a factor that nobody will solve with any more; fresh memory is slow to touch."""
+        """Takes back the storage of a factor that nobody will solve with any more; fresh memory is slow to touch.
+
+        Args:
+            factor: The factor; do not solve with it afterwards.
+        """
         self._spare.append(factor)
 
     def _storage_left(self, members: int | None) -> Factor | None:
@@ -203,6 +210,9 @@ class LinearSolver(ABC):
             blocks: The block of every entry of the pattern.
             out: An old factor whose storage is used again where it fits; do not solve with it afterwards.
 
+        Returns:
+            The factor.
+
         Raises:
             NotPositiveDefinite: The matrix is not positive definite.
             SimulationError: `blocks` has another shape, or is not finite.
@@ -210,7 +220,15 @@ class LinearSolver(ABC):
         return self._factorise(self._checked(blocks, ("slots",)), out or self._storage_left(None))
 
     def factorise_batch(self, blocks: Float[ndarray, "*members slots 3 3"], *, out: Factor | None = None) -> Factor:
-        """Factorise several matrices of the pattern; arguments and errors as for `factorise`."""
+        """Factorise several matrices of the pattern; arguments and errors as for `factorise`.
+
+        Args:
+            blocks: The block of every entry of the pattern, for every matrix.
+            out: An old factor of as many matrices whose storage is used again where it fits.
+
+        Returns:
+            The factor of all.
+        """
         checked = self._checked(blocks, ("members", "slots"))
         return self._factorise_batch(checked, out or self._storage_left(len(checked)))
 
@@ -277,6 +295,9 @@ def solver(pattern: BlockPattern, backend: str = "auto") -> LinearSolver:
         pattern: The coupled vertices.
         backend: A name of `BACKENDS`; "auto" is always `multifrontal`, so that results do not depend on the
             optional packages installed.
+
+    Returns:
+        The solver, analysed.
 
     Raises:
         SimulationError: The backend is unknown or its package is missing.

@@ -21,6 +21,7 @@ from cusick_bench.sim.linear import dense
 from cusick_bench.sim.linear.dissection import dissect
 from cusick_bench.sim.linear.elimination import EliminationTree, analyse
 from cusick_bench.sim.linear.interface import BLOCK, BlockPattern, Factor, LinearSolver
+from cusick_bench.sim.threads import thread_pool
 
 LEAF = 16
 """Vertices of a piece that is not dissected further. Measured: 12 to 32 are equally fast."""
@@ -255,6 +256,7 @@ class MultifrontalSolver(LinearSolver):
 
     def __init__(self, pattern: BlockPattern, *, leaf: int = LEAF) -> None:
         super().__init__(pattern)
+        thread_pool()
         self.tree = analyse(pattern, dissect(pattern, leaf), numba.get_num_threads())
         self._updates = np.empty((1, self.tree.update_end))
 

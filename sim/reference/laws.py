@@ -109,7 +109,14 @@ class Reference:
             object.__setattr__(self, name, value)
 
     def strain(self, x: Float[Tensor, "vertices 3"]) -> Float[Tensor, "faces 2 2"]:
-        """Green strain G of the faces."""
+        """Green strain G of the faces.
+
+        Args:
+            x: Positions [m].
+
+        Returns:
+            Symmetric strains, without unit.
+        """
         gradient = self._gradient(x)
         return (gradient.mT @ gradient - torch.eye(2, dtype=x.dtype, device=x.device)) / 2
 
@@ -121,13 +128,28 @@ class Reference:
     def stretch_stiffness(
         self, strain: Float[Tensor, "faces 2 2"], table: Float[Tensor, "tables 6 4"]
     ) -> Float[Tensor, "faces 4"]:
-        """k0..k3 of every face [N/m]."""
+        """k0..k3 of every face [N/m].
+
+        Args:
+            strain: Green strain G.
+            table: C, shared or one for each face [N/m].
+
+        Returns:
+            Stiffness.
+        """
         if self.system.law == "paper":
             return (weights_stretch_paper(strain)[:, :, None] * table).sum(1)
         return stretch_published(strain, table)
 
     def angles(self, corners: Float[Tensor, "hinges 4 3"]) -> Float[Tensor, "hinges"]:
-        """Dihedral angles from the hinges' corners, positive where both outer corners lie below the edge [rad]."""
+        """Dihedral angles from the hinges' corners, positive where both outer corners lie below the edge [rad].
+
+        Args:
+            corners: Positions of v0, v1 and both opposite vertices [m].
+
+        Returns:
+            Angles.
+        """
         start, end, left, right = corners.unbind(1)
         edge = end - start
         normal0, normal1 = torch.linalg.cross(edge, left - start), torch.linalg.cross(right - start, edge)
@@ -137,7 +159,15 @@ class Reference:
     def bending_stiffness(
         self, angle: Float[Tensor, "hinges *nodes"], table: Float[Tensor, "tables 3 5"]
     ) -> Float[Tensor, "hinges *nodes"]:
-        """B of every hinge at given angles [N m]."""
+        """B of every hinge at given angles [N m].
+
+        Args:
+            angle: Dihedral angles less the stress-free ones [rad].
+            table: B, shared or one for each hinge [N m].
+
+        Returns:
+            Stiffness.
+        """
         trailing = (1,) * (angle.ndim - 1)
         curvature = angle * (self.length / self.hinge_area).reshape(-1, *trailing)
         row = torch.einsum("hd,hds->hs", self.direction, table.expand(len(angle), 3, 5)).reshape(-1, *trailing, 5)
@@ -151,6 +181,14 @@ class Reference:
         self, x: Float[Tensor, "vertices 3"], anchor: Float[Tensor, "vertices 3"], p: TorchParameters
     ) -> Float[Tensor, ""]:
         """Potential energy of law `paper` [J]: stretch, bending, gravity and plate springs.
+
+        Args:
+            x: Positions [m].
+            anchor: Where the springs hold [m].
+            p: The cloth.
+
+        Returns:
+            The energy, differentiable.
 
         Raises:
             SimulationError: Law `published` has no energy.
@@ -235,6 +273,13 @@ class Reference:
         + G00+ D_vv + G11+ D_uu) + k3 / 2 f_uv f_uv^T], G+ = max(G, 0), D_uu = s_u s_u^T (x) I; law `paper` takes
         max(factor, 0) of D_uu and of D_vv, which c12 < 0 could make negative.
         Hinges: M / theta grad grad^T.
+
+        Args:
+            x: Positions [m].
+            p: The cloth.
+
+        Returns:
+            Matrices of the faces and of the hinges.
         """
         with torch.enable_grad():
             x = x if x.requires_grad else x.detach().requires_grad_()
@@ -261,7 +306,15 @@ class Reference:
     def gauss_newton(
         self, x: Float[Tensor, "vertices 3"], p: TorchParameters
     ) -> Float[Tensor, "coordinates coordinates"]:
-        """Stiffness K of the implicit step over all 3 V coordinates (vertex-major), dense [N/m]."""
+        """Stiffness K of the implicit step over all 3 V coordinates (vertex-major), dense [N/m].
+
+        Args:
+            x: Positions [m].
+            p: The cloth.
+
+        Returns:
+            The matrix.
+        """
         faces, hinges = self.gauss_newton_blocks(x, p)
         return self._scatter(faces, self.faces, 3 * len(x)) + self._scatter(hinges, self.hinges, 3 * len(x))
 

@@ -22,6 +22,12 @@ def weights_stretch_paper(strain: Float[Tensor, "faces 2 2"]) -> Float[Tensor, "
     k = 2 [(1 - s) C_0 + s sum_j w_j C_j] with I = G00^2 + 2 G01^2 + G11^2, q = min(I / E^2, 1), s = 1 - (1 - q)^3,
     E the Green strain of a stretch of 1 + 1/6; w_1..w_5 are the terms of (p0 + p45 + p90)^2 sorted by direction,
     where (p0, p45, p90) = (G00^2, 2 G01^2, G11^2) / I.
+
+    Args:
+        strain: Green strain G.
+
+    Returns:
+        Weights of C_0 .. C_5.
     """
     warp, bias, weft = strain[:, 0, 0] ** 2, 2 * strain[:, 0, 1] ** 2, strain[:, 1, 1] ** 2
     invariant = warp + bias + weft
@@ -34,7 +40,15 @@ def weights_stretch_paper(strain: Float[Tensor, "faces 2 2"]) -> Float[Tensor, "
 
 
 def hat(position: Tensor, samples: int) -> Tensor:
-    """Weights of linear interpolation between samples 0, 1, 2 ... at a position."""
+    """Weights of linear interpolation between samples 0, 1, 2 ... at a position.
+
+    Args:
+        position: Positions (any shape), in units of the samples' distance.
+        samples: Number of samples.
+
+    Returns:
+        Weights (any shape, samples); they sum to 1 between the first and the last sample.
+    """
     grid = torch.arange(samples, dtype=position.dtype, device=position.device)
     return (1 - (position[..., None] - grid).abs()).clamp(min=0)
 
@@ -57,7 +71,14 @@ def _bspline(offset: Tensor) -> Tensor:
 
 
 def weights_bending_paper(curvature: Float[Tensor, "*any"]) -> Float[Tensor, "*any 5"]:
-    """Weights of the samples at 0, 10, 20, 30, 40 per metre: quadratic B-spline, mirrored at 0, constant beyond 45."""
+    """Weights of the samples at 0, 10, 20, 30, 40 per metre: quadratic B-spline, mirrored at 0, constant beyond 45.
+
+    Args:
+        curvature: Curvatures [1/m].
+
+    Returns:
+        Weights of the five samples; they sum to 1.
+    """
     position = (curvature / CURVATURE_STEP).clamp(-4.5, 4.5)
     columns: list[Tensor] = [torch.zeros_like(position) for _ in range(5)]
     for knot in range(-6, 7):
@@ -68,7 +89,15 @@ def weights_bending_paper(curvature: Float[Tensor, "*any"]) -> Float[Tensor, "*a
 def stretch_published(
     strain: Float[Tensor, "faces 2 2"], table: Float[Tensor, "tables 6 4"]
 ) -> Float[Tensor, "faces 4"]:
-    """k0..k3 of law `published`: trilinear over (G00, G11, |G01|) between nodes, each the table's rectified value."""
+    """k0..k3 of law `published`: trilinear over (G00, G11, |G01|) between nodes, each the table's rectified value.
+
+    Args:
+        strain: Green strain G.
+        table: C, shared or one for each face [N/m].
+
+    Returns:
+        Stiffness [N/m].
+    """
     scaled = torch.stack([strain[:, 0, 0] + 0.25, strain[:, 1, 1] + 0.25, strain[:, 0, 1].abs()], dim=1)
     position = (10 * scaled).clamp(0, 9)
     low = position.detach().floor().clamp(max=8).long()

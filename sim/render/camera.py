@@ -26,7 +26,14 @@ class Camera(Protocol):
     """Whatever projects points of space into the image, differentiably."""
 
     def project(self, vertices: Float[Tensor, "*batch vertices 3"]) -> Float[Tensor, "*batch vertices 2"]:
-        """Maps positions [m] to pixel coordinates (column, row)."""
+        """Maps positions [m] to pixel coordinates (column, row).
+
+        Args:
+            vertices: Positions [m].
+
+        Returns:
+            Pixel coordinates [px], differentiable.
+        """
         ...
 
 

@@ -80,7 +80,17 @@ def _gradient(points, row, ends, span, sign, weight, gradient):
 def pixel_areas(
     points: Float[ndarray, "vertices 2"], pieces: Outline, rows: int, columns: int
 ) -> Float[ndarray, "rows columns"]:
-    """Area of every pixel inside an outline, in [0, 1]."""
+    """Area of every pixel inside an outline, in [0, 1].
+
+    Args:
+        points: Vertices (x, y) [px].
+        pieces: Outline of the triangles.
+        rows: Height of the image [px].
+        columns: Width of the image [px].
+
+    Returns:
+        Areas [px2].
+    """
     image = np.zeros((rows, columns))
     _areas(points, *pieces, columns, image)
     return image
@@ -99,6 +109,9 @@ def area_gradient(
         faces: Vertex indices.
         pieces: Their outline.
         weight: Weights of the pixels.
+
+    Returns:
+        Derivatives to x and y.
     """
     gradient = np.zeros((2, len(points)))
     _gradient(points, *pieces, np.ascontiguousarray(weight), gradient[0])

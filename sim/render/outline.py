@@ -47,7 +47,14 @@ def _topology(faces: bytes) -> Topology:
 
 
 def topology(faces: Int[ndarray, "faces 3"]) -> Topology:
-    """Edges of a triangle list, remembered by content."""
+    """Edges of a triangle list, remembered by content.
+
+    Args:
+        faces: Vertex indices.
+
+    Returns:
+        Its edges and their faces.
+    """
     return _topology(np.ascontiguousarray(faces, dtype=np.int64).tobytes())
 
 

@@ -42,4 +42,11 @@ class TorchLinear(ABC):
 
     @abstractmethod
     def factorise(self, blocks: Float[Tensor, "members needed 3 3"]) -> TorchFactor:
-        """Factorises a batch of matrices, given by their blocks in `slots`."""
+        """Factorises a batch of matrices, given by their blocks in `slots`.
+
+        Args:
+            blocks: Blocks in `slots`, for every matrix.
+
+        Returns:
+            The factors, and which matrices were positive definite.
+        """

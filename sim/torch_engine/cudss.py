@@ -31,6 +31,7 @@ class CudssFactor(TorchFactor):
         self.good = torch.ones(members, dtype=torch.bool, device=linear.device)
 
     def solve(self, right: Float[Tensor, "members vertices 3"]) -> Float[Tensor, "members vertices 3"]:
+        """Solves with cuDSS, and notes in `good` whose residual is small."""
         linear = self.linear
         linear.right.copy_(right.flatten(1)[:, :, None])
         solution = linear.solver.solve().reshape(right.shape).clone()
@@ -86,6 +87,7 @@ class CudssTorch(TorchLinear):
         self.members = members
 
     def factorise(self, blocks: Float[Tensor, "members needed 3 3"]) -> CudssFactor:
+        """Factorises with cuDSS; its plan is kept for as many members."""
         if len(blocks) != self.members:
             self._plan(len(blocks))
         self.values.copy_(blocks.flatten(1)[:, self.places])
@@ -93,7 +95,14 @@ class CudssTorch(TorchLinear):
         return CudssFactor(self, len(blocks))
 
     def product(self, x: Float[Tensor, "members vertices 3"]) -> Float[Tensor, "members vertices 3"]:
-        """A x of the present matrices, for their residuals."""
+        """A x of the present matrices, for their residuals.
+
+        Args:
+            x: Vectors of all members.
+
+        Returns:
+            Products.
+        """
         picked = x.flatten(1)[:, self.column.long()] * self.values
         lengths = torch.diff(self.start.long()).expand(len(x), -1)
         return torch.segment_reduce(picked, "sum", lengths=lengths.contiguous(), axis=1).reshape(x.shape)

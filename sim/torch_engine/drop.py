@@ -62,7 +62,16 @@ class DroppedMembers:
 
 @lru_cache(maxsize=8)
 def prepared(system: DrapeSystem, device: str, linear: str) -> tuple[TorchForces, TorchLinear]:
-    """Analysis of a system for one device; systems are compared by identity."""
+    """Analysis of a system for one device; systems are compared by identity.
+
+    Args:
+        system: Cloth and support.
+        device: Torch device.
+        linear: Linear solver, see `torch_solver`.
+
+    Returns:
+        Forces and the analysed linear solver.
+    """
     pattern = BlockPattern(system.layout.indptr, system.layout.indices, system.mesh.material[system.free])
     solver = torch_solver(pattern, device, linear)
     return TorchForces(system, device, solver.slots), solver
@@ -147,7 +156,14 @@ def _checked(system: DrapeSystem, given: dict[str, Tensor], device: str) -> tupl
 
 
 def free_memory(device: str) -> int:
-    """Memory that a batch may take by default: most of what a GPU has left, or `CPU_MEMORY` [bytes]."""
+    """Memory that a batch may take by default: most of what a GPU has left, or `CPU_MEMORY` [bytes].
+
+    Args:
+        device: Torch device.
+
+    Returns:
+        Number of bytes.
+    """
     if torch.device(device).type != "cuda":
         return CPU_MEMORY
     cached = torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
@@ -192,28 +208,3 @@ def drop_members(
     forces, solver = prepared(system, device, linear)
     plan = plan_batch(forces, solver, members, steps=steps, h=step_seconds, limit=limit, differentiate=differentiate)
     return DroppedMembers(*_Drops.apply(*tensors, plan))  # pyright: ignore[reportGeneralTypeIssues]
-
-
-def torch_drop(
-    system: DrapeSystem,
-    stretch: Float[Tensor, "#members #faces 6 4"],
-    bending: Float[Tensor, "#members #hinges 3 5"],
-    mass: Float[Tensor, "#members vertices"],
-    rest_angle: Float[Tensor, "#members hinges"],
-    initial: Float[Tensor, "#members vertices 3"],
-    *,
-    steps: int,
-    step_seconds: float,
-    device: str = "cpu",
-    linear: str = "multifrontal",
-    memory_limit: int | None = None,
-) -> tuple[Float[Tensor, "members vertices 3"], Bool[Tensor, "members"]]:
-    """Last positions [m] of a batch of drops, on the device, and which members are sound; the others' are NaN.
-
-    Args and Raises are those of `drop_members`, with the cloths' parameters (see `BatchParameters`) one by one.
-    """
-    dropped = drop_members(
-        system, BatchParameters(stretch, bending, mass, rest_angle), initial, steps=steps, step_seconds=step_seconds,
-        device=device, linear=linear, memory_limit=memory_limit,
-    )  # fmt: skip
-    return dropped.positions, dropped.good

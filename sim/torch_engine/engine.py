@@ -37,6 +37,9 @@ def torch_device(name: str) -> str | None:
     Args:
         name: `cpu`, `cpu:torch`, `cuda` or `cuda:N`.
 
+    Returns:
+        The name, or None.
+
     Raises:
         SimulationError: Another name, or a GPU that is not there.
     """

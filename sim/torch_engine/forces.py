@@ -46,7 +46,15 @@ class BatchParameters:
     rest_angle: Float[Tensor, "#members hinges"]
 
     def member(self, first: int, end: int) -> "BatchParameters":
-        """Members first to end - 1."""
+        """Members first to end - 1.
+
+        Args:
+            first: First member.
+            end: One beyond the last member.
+
+        Returns:
+            Their parameters, in the same memory.
+        """
         tensors = (getattr(self, field.name) for field in fields(self))
         return BatchParameters(*(value if len(value) == 1 else value[first:end] for value in tensors))
 
@@ -192,7 +200,12 @@ class TorchForces:
     def add_diagonal(
         self, blocks: Float[Tensor, "members slots 3 3"], amount: Float[Tensor, "#members vertices"]
     ) -> None:
-        """Adds amount[i] times the identity to the diagonal block of every free vertex, in place."""
+        """Adds amount[i] times the identity to the diagonal block of every free vertex, in place.
+
+        Args:
+            blocks: Blocks in the layout's slots [N/m]; changed.
+            amount: A number for every vertex [N/m].
+        """
         blocks.diagonal(dim1=2, dim2=3)[:, self.diagonal] += amount[:, self.free, None]
 
     def adjoint(

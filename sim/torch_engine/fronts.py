@@ -84,7 +84,16 @@ class FrontPlan:
 
 
 def plan_fronts(tree: EliminationTree, device: str, group_cost: int = GROUP_COST) -> FrontPlan:
-    """Lays out the groups of an elimination tree on a device."""
+    """Lays out the groups of an elimination tree on a device.
+
+    Args:
+        tree: The analysed pattern.
+        device: Torch device.
+        group_cost: Operations that starting one more group costs.
+
+    Returns:
+        Groups of equal fronts, from the leaves up.
+    """
     parent = _parents(tree)
     own, beyond = tree.sizes.T
     members: list[list[int]] = [

@@ -80,7 +80,15 @@ class GatherOuter(GatherSum):
     def outer(
         self, left: Float[Tensor, "members corners 3"], right: Float[Tensor, "members corners 3"]
     ) -> Float[Tensor, "members targets 3 3"]:
-        """Sums the outer products of every target; corners are those of all elements, one after the other."""
+        """Sums the outer products of every target; corners are those of all elements, one after the other.
+
+        Args:
+            left: Left factors.
+            right: Right factors.
+
+        Returns:
+            Sums.
+        """
         total = left.new_zeros((len(left), len(self.rank), 3, 3))
         for a, b in zip(self.left, self.right, strict=True):
             total[:, : len(a)].addcmul_(left[:, a].unsqueeze(3), right[:, b].unsqueeze(2))

@@ -119,6 +119,14 @@ def tension(law: str, k: Float[Tensor, "members faces 4"], strain: Strain) -> tu
     """Geometric stiffness g_uu and g_vv of every face in the implicit step, from stretched directions only [N/m].
 
     A negative k1 can make them negative under law `paper`, and the step's matrix indefinite: they are then 0.
+
+    Args:
+        law: `paper` or `published`.
+        k: Stiffness k0..k3 [N/m].
+        strain: Strain of the faces.
+
+    Returns:
+        g_uu and g_vv (members, faces).
     """
     k0, k1, k2, _ = k.unbind(2)
     plus0, plus1 = strain[0].relu(), strain[1].relu()
@@ -147,6 +155,9 @@ def bending(
             for the curvatures that its program counts as negative).
         curvature: [1/m].
         rows: B at the hinge's direction, samples at 0, 10, 20, 30, 40 per metre [N m].
+
+    Returns:
+        Stiffness.
     """
     if law == "paper":
         at = (curvature.abs() / CURVATURE_STEP).clamp(max=4.5)

@@ -27,6 +27,9 @@ def torch_solver(pattern: BlockPattern, device: str, linear: str = "multifrontal
         device: Torch device.
         linear: `multifrontal` (any device) or `cudss` (CUDA only; needs nvmath-python).
 
+    Returns:
+        The solver, analysed.
+
     Raises:
         SimulationError: The solver is unknown, its package is missing or it does not run on the device.
     """

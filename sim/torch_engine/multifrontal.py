@@ -40,6 +40,7 @@ class MultifrontalFactors(TorchFactor):
         self.plan, self.panels, self.good = plan, panels, good
 
     def solve(self, right: Float[Tensor, "members vertices 3"]) -> Float[Tensor, "members vertices 3"]:
+        """Solves group by group, up the tree and down again."""
         b = torch.nn.functional.pad(right.flatten(1), (0, self.plan.unknowns - right[0].numel()))
         x = torch.zeros_like(b)
         halfway, updates = [], []
@@ -80,6 +81,7 @@ class MultifrontalTorch(TorchLinear):
         return peak
 
     def factorise(self, blocks: Float[Tensor, "members needed 3 3"]) -> MultifrontalFactors:
+        """Factorises group by group, from the leaves up."""
         if blocks.ndim != 4 or blocks.shape[1:] != (len(self.slots), BLOCK, BLOCK):
             raise SimulationError(
                 f"blocks must have shape (members, {len(self.slots)}, {BLOCK}, {BLOCK}), got {tuple(blocks.shape)}"

@@ -44,7 +44,15 @@ class BatchPlan:
     factor_memory: int
 
     def factorise(self, blocks: Float[Tensor, "members slots 3 3"], mass: Tensor) -> TorchFactor:
-        """Factor of M + h^2 K; takes over `blocks`."""
+        """Factor of M + h^2 K; takes over `blocks`.
+
+        Args:
+            blocks: K in the layout's slots [N/m]; changed.
+            mass: Vertex masses (members, vertices) [kg].
+
+        Returns:
+            The factors.
+        """
         blocks *= self.h**2
         self.forces.add_diagonal(blocks, mass)
         return self.linear.factorise(blocks)
@@ -72,12 +80,24 @@ class GroupRecord:
 
     @classmethod
     def start(cls, x: Float[Tensor, "members vertices 3"]) -> "GroupRecord":
-        """Before the first step everybody is well."""
+        """Before the first step everybody is well.
+
+        Args:
+            x: Positions in which the group is laid down [m].
+
+        Returns:
+            The record, with every member sound.
+        """
         well = torch.ones(len(x), dtype=torch.bool, device=x.device)
         return cls([x], {}, well, well.clone(), well.new_zeros(len(x), dtype=torch.int64), x.new_zeros(len(x)))
 
     def update(self, factored: Bool[Tensor, "members"], near: Bool[Tensor, "members"]) -> None:
-        """Notes how a step went; who was lost before stays as it was."""
+        """Notes how a step went; who was lost before stays as it was.
+
+        Args:
+            factored: Whose step matrix was positive definite.
+            near: Who has not flown apart.
+        """
         self.factored.logical_and_(factored | ~self.good)
         self.good.logical_and_(factored & near)
         self.steps.add_(self.good)
@@ -91,6 +111,9 @@ def member_bytes(forces: TorchForces, linear: TorchLinear, steps: int, *, differ
         linear: Linear solver.
         steps: Number of steps.
         differentiate: Whether there will be gradients.
+
+    Returns:
+        Bytes kept, and bytes used for a while.
     """
     system = forces.system
     elements, field = len(system.elements.faces) + len(system.elements.hinges), 3 * _NUMBER * system.mesh.vertices
@@ -113,6 +136,9 @@ def plan_batch(
         h: Step [s].
         limit: Most memory to use [bytes].
         differentiate: Whether there will be gradients.
+
+    Returns:
+        The groups, and what they share.
 
     Raises:
         SimulationError: Not even a group of one fits.

@@ -81,6 +81,26 @@ def test_forked_process_simulates_or_says_how_to_start_it(layer):
     assert run.stdout.split(",")[0].strip() in expected
 
 
+_IMPORT = """
+import os
+before = dict(os.environ)
+from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.cloth.mesh import disc_mesh
+from numba.core import config
+priority = list(config.THREADING_LAYER_PRIORITY)
+assert dict(os.environ) == before, "importing changed the environment"
+DrapeSimulator(disc_mesh(80))
+assert dict(os.environ) == before, "simulating changed the environment"
+assert config.THREADING_LAYER_PRIORITY == priority, "simulating changed numba's configuration"
+print("unchanged")
+"""
+
+
+def test_importing_and_simulating_leave_environment_and_numba_as_they_were():
+    run = subprocess.run([sys.executable, "-c", _IMPORT], capture_output=True, text=True, check=False)
+    assert run.stdout.strip() == "unchanged", run.stderr
+
+
 _PRINT_DRAPE = """
 import hashlib, torch
 from cusick_bench.sim.drape import DrapeSimulator

@@ -15,7 +15,8 @@ from cusick_bench.sim.engine.system import DrapeSystem, Parameters
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern
 from cusick_bench.sim.torch_engine import forces as torch_forces
-from cusick_bench.sim.torch_engine.drop import torch_drop
+from cusick_bench.sim.torch_engine.drop import drop_members
+from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
 from cusick_bench.sim.torch_engine.laws import tension
 from cusick_bench.sim.torch_engine.linear import torch_solver

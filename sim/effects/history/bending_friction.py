@@ -39,6 +39,7 @@ class HingeFriction(StateLaw):
     ratio: float
 
     def start(self, system: DrapeSystem, parameters: Parameters) -> "SlidHinges":
+        """No hinge has slid yet: the friction springs are at ease in the elastic rest shape."""
         return SlidHinges(self.ratio, parameters.rest_angle)
 
 

@@ -27,6 +27,7 @@ class Relaxation(StateLaw):
     loss: float
 
     def start(self, system: DrapeSystem, parameters: Parameters) -> "Relaxing":
+        """Nothing has relaxed yet."""
         return Relaxing(self.loss)
 
 
@@ -45,6 +46,7 @@ class Relaxing(State):
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
     ) -> tuple[DrapeSystem, Parameters]:
+        """Moves the rest angles towards the shape that the cloth had reached when relaxation began."""
         if share < _REACHED:
             return system, parameters
         if self.reached is None:

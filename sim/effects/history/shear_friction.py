@@ -32,6 +32,7 @@ class FaceFriction(StateLaw):
     ratio: float
 
     def start(self, system: DrapeSystem, parameters: Parameters) -> "SlidFaces":
+        """No face has slid yet."""
         return SlidFaces(self.ratio, np.zeros(len(system.elements.faces)))
 
 
@@ -62,7 +63,15 @@ class SlidFaces(State):
 
 
 def metric(elements: Elements, x: Float[ndarray, "vertices 3"]) -> tuple[ndarray, ndarray, ndarray]:
-    """x_u . x_u, x_v . x_v and x_u . x_v of every face."""
+    """x_u . x_u, x_v . x_v and x_u . x_v of every face.
+
+    Args:
+        elements: Element constants of the cloth.
+        x: Positions [m].
+
+    Returns:
+        Three arrays (faces,), without unit.
+    """
     corners = x[elements.faces]
     u = (elements.face_u[:, :, None] * corners).sum(1)
     v = (elements.face_v[:, :, None] * corners).sum(1)

@@ -30,11 +30,13 @@ class TwoSided(StateLaw, State):
     convex: float
 
     def start(self, system: DrapeSystem, parameters: Parameters) -> "TwoSided":
+        """The law itself: it has no memory."""
         return self
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
     ) -> tuple[DrapeSystem, Parameters]:
+        """Scales the bending stiffness of every hinge by the side to which it is bent now."""
         away = system.bent(x) - parameters.rest_angle
         factor = 1 + self.convex * np.sign(away)
         return system, replace(parameters, bending=parameters.bending * factor[:, None, None])

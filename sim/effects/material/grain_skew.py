@@ -19,6 +19,9 @@ def skewed(mesh: Mesh, degrees: float) -> Mesh:
     Args:
         mesh: The cloth.
         degrees: Angle of the warp.
+
+    Returns:
+        The mesh with its material axes turned.
     """
     cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     u, v = mesh.corners[..., 0], mesh.corners[..., 1]

@@ -42,7 +42,14 @@ class Patch:
 
     @classmethod
     def of(cls, value: Values) -> "Patch":
-        """The patch that parameters `PLACE` tell."""
+        """The patch that parameters `PLACE` tell.
+
+        Args:
+            value: Parameters by name.
+
+        Returns:
+            The patch.
+        """
         return cls(value["direction"], value["radius"], value["size"])
 
     def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, "points"]:
