@@ -22,6 +22,7 @@ from typing import Any
 
 import numba
 from numba.core import config
+from numba.np.ufunc.parallel import threading_layer
 
 from cusick_bench.sim.errors import SimulationError
 
@@ -72,7 +73,7 @@ def thread_pool() -> ThreadPool:
         numba.get_num_threads()  # starts them
     finally:
         configuration.THREADING_LAYER_PRIORITY = priority
-    return ThreadPool(numba.threading_layer(), os.getpid())
+    return ThreadPool(threading_layer(), os.getpid())
 
 
 def check_fork() -> None:

@@ -3,11 +3,9 @@
 The same linearly implicit Euler steps and the same discrete adjoint as `drop`, for a batch of cloths that differ in
 stiffness, mass, rest shape or the shape in which they are laid down:
 
-    positions, good = torch_drop(system, stretch, bending, mass, rest_angle, initial,
-                                 steps=100, step_seconds=0.05, device="cuda")
-    positions[good].mean().backward()
-
-`drop_members` is the same, and also says how the members fared.
+    dropped = drop_members(system, BatchParameters(stretch, bending, mass, rest_angle), initial,
+                           steps=100, step_seconds=0.05, device="cuda")
+    dropped.positions[dropped.good].mean().backward()
 
 Of the forward pass only positions are kept, with as many factors as fit the memory; the other factors are computed
 again. Members run in groups that fit the memory too. A member whose step matrix is not positive definite, whose forces

@@ -114,9 +114,11 @@ def test_the_same_seed_lays_any_mesh_down_alike():
     between = LinearNDInterpolator(fine.mesh.material, fine.laid_down(seed=3)[:, 2])
     inner = np.hypot(*coarse.mesh.material.T) < 0.99 * CLOTH_RADIUS
     interpolated = between(coarse.mesh.material[inner])
-    same, other = (coarse.laid_down(seed=seed)[inner, 2] for seed in (3, 4))
-    assert np.corrcoef(interpolated, same)[0, 1] > 0.98
-    assert abs(np.corrcoef(interpolated, other)[0, 1]) < 0.7
+    same, *others = (coarse.laid_down(seed=seed)[inner, 2] for seed in (3, *range(10, 40)))
+    assert np.corrcoef(interpolated, same)[0, 1] > 0.999
+    strangers = [np.corrcoef(interpolated, other)[0, 1] for other in others]
+    assert abs(np.mean(strangers)) < 0.15  # a single one may be as far as 0.5 from 0: a cloth has few humps
+    assert np.max(np.abs(strangers)) < 0.6
 
 
 def test_cloth_is_laid_flat_on_the_plate_and_uneven_around_it():

@@ -11,6 +11,7 @@ from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.equilibrium import equilibrium
 from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters
+from cusick_bench.sim.linear.interface import NotPositiveDefinite
 
 LAWS: list[Law] = ["paper", "published"]
 
@@ -157,8 +158,9 @@ def test_admissible_tables_store_energy_under_any_strain(seed: int):
         x[:, :2] += mesh.material @ generator.normal(0, size, (2, 2))
         system = _system(mesh, "paper", gravity=1e-300)
         assert system.forces(x, x, p, exact=True)[2] > 0
-        assert system._work(1, True).face_energy.min() >= 0
-        assert system._work(1, True).hinge_energy.min() >= 0
+        elements = system.evaluate(x[None], x[None], p.batch(), exact=True, everywhere=True).work
+        assert elements.face_energy.min() >= 0
+        assert elements.hinge_energy.min() >= 0
 
 
 def test_stiffness_of_the_implicit_step_has_no_negative_direction():
@@ -167,8 +169,14 @@ def test_stiffness_of_the_implicit_step_has_no_negative_direction():
     for law in LAWS:
         system = _system(mesh, law)
         _, blocks, _ = system.forces(x, x, _parameters(mesh), exact=False)
-        system.add_diagonal(blocks, np.full(mesh.vertices, 1e-9 * np.abs(blocks).max()))
-        system.linear.factorise(blocks)
+        largest = np.abs(blocks).max()
+        system.add_diagonal(blocks, np.full(mesh.vertices, 1e-9 * largest))
+        factor = system.linear.factorise(blocks)  # raises where a pivot is not positive
+        direction = np.random.default_rng(0).normal(size=(len(system.free), 3))
+        assert (factor.solve(direction) * direction).sum() > 0
+        system.add_diagonal(blocks, np.full(mesh.vertices, -0.1 * largest))
+        with pytest.raises(NotPositiveDefinite):  # the factorisation above could have failed
+            system.linear.factorise(blocks)
 
 
 def test_orientation_of_the_plate_does_not_matter_to_an_isotropic_cloth():

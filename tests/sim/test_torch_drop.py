@@ -16,7 +16,6 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern
 from cusick_bench.sim.torch_engine import forces as torch_forces
 from cusick_bench.sim.torch_engine.drop import drop_members
-from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
 from cusick_bench.sim.torch_engine.laws import tension
 from cusick_bench.sim.torch_engine.linear import torch_solver
@@ -65,6 +64,18 @@ def _batch(system: DrapeSystem, members: int, *, elementwise: bool = True, share
 
 def _tensors(given: dict, *, grad: bool = False) -> dict[str, Any]:
     return {name: torch.from_numpy(value.copy()).requires_grad_(grad) for name, value in given.items()}
+
+
+def _dropped(
+    system: DrapeSystem, *, steps: int, step_seconds: float, device: str = "cpu", linear: str = "multifrontal",
+    memory_limit: int | None = None, initial: torch.Tensor, **parameters: torch.Tensor,
+) -> tuple[torch.Tensor, torch.Tensor]:  # fmt: skip
+    """Last positions of a batch of cloths, and who is sound."""
+    dropped = drop_members(
+        system, BatchParameters(**parameters), initial, steps=steps, step_seconds=step_seconds, device=device,
+        linear=linear, memory_limit=memory_limit,
+    )  # fmt: skip
+    return dropped.positions, dropped.good
 
 
 def _one(given: dict, member: int) -> tuple[Parameters, np.ndarray]:
@@ -142,11 +153,11 @@ def test_gradient_where_the_stiffness_is_clamped_equals_central_differences():
 
     def lands(shift: float) -> float:
         moved = given | {name: given[name] + shift * along for name, along in direction.items()}
-        x, _ = torch_drop(system, **_tensors(moved), steps=3, step_seconds=STEP)
+        x, _ = _dropped(system, **_tensors(moved), steps=3, step_seconds=STEP)
         return float((weight * x.numpy()).sum())
 
     tensors = _tensors(given, grad=True)
-    x, _ = torch_drop(system, **tensors, steps=3, step_seconds=STEP)
+    x, _ = _dropped(system, **tensors, steps=3, step_seconds=STEP)
     (x * torch.from_numpy(weight)).sum().backward()
     slope = sum(float((tensors[name].grad.numpy() * along).sum()) for name, along in direction.items())
     differences = [(lands(step) - lands(-step)) / (2 * step) for step in (1e-5, 1e-6)]  # one may cross a kink
@@ -183,11 +194,11 @@ def test_drops_and_gradients_equal_the_compiled_ones_member_by_member(device: st
         system = _system(law, support, 150)
         given = _batch(system, 3, elementwise=not shared, shared=shared)
         weight = np.random.default_rng(7).normal(size=(3, system.mesh.vertices, 3))
-        long, good = torch_drop(system, **_tensors(given), steps=20, step_seconds=STEP, device=device)
+        long, good = _dropped(system, **_tensors(given), steps=20, step_seconds=STEP, device=device)
         assert long.device.type == device
         assert good.all()
         tensors = _tensors(given, grad=True)
-        x, _ = torch_drop(system, **tensors, steps=10, step_seconds=STEP, device=device)
+        x, _ = _dropped(system, **tensors, steps=10, step_seconds=STEP, device=device)
         (x * torch.from_numpy(weight).to(device)).sum().backward()
         expected = {name: np.zeros_like(value) for name, value in given.items()}
         for member in range(3):
@@ -212,7 +223,7 @@ def test_a_member_does_not_depend_on_its_batch_mates_and_repeats_bit_by_bit(devi
 
     def run(chosen: dict) -> tuple[torch.Tensor, torch.Tensor]:
         tensors = _tensors(chosen, grad=True)
-        x, _ = torch_drop(system, **tensors, steps=10, step_seconds=STEP, device=device)
+        x, _ = _dropped(system, **tensors, steps=10, step_seconds=STEP, device=device)
         (x**2).sum().backward()
         assert tensors["stretch"].grad is not None
         return x.detach(), tensors["stretch"].grad
@@ -261,16 +272,14 @@ def test_memory_limit_changes_groups_and_factors_but_no_numbers():
     results = []
     for name in plans:
         tensors = _tensors(given, grad=True)
-        x, _ = torch_drop(system, **tensors, steps=steps, step_seconds=STEP, memory_limit=limits[name])
+        x, _ = _dropped(system, **tensors, steps=steps, step_seconds=STEP, memory_limit=limits[name])
         (x**3).sum().backward()
         results.append([x.detach().numpy(), *(tensor.grad.numpy() for tensor in tensors.values())])
     for other in results[1:]:
         for found, expected in zip(other, results[0], strict=True):
             assert _relative(found, expected) < 1e-10
     with pytest.raises(SimulationError, match=r"memory_limit is .* raise it"):
-        torch_drop(
-            system, **_tensors(given, grad=True), steps=steps, step_seconds=STEP, memory_limit=limits["too small"]
-        )
+        _dropped(system, **_tensors(given, grad=True), steps=steps, step_seconds=STEP, memory_limit=limits["too small"])
 
 
 @pytest.mark.parametrize(("table", "factor"), [("stretch", -1.0), ("bending", -1e4), ("initial", 0.0)])
@@ -281,8 +290,8 @@ def test_a_member_that_blows_up_is_flagged_and_leaves_the_others_alone(device: s
     sound = _tensors({n: v if len(v) == 1 else v[[0, 2]] for n, v in given.items()}, grad=True)
     given[table][1] *= factor
     broken = _tensors(given, grad=True)
-    x, good = torch_drop(system, **broken, steps=5, step_seconds=STEP, device=device)
-    y, _ = torch_drop(system, **sound, steps=5, step_seconds=STEP, device=device)
+    x, good = _dropped(system, **broken, steps=5, step_seconds=STEP, device=device)
+    y, _ = _dropped(system, **sound, steps=5, step_seconds=STEP, device=device)
     assert good.tolist() == [True, False, True]
     assert x[1].isnan().all()
     assert torch.allclose(x[[0, 2]], y, rtol=0, atol=1e-13)
@@ -314,7 +323,7 @@ def test_bad_tensors_are_named(name: str):
     spoil, message = BAD[name]
     tensors[name] = spoil(tensors[name])
     with pytest.raises(SimulationError, match=message):
-        torch_drop(system, **tensors, steps=1, step_seconds=STEP)
+        _dropped(system, **tensors, steps=1, step_seconds=STEP)
 
 
 def test_bad_settings_are_named():
@@ -328,7 +337,7 @@ def test_bad_settings_are_named():
     )
     for settings, message in cases:
         with pytest.raises(SimulationError, match=message):
-            torch_drop(system, **tensors, **({"steps": 1, "step_seconds": STEP} | settings))
+            _dropped(system, **tensors, **({"steps": 1, "step_seconds": STEP} | settings))
     linear = torch_solver(_pattern(system), "cpu")
     with pytest.raises(SimulationError, match="blocks must have shape"):
         linear.factorise(torch.zeros((2, len(linear.slots) + 1, 3, 3)))
@@ -341,7 +350,7 @@ def test_cudss_gives_the_same_drops_and_gradients():
     results = []
     for linear in ("multifrontal", "cudss"):
         tensors = _tensors(_batch(system, 3), grad=True)
-        x, good = torch_drop(system, **tensors, steps=10, step_seconds=STEP, device="cuda", linear=linear)
+        x, good = _dropped(system, **tensors, steps=10, step_seconds=STEP, device="cuda", linear=linear)
         (x**2).sum().backward()
         assert good.all()
         results.append([x.detach().cpu().numpy(), *(tensor.grad.numpy() for tensor in tensors.values())])
