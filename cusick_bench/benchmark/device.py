@@ -53,7 +53,14 @@ class DeviceWorkload:
         return disc_mesh(self.vertices)
 
     def simulator(self, device: str) -> DrapeSimulator:
-        """Mesh and settings on a device."""
+        """Mesh and settings on a device.
+
+        Args:
+            device: Name such as `cpu` or `cuda`.
+
+        Returns:
+            The simulator of this workload there.
+        """
         return DrapeSimulator(self.mesh, DrapeSettings(support=self.support, steps=STEPS), device=device)  # pyright: ignore[reportArgumentType]
 
     @cached_property
@@ -88,7 +95,15 @@ class DeviceWorkload:
         return self._shapes[torch.arange(members, device=self.place) % _SHAPES]
 
     def dropping(self, members: int, *, gradient: bool) -> Case:
-        """Drops so many cloths, laid down in many ways; with the adjoint to all numbers of all elements."""
+        """Drops so many cloths, laid down in many ways; with the adjoint to all numbers of all elements.
+
+        Args:
+            members: Cloths at once.
+            gradient: Whether gradients are computed as well.
+
+        Returns:
+            What to time.
+        """
         laid, cloths = self._laid(members), self._cloths(members, track=gradient)
 
         def run() -> None:
@@ -102,7 +117,14 @@ class DeviceWorkload:
         return run
 
     def silhouettes(self, method: Method) -> Case:
-        """Draws the drapes that lie on the device, and goes back to their positions."""
+        """Draws the drapes that lie on the device, and goes back to their positions.
+
+        Args:
+            method: "coverage" or "soft".
+
+        Returns:
+            What to time.
+        """
         with torch.no_grad():
             draped = self.there.drape_batch(self._cloths(_SILHOUETTES, track=False), initial=self._laid(_SILHOUETTES))
         vertices = draped.vertices.detach().requires_grad_()
@@ -115,7 +137,14 @@ class DeviceWorkload:
         return run
 
     def makers(self, batches: list[int]) -> dict[str, Callable[[], Case]]:
-        """What gets each case ready, by the case's name."""
+        """What gets each case ready, by the case's name.
+
+        Args:
+            batches: Cloths at once, one or more numbers.
+
+        Returns:
+            What makes each case, by its name.
+        """
         found: dict[str, Callable[[], Case]] = {}
         for members in [1, *batches]:
             name = "drop" if members == 1 else f"batch of {members}"
@@ -126,7 +155,14 @@ class DeviceWorkload:
         return found
 
     def peak(self, case: Case) -> int | None:
-        """Most memory of the device that a case holds, with what it starts from [bytes]; None on the CPU."""
+        """Most memory of the device that a case holds, with what it starts from [bytes]; None on the CPU.
+
+        Args:
+            case: What to measure.
+
+        Returns:
+            Memory [bytes]; None on the CPU.
+        """
         if self.place.type != "cuda":
             case()
             return None
@@ -216,6 +252,9 @@ def drapes_per_second(cases: dict[str, Any], suffix: str = "") -> float:
     Args:
         cases: Times by name, as in the document.
         suffix: `+gradient` for drops with their adjoint.
+
+    Returns:
+        Drapes a second.
     """
     rates = []
     for name, timing in cases.items():
@@ -227,7 +266,14 @@ def drapes_per_second(cases: dict[str, Any], suffix: str = "") -> float:
 
 
 def device_name(device: str) -> dict[str, Any]:
-    """The device, for the record."""
+    """The device, for the record.
+
+    Args:
+        device: Name such as `cpu` or `cuda`.
+
+    Returns:
+        What identifies it, by name.
+    """
     place = torch_device(device)
     found = {"device": device, "torch": torch.__version__, "threads": torch.get_num_threads()}
     if place is None or not place.startswith("cuda"):

@@ -39,14 +39,28 @@ _HARTMANN_CENTRE = 1e-4 * np.array(
 
 
 def branin(unit: Float[np.ndarray, "2"]) -> float:
-    """Branin's function, its domain [-5, 10] x [0, 15] scaled to the unit square."""
+    """Branin's function, its domain [-5, 10] x [0, 15] scaled to the unit square.
+
+    Args:
+        unit: Point of the unit square.
+
+    Returns:
+        Value.
+    """
     x, y = 15 * unit[0] - 5, 15 * unit[1]
     valley = y - 5.1 / (4 * math.pi**2) * x**2 + 5 / math.pi * x - 6
     return float(valley**2 + 10 * (1 - 1 / (8 * math.pi)) * math.cos(x) + 10)
 
 
 def hartmann6(unit: Float[np.ndarray, "6"]) -> float:
-    """Hartmann's function of six variables in [0, 1]."""
+    """Hartmann's function of six variables in [0, 1].
+
+    Args:
+        unit: Point of the unit cube of six dimensions.
+
+    Returns:
+        Value.
+    """
     distances = (_HARTMANN_WIDTH * (unit - _HARTMANN_CENTRE) ** 2).sum(1)
     return float(-(_HARTMANN_HEIGHT * np.exp(-distances)).sum())
 
@@ -97,6 +111,14 @@ class HiddenFunction:
 
 def hide(name: str, dimension: int, generator: np.random.Generator) -> HiddenFunction:
     """Hides a test function among D coordinates, at random places.
+
+    Args:
+        name: Name in `FUNCTIONS`.
+        dimension: D.
+        generator: Chooses the coordinates that matter.
+
+    Returns:
+        The function of D coordinates.
 
     Raises:
         BenchmarkError: The function is unknown, or has more coordinates than D.

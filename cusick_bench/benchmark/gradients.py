@@ -86,6 +86,9 @@ class GradientCheck:
         Args:
             name: `stretch`, `bending` or `density`.
             per_element: A random direction over all elements, instead of all together.
+
+        Returns:
+            The derivative's error at the best of several step lengths.
         """
         value = getattr(self.material, name)
         shape = value.shape if per_element else (1,) * value.ndim

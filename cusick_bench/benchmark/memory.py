@@ -48,6 +48,9 @@ def peak_of(prepare: Callable[P, Callable[[], object]], *args: P.args, **kwargs:
         prepare: Function of a module that gets everything ready and returns the case.
         *args: Its arguments, which must be picklable.
         **kwargs: More of them.
+
+    Returns:
+        Memory [bytes].
     """
     with process_pool(1, threads=cores()) as pool:
         return pool.submit(_peak, prepare, *args, **kwargs).result()

@@ -80,7 +80,11 @@ class RunFile:
         return [run for run in known if run.numerics == run_numerics(run.function, run.method)]
 
     def keep(self, run: Finished) -> None:
-        """Adds a finished run."""
+        """Adds a finished run.
+
+        Args:
+            run: The finished run.
+        """
         self.out.mkdir(parents=True, exist_ok=True)
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(run)) + "\n")
@@ -88,6 +92,9 @@ class RunFile:
 
 def table_rows(runs: Iterable[Finished]) -> list[dict[str, Any]]:
     """A line a function and method: ours, theirs, and whether they differ.
+
+    Args:
+        runs: Finished runs.
 
     Returns:
         Lines in the order of `METHODS`; `differs` is "lower" or "higher" where our mean is more than `APART` standard
@@ -110,6 +117,9 @@ def write_table(rows: Sequence[dict[str, Any]], out: Path, facts: Sequence[str])
         rows: From `table_rows`.
         out: Folder.
         facts: Sentences for the end of the Markdown: commands, hardware.
+
+    Returns:
+        Paths of the two files.
     """
     csv, text = out / "optimisers.csv", out / "optimisers.md"
     write_atomically(csv, pd.DataFrame(rows).to_csv(index=False, lineterminator="\n").encode())
@@ -118,7 +128,15 @@ def write_table(rows: Sequence[dict[str, Any]], out: Path, facts: Sequence[str])
 
 
 def markdown_table(rows: Sequence[dict[str, Any]], facts: Sequence[str] = ()) -> str:
-    """The lines as Markdown: a table a function, and below it where our means differ from the published ones."""
+    """The lines as Markdown: a table a function, and below it where our means differ from the published ones.
+
+    Args:
+        rows: From `table_rows`.
+        facts: Sentences for its end.
+
+    Returns:
+        Text.
+    """
     parts = [
         "# Gradient-free solvers on published test functions",
         "A few coordinates of [-1, 1]^D matter, drawn anew for every run. Best value found, mean ± standard error; the "

@@ -141,7 +141,16 @@ class Finished:
     code: str
 
     def answers(self, plan: Plan, method: str, run: int) -> bool:
-        """Whether it is what a plan asks for."""
+        """Whether it is what a plan asks for.
+
+        Args:
+            plan: The plan.
+            method: Name in `METHODS`.
+            run: Number of the run.
+
+        Returns:
+            Whether it need not be run again.
+        """
         asked = (plan.function, plan.dimension, plan.spent, plan.seed, method, run)
         return asked == (self.function, self.dimension, self.evaluations, self.seed, self.method, self.run)
 
@@ -188,6 +197,10 @@ def run_once(plan: Plan, method: str, run: int, told: Callable[[], None] = lambd
 
 def summary(best: Sequence[float], published: Published | None) -> dict[str, Any]:
     """Mean, standard error and median of the best values of some runs, beside the published ones.
+
+    Args:
+        best: Best value of each run.
+        published: What others found, None where nothing is published.
 
     Returns:
         `mean`, `standard_error`, `median`, `best` (of each run), `published`, and `z`: the difference of the means in

@@ -34,13 +34,27 @@ class Comparison:
         return DrapeSimulator(disc_mesh(self.vertices), DrapeSettings(steps=self.steps))
 
     def engine(self, simulator: DrapeSimulator) -> Material:
-        """Ours: forward and adjoint; the cloth carries the gradient."""
+        """Ours: forward and adjoint; the cloth carries the gradient.
+
+        Args:
+            simulator: Mesh and settings of the drop.
+
+        Returns:
+            The cloth; its tensors carry the gradient.
+        """
         material = cloth(simulator.mesh, spread=0.1, track=True)
         simulator.drape(material).vertices.square().sum().backward()
         return material
 
     def autograd(self, simulator: DrapeSimulator) -> Material:
-        """Plain torch: forward and autograd."""
+        """Plain torch: forward and autograd.
+
+        Args:
+            simulator: Mesh and settings of the drop.
+
+        Returns:
+            The cloth; its tensors carry the gradient.
+        """
         material = cloth(simulator.mesh, spread=0.1, track=True)
         parameters = TorchParameters(
             material.stretch, material.bending, material.vertex_mass(simulator.mesh), simulator.rest_angles()
@@ -62,14 +76,28 @@ class Comparison:
         return max(found)
 
     def times(self, rounds: int) -> tuple[Timing, Timing]:
-        """Wall times of the engine and of plain autograd, taken in turn."""
+        """Wall times of the engine and of plain autograd, taken in turn.
+
+        Args:
+            rounds: Repetitions.
+
+        Returns:
+            Times of the engine, and of plain autograd.
+        """
         simulator = self.simulator()
         cases = {"engine": lambda: self.engine(simulator), "autograd": lambda: self.autograd(simulator)}
         taken = time_in_turn(cases, rounds)
         return taken["engine"], taken["autograd"]
 
     def measure(self, rounds: int) -> dict[str, object]:
-        """Everything compared, for the record."""
+        """Everything compared, for the record.
+
+        Args:
+            rounds: Repetitions.
+
+        Returns:
+            Times, ratios and differences by name.
+        """
         engine, autograd = self.times(rounds)
         memory = {path: peak_of(_ready, path, self.vertices, self.steps) for path in ("engine", "autograd")}
         return {

@@ -33,6 +33,9 @@ def specimen(seed: int) -> Specimen:
 
     Args:
         seed: Of the draw.
+
+    Returns:
+        The cloth.
     """
     generator = np.random.default_rng([seed, 618])
     density, bending = (float(np.exp(generator.uniform(*np.log(limits)))) for limits in (DENSITY_RANGE, BENDING_RANGE))

@@ -61,7 +61,16 @@ class Plan:
 
 
 def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict[str, Any]:
-    """Times and memory on one mesh: `cases`, `phases`, `ratios`, `floor` (the fastest backend), `memory_bytes`."""
+    """Times and memory on one mesh: `cases`, `phases`, `ratios`, `floor` (the fastest backend), `memory_bytes`.
+
+    Args:
+        vertices: Of the mesh.
+        plan: What to measure.
+        done: Told of every finished case.
+
+    Returns:
+        Times, memory and sizes by name.
+    """
     workload = Workload(vertices, plan.support)
     rounds = min(plan.rounds, 3) if vertices > 5000 else plan.rounds
     batches = [members for members in plan.batches if members * vertices <= _MOST_BATCHED]
@@ -98,6 +107,9 @@ def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Callable[[str
         meshes: What `measure_mesh` found.
         plan: What to measure.
         done: Called with the name of everything measured.
+
+    Returns:
+        Times, ratios and differences by name.
     """
     if plan.device is None:
         return {}
@@ -121,7 +133,14 @@ def _gradient_ready(vertices: int, support: str, keep: bool) -> Callable[[], obj
 
 
 def gradient_errors(vertices: int) -> list[dict[str, Any]]:
-    """Directional derivatives of the whole pipeline against central differences, in both modes."""
+    """Directional derivatives of the whole pipeline against central differences, in both modes.
+
+    Args:
+        vertices: Of the mesh.
+
+    Returns:
+        A row a mode and parameter, with its relative error.
+    """
     rows = []
     for mode in ("drop", "equilibrium"):
         settings = DrapeSettings(mode=mode, tolerance=1e-12)  # pyright: ignore[reportArgumentType]
@@ -142,7 +161,14 @@ def start_up() -> float:
 
 
 def scaling(meshes: list[dict[str, Any]]) -> float | None:
-    """Exponent b of drop time ~ vertices^b, by regression over the meshes from 1000 vertices up."""
+    """Exponent b of drop time ~ vertices^b, by regression over the meshes from 1000 vertices up.
+
+    Args:
+        meshes: From `measure_mesh`.
+
+    Returns:
+        The exponent; None with fewer than two such meshes.
+    """
     pairs = [(m["vertices"], m["cases"]["drop"]["median_s"]) for m in meshes if m["vertices"] >= 1000]
     if len(pairs) < 2:
         return None

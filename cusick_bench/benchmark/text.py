@@ -14,6 +14,9 @@ def markdown(document: dict[str, Any], command: str) -> str:
     Args:
         document: From `benchmark`.
         command: What made it.
+
+    Returns:
+        Text.
     """
     hardware = document["hardware"]
     libraries = ", ".join(f"{name} {version}" for name, version in hardware["libraries"].items() if version)

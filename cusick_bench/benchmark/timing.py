@@ -37,6 +37,9 @@ def time_in_turn(
         cases: What to time, by name.
         rounds: Times of each.
         done: Called with the name of each case timed.
+
+    Returns:
+        Times of every case [s].
     """
     taken: dict[str, list[float]] = {name: [] for name in cases}
     for turn in range(rounds + 1):
@@ -50,6 +53,14 @@ def time_in_turn(
 
 
 def paired_ratio(first: Timing, second: Timing) -> dict[str, float]:
-    """Ratio of two cases timed in turn: median and range over the rounds."""
+    """Ratio of two cases timed in turn: median and range over the rounds.
+
+    Args:
+        first: Times of one case [s].
+        second: Times of the other, taken in turn with it [s].
+
+    Returns:
+        The ratio with its bounds, by name.
+    """
     ratios = np.array(first.seconds) / np.array(second.seconds)
     return {"median": float(np.median(ratios)), "low": float(ratios.min()), "high": float(ratios.max())}

@@ -31,6 +31,9 @@ def cloth(mesh: Mesh, *, spread: float = 0.0, seed: int = 0, track: bool = False
         spread: Standard deviation of the logarithm of every number.
         seed: Of the draw.
         track: Whether gradients to its numbers are wanted.
+
+    Returns:
+        The cloth.
     """
     base = uniform_material(density=DENSITY, bending=BENDING)
     generator = np.random.default_rng(seed)
@@ -105,7 +108,11 @@ class Workload:
         return self.dropping.drape(self.plain)
 
     def drop_gradient(self, *, keep: bool = True) -> None:
-        """Forward drop and its adjoint, to all numbers of all elements; factors kept, or computed again."""
+        """Forward drop and its adjoint, to all numbers of all elements; factors kept, or computed again.
+
+        Args:
+            keep: Whether factors are kept for the way back.
+        """
         simulator = self.dropping if keep else self._checkpointed
         simulator.drape(cloth(self.mesh, track=True)).vertices.sum().backward()
 
@@ -114,14 +121,25 @@ class Workload:
         return DrapeSimulator(self.mesh, self.dropping.settings, factor_memory=0)
 
     def warm_gradient(self, seed: int) -> Drape:
-        """Equilibrium of a cloth whose every number differs by 10 %, from a warm start, and its gradient."""
+        """Equilibrium of a cloth whose every number differs by 10 %, from a warm start, and its gradient.
+
+        Args:
+            seed: Of the cloth's change.
+
+        Returns:
+            The drape.
+        """
         changed = cloth(self.mesh, spread=CHANGE, seed=seed, track=True)
         drape = self.resting.drape(changed, warm=self.draped)
         drape.vertices.sum().backward()
         return drape
 
     def batch(self, members: int) -> None:
-        """Forward drops of several cloths at once."""
+        """Forward drops of several cloths at once.
+
+        Args:
+            members: Cloths at once.
+        """
         self.dropping.drape_batch([self.plain] * members, initial=self._laid(members))
 
     def _laid(self, members: int) -> Tensor:
@@ -133,7 +151,14 @@ class Workload:
         render(vertices, self.mesh.faces, ParallelCamera()).square().mean().backward()
 
     def floor(self, backend: str) -> Callable[[], None]:
-        """A tenth of a drop's bare linear algebra: numeric factorisations and solves, with the analysis done."""
+        """A tenth of a drop's bare linear algebra: numeric factorisations and solves, with the analysis done.
+
+        Args:
+            backend: Name of the linear solver.
+
+        Returns:
+            What to time.
+        """
         system, blocks, right = self.step_system
         linear: LinearSolver = solver(system.linear.pattern, backend)
         factor: list[Factor | None] = [None]
@@ -146,7 +171,14 @@ class Workload:
         return run
 
     def cases(self, batches: list[int]) -> dict[str, Callable[[], object]]:
-        """Whole drapes, by name."""
+        """Whole drapes, by name.
+
+        Args:
+            batches: Cloths at once, one or more numbers.
+
+        Returns:
+            What to time, by name.
+        """
         seeds = iter(range(1_000_000))
         found: dict[str, Callable[[], object]] = {f"floor:{name}": self.floor(name) for name in available_backends()}
         found["drop"] = self.drop

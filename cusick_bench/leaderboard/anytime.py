@@ -46,7 +46,14 @@ class Steps:
     loss: Float[ndarray, " evaluations"]
 
     def at(self, cost: Float[ndarray, " points"]) -> Float[ndarray, " points"]:
-        """Best loss when so much was spent; infinite before the first success."""
+        """Best loss when so much was spent; infinite before the first success.
+
+        Args:
+            cost: Values of the cost.
+
+        Returns:
+            Best loss at each.
+        """
         place = np.searchsorted(self.cost, cost, side="right") - 1
         return np.where(place >= 0, self.loss[np.maximum(place, 0)], inf)
 
@@ -57,6 +64,9 @@ def traces(table: pd.DataFrame, cost: str) -> dict[tuple[str, str], list[Steps]]
     Args:
         table: Of `load_cells`.
         cost: One of `COSTS`.
+
+    Returns:
+        Step functions of its cells, by (solver, variant).
     """
     found = {}
     for name, group in variants(table):
@@ -67,7 +77,15 @@ def traces(table: pd.DataFrame, cost: str) -> dict[tuple[str, str], list[Steps]]
 
 
 def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
-    """Anytime curves of all methods that simulate, best at the end first."""
+    """Anytime curves of all methods that simulate, best at the end first.
+
+    Args:
+        table: Of `load_cells`.
+        cost: One of `COSTS`.
+
+    Returns:
+        A curve a method; none where no cell has a trace.
+    """
     found = traces(table, cost)
     if not found:
         return []
@@ -81,6 +99,9 @@ def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
 def loss_at_equal_time(table: pd.DataFrame) -> tuple[float, dict[tuple[str, str], float]]:
     """Mean best loss of each method once the first of them had ended.
 
+    Args:
+        table: Of `load_cells`.
+
     Returns:
         That wall time [s], and the losses; infinite for who had no drape by then.
     """
@@ -93,7 +114,14 @@ def loss_at_equal_time(table: pd.DataFrame) -> tuple[float, dict[tuple[str, str]
 
 
 def documents(table: pd.DataFrame) -> dict[str, dict[str, Mapping[str, object]]]:
-    """Curves over every cost as plain numbers."""
+    """Curves over every cost as plain numbers.
+
+    Args:
+        table: Of `load_cells`.
+
+    Returns:
+        Numbers of every curve, by cost and by method.
+    """
     return {
         cost: {
             curve.label: {"cost": curve.cost, "loss": curve.loss, "low": curve.low, "high": curve.high}

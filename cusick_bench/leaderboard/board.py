@@ -21,6 +21,7 @@ from cusick_bench.leaderboard.bootstrap import (
     Estimate,
     Statistic,
     Values,
+    cell_values,
     difference,
     estimate,
 )
@@ -77,7 +78,14 @@ class Row:
         return f"{self.solver} ({self.variant})" if self.variant else self.solver
 
     def value(self, metric: str) -> float:
-        """The statistic of a metric, NaN where the row has none."""
+        """The statistic of a metric, NaN where the row has none.
+
+        Args:
+            metric: Name of a metric or cost.
+
+        Returns:
+            Its mean or interquartile mean over cells.
+        """
         return self.estimates[metric].value if metric in self.estimates else nan
 
 
@@ -109,7 +117,14 @@ class Leaderboard:
 
 
 def metric_names(table: pd.DataFrame) -> list[str]:
-    """Metrics and costs in a table of cells, in its order."""
+    """Metrics and costs in a table of cells, in its order.
+
+    Args:
+        table: Of `load_cells`.
+
+    Returns:
+        Names of columns.
+    """
     return [name for name in table.columns if name.startswith(_MEASURED)]
 
 
@@ -122,6 +137,9 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
             what it promises.
         statistic: "mean" or "iqm" (interquartile mean), over cells.
         seed: Of the bootstrap.
+
+    Returns:
+        A board for each data set and split, its rows best first.
 
     Raises:
         LeaderboardError: Unknown metric or statistic, or a metric that is neither better nor worse.
@@ -164,14 +182,14 @@ class _Ranking:
         if (floor := self._floor(table)) is not None:
             rows.append(floor)
         rows.sort(key=lambda row: (not isfinite(cost := self.cost(row)), cost, row.label))
-        values = {key: _values(group, self.by) for key, group in groups.items()}
+        values = {key: cell_values(group, self.by) for key, group in groups.items()}
         return tuple(self._ranked(rows, values, cloths))
 
     def _row(self, solver: str, variant: str, group: pd.DataFrame, failed: int, table: pd.DataFrame) -> Row:
-        columns = {name: _values(group, name) for name in metric_names(group)}
+        columns = {name: cell_values(group, name) for name in metric_names(group)}
         columns = {name: values for name, values in columns.items() if values}
         arrays = {name: np.array(list(values.values())) for name, values in columns.items()}
-        draws, cloths = set(_values(group, "draws").values()), tuple(sorted(set(group["cloth"])))
+        draws, cloths = set(cell_values(group, "draws").values()), tuple(sorted(set(group["cloth"])))
         return Row(
             solver=solver,
             variant=variant,
@@ -190,19 +208,19 @@ class _Ranking:
 
     def _matched_null(self, group: pd.DataFrame, table: pd.DataFrame) -> float:
         """Best-of-N of as many random-phase draws, on the same cloths."""
-        counts = set(_values(group, "draws").values())
+        counts = set(cell_values(group, "draws").values())
         if len(counts) != 1 or (draws := counts.pop()) <= 1:
             return nan
         null = table.loc[table["solver"].str.startswith(RANDOM_PHASE)]
         equal = null.loc[null["draws"] == draws]
-        best = _values(null, f"test_mse_best_of_{draws:.0f}") | _values(equal, "test_mse_best")
+        best = cell_values(null, f"test_mse_best_of_{draws:.0f}") | cell_values(equal, "test_mse_best")
         cloths = sorted(set(group["cloth"]))
         means = [np.mean([value for (cloth, _), value in best.items() if cloth == name] or nan) for name in cloths]
         return float(self.statistic(np.array(means)))
 
     def _floor(self, table: pd.DataFrame) -> Row | None:
         """What a second capture of the same drape scores: the mean over the cloths that have one."""
-        values = {(cloth, 0): value for (cloth, _), value in _values(table, "floor_mse").items()}
+        values = {(cloth, 0): value for (cloth, _), value in cell_values(table, "floor_mse").items()}
         if not values:
             return None
         array = np.array(list(values.values()))
@@ -242,16 +260,15 @@ def _code_of(group: pd.DataFrame) -> str:
     return "; ".join(text for name in names for text in dict.fromkeys(map(str, group[name])) if text)
 
 
-def _values(group: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
-    """A column by (cloth, seed), without what is not finite."""
-    if name not in group:
-        return {}
-    cells = zip(group["cloth"], group["seed"], group[name], strict=True)
-    return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
-
-
 def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
-    """Groups of comparable cells; cells of one solver under other settings or other code make another row."""
+    """Groups of comparable cells; cells of one solver under other settings or other code make another row.
+
+    Args:
+        table: Of `load_cells`.
+
+    Returns:
+        (Solver, what sets it apart from others of the same name) and its cells.
+    """
     for solver, group in table.groupby("solver", sort=True):
         settings = [_flat(json.loads(text)) for text in group["settings"].unique()]
         for _, part in group.groupby(_VARIANT, sort=True):

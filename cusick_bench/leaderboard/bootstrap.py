@@ -12,12 +12,13 @@ References:
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import nan
+from math import isfinite, nan
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.stats import trim_mean
+from scipy.stats import bootstrap, trim_mean
 
 RESAMPLES = 4000
 LEVEL = 0.95
@@ -28,12 +29,26 @@ Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"] 
 
 
 def mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"] | float:
-    """Mean over cells."""
+    """Mean over cells.
+
+    Args:
+        values: A value a cell, in batches.
+
+    Returns:
+        The mean of each batch.
+    """
     return values.mean(-1)
 
 
 def interquartile_mean(values: Float[ndarray, "*batch cells"]) -> Float[ndarray, "*batch"] | float:
-    """Mean of the middle half of the cells; the plain mean of fewer than four."""
+    """Mean of the middle half of the cells; the plain mean of fewer than four.
+
+    Args:
+        values: A value a cell, in batches.
+
+    Returns:
+        The interquartile mean of each batch.
+    """
     return trim_mean(values, 0.25, axis=-1)
 
 
@@ -48,10 +63,37 @@ class Estimate:
     low: float
     high: float
 
+    def columns(self, name: str) -> dict[str, float]:
+        """The estimate as three columns of a table.
+
+        Args:
+            name: Of the column with the value; those of the bounds end in `_low` and `_high`.
+
+        Returns:
+            Value and bounds by column.
+        """
+        return {name: self.value, f"{name}_low": self.low, f"{name}_high": self.high}
+
     @property
     def decided(self) -> bool:
         """Whether there is an interval and it leaves out 0."""
         return self.low > 0 or self.high < 0
+
+
+def cell_values(table: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
+    """A column of a table of cells, without what is not finite.
+
+    Args:
+        table: A row a cell, with columns `cloth` and `seed`.
+        name: The column.
+
+    Returns:
+        Values by (cloth, seed); none where there is no such column.
+    """
+    if name not in table:
+        return {}
+    cells = zip(table["cloth"], table["seed"], table[name].astype(float), strict=True)
+    return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
 
 
 def estimate(values: Values, statistic: Statistic, generator: np.random.Generator) -> Estimate:
@@ -61,6 +103,9 @@ def estimate(values: Values, statistic: Statistic, generator: np.random.Generato
         values: A value for each cell (cloth, seed).
         statistic: One of `STATISTICS`.
         generator: Source of the resamples.
+
+    Returns:
+        The statistic with its 95 % interval.
     """
     return _interval([values], lambda columns: statistic(columns[0]), generator)
 
@@ -74,6 +119,9 @@ def difference(first: Values, second: Values, statistic: Statistic, generator: n
         second: Values of the other solver.
         statistic: One of `STATISTICS`.
         generator: Source of the resamples.
+
+    Returns:
+        The difference with its 95 % interval; NaN where the solvers share no cell.
     """
     one, other = _filled(first, second), _filled(second, first)
     shared = sorted(one.keys() & other.keys())
@@ -94,14 +142,22 @@ def _interval(
     if not columns[0]:
         return Estimate(nan, nan, nan)
     strata = [np.array(stratum) for stratum in _strata(columns)]
-    values = np.concatenate(strata).T
-    value = float(statistic(values))
-    if values.shape[1] < MINIMUM_UNITS:
+    units = np.concatenate(strata)
+    value = float(statistic(units.T))
+    if len(units) < MINIMUM_UNITS:
         return Estimate(value, nan, nan)
-    drawn = [part[generator.integers(len(part), size=(RESAMPLES, len(part)))] for part in strata]
-    resampled = np.moveaxis(np.concatenate(drawn, axis=1), 2, 0)
-    tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(statistic(resampled), [tail, 100 - tail])
+    # Places are resampled instead of values, so that columns stay paired within every stratum.
+    places = np.split(np.arange(len(units)), np.cumsum([len(part) for part in strata])[:-1])
+    resampled = bootstrap(
+        places,
+        lambda *chosen, axis: statistic(np.moveaxis(units[np.concatenate(chosen, axis=axis)], -1, 0)),
+        n_resamples=RESAMPLES,
+        method="percentile",
+        vectorized=True,
+        rng=generator,
+    ).bootstrap_distribution
+    tail = 50 * (1 - LEVEL)  # SciPy rounds this otherwise, which would change the last digit of committed bounds
+    low, high = np.percentile(resampled, [tail, 100 - tail])
     return Estimate(value, float(low), float(high))
 
 

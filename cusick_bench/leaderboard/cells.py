@@ -64,6 +64,9 @@ def load_cells(folder: Path | str) -> Cells:
     Args:
         folder: The folder that `cusick-bench run --out` wrote, or is writing.
 
+    Returns:
+        Finished cells as a table, and the others by name.
+
     Raises:
         LeaderboardError: The folder is missing or holds no finished cell.
     """

@@ -20,7 +20,15 @@ _LATEX = str.maketrans(
 
 
 def terminal(board: Leaderboard | TextTable, width: int = 120) -> Table:
-    """A table for a terminal of that many characters; the rarer columns are left out where it is narrow."""
+    """A table for a terminal of that many characters; the rarer columns are left out where it is narrow.
+
+    Args:
+        board: A leaderboard, or any table of strings.
+        width: Characters in a line.
+
+    Returns:
+        The table, for `rich`.
+    """
     text = _text(board).within(width)
     table = Table(title=text.title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, title_justify="left")
     for column in text.columns:
@@ -36,7 +44,14 @@ def terminal(board: Leaderboard | TextTable, width: int = 120) -> Table:
 
 
 def markdown(board: Leaderboard | TextTable) -> str:
-    """A Markdown table with its notes."""
+    """A Markdown table with its notes.
+
+    Args:
+        board: A leaderboard, or any table of strings.
+
+    Returns:
+        Text.
+    """
     text = _text(board)
     heads = [f"{column.head} {column.unit}".strip() for column in text.columns]
     lines = [f"**{_escaped(text.title)}**", "", _line(heads)]
@@ -46,7 +61,14 @@ def markdown(board: Leaderboard | TextTable) -> str:
 
 
 def latex(board: Leaderboard | TextTable) -> str:
-    """A LaTeX `tabular` (booktabs) with its notes as comments."""
+    """A LaTeX `tabular` (booktabs) with its notes as comments.
+
+    Args:
+        board: A leaderboard, or any table of strings.
+
+    Returns:
+        Text.
+    """
     text = _text(board)
     heads = [f"{column.head} {column.unit}".strip().translate(_LATEX) for column in text.columns]
     lines = [f"% {note}" for note in (text.title, *text.notes)]
@@ -57,7 +79,14 @@ def latex(board: Leaderboard | TextTable) -> str:
 
 
 def html_table(board: Leaderboard) -> str:
-    """An HTML `table` element; rows carry their kind as a class."""
+    """An HTML `table` element; rows carry their kind as a class.
+
+    Args:
+        board: A leaderboard.
+
+    Returns:
+        Text of the element.
+    """
     text = text_table(board)
     return "\n".join(
         [
@@ -72,16 +101,31 @@ def html_table(board: Leaderboard) -> str:
 
 
 def csv(boards: list[Leaderboard]) -> str:
-    """All rows of all boards, every metric with statistic, 95 % interval, mean and interquartile mean, provenance."""
+    """All rows of all boards, every metric with statistic, 95 % interval, mean and interquartile mean, provenance.
+
+    Args:
+        boards: Leaderboards.
+
+    Returns:
+        Text of the file.
+    """
     records = [record(board, row) for board in boards for row in board.rows]
     return pd.DataFrame(records).to_csv(index=False, lineterminator="\n")
 
 
 def record(board: Leaderboard, row: Row) -> dict[str, Any]:
-    """A row in full, flat, with what is needed to repeat it."""
+    """A row in full, flat, with what is needed to repeat it.
+
+    Args:
+        board: The leaderboard.
+        row: One of its rows.
+
+    Returns:
+        Values by column.
+    """
     numbers: dict[str, Any] = {}
     for name, estimate in row.estimates.items():
-        numbers |= {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+        numbers |= estimate.columns(name)
         numbers |= {f"{name}_mean": row.means[name], f"{name}_iqm": row.iqms[name]}
     apart = ("estimates", "means", "iqms", "cloths", "code_version")
     identity = {key: value for key, value in asdict(row).items() if key not in apart}

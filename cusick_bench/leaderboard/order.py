@@ -35,18 +35,38 @@ class Direction:
         return "largest first" if self.larger else ""
 
     def cost(self, value: Float[ndarray, "*batch"] | float) -> Float[ndarray, "*batch"] | float:
-        """A metric's value as what is smaller for the better."""
+        """A metric's value as what is smaller for the better.
+
+        Args:
+            value: Value of the metric, in batches.
+
+        Returns:
+            The cost of each.
+        """
         if self.nominal is not None:
             return np.abs(value - self.nominal)
         return -value if self.larger else value
 
     def of(self, statistic: Statistic) -> Statistic:
-        """A statistic over cells as a cost; coverage is judged by its mean, as cells may err to either side."""
+        """A statistic over cells as a cost; coverage is judged by its mean, as cells may err to either side.
+
+        Args:
+            statistic: Mean or interquartile mean.
+
+        Returns:
+            A function of the same values that gives the statistic's cost.
+        """
         return lambda values: self.cost(statistic(values))
 
 
 def direction(metric: str) -> Direction:
     """Which way a metric is better.
+
+    Args:
+        metric: Name of the metric.
+
+    Returns:
+        What is better in it.
 
     Raises:
         LeaderboardError: It is neither better nor worse, but tells what was there.

@@ -11,7 +11,7 @@ References:
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from math import isfinite, nan
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,9 @@ import pandas as pd
 
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard, Row, variants
-from cusick_bench.leaderboard.bootstrap import Estimate, Values, difference, mean
+from cusick_bench.leaderboard.bootstrap import Estimate, Values, cell_values, difference, mean
 from cusick_bench.leaderboard.cells import Cells
-from cusick_bench.leaderboard.text import Column, TextTable, provenance, short
+from cusick_bench.leaderboard.text import Column, TextTable, best_of, provenance, short, with_interval
 from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.registry import solver_class
 
@@ -77,7 +77,14 @@ class Line:
     at_equal_time: float = nan
 
     def value(self, metric: str) -> float:
-        """A metric of the row."""
+        """A metric of the row.
+
+        Args:
+            metric: Name of the metric.
+
+        Returns:
+            Its value; NaN where the row has none.
+        """
         return self.row.value(metric)
 
 
@@ -102,6 +109,10 @@ class PaperTable:
 
 def methods(names: Iterable[str], draws: int) -> tuple[list[Method], list[str]]:
     """Methods of names such as `rembo@heter`, those that offer draws set to a number of them.
+
+    Args:
+        names: Registered names, `@space` behind those that ask for a parameter space.
+        draws: Draws of each method that offers any.
 
     Returns:
         The methods, and the names that nothing is registered for.
@@ -136,6 +147,9 @@ def make_table(
         board: Ranked by `test_mse` (table 1) or `train_mse` (table 2).
         at_equal_time: Best training loss of a (solver, variant) when the fastest method had ended.
         notes: What else a reader must know.
+
+    Returns:
+        The table.
     """
     best = _best_of_n(cells.table)
     generator = np.random.default_rng(0)
@@ -155,7 +169,14 @@ def make_table(
 
 
 def set_table(table: PaperTable) -> TextTable:
-    """The table in strings, without columns that nobody fills."""
+    """The table in strings, without columns that nobody fills.
+
+    Args:
+        table: From `make_table`.
+
+    Returns:
+        Strings of every line, ready to be set.
+    """
     entries = [[column.entry(line) for line in table.lines] for column in _COLUMNS[table.name]]
     kept = [place for place, texts in enumerate(entries) if any(texts)]
     columns = tuple(_COLUMNS[table.name][place] for place in kept)
@@ -169,19 +190,26 @@ def set_table(table: PaperTable) -> TextTable:
 
 
 def records(table: PaperTable) -> list[dict[str, Any]]:
-    """Every line in full, flat: all metrics with intervals, the published figures and the margins."""
+    """Every line in full, flat: all metrics with intervals, the published figures and the margins.
+
+    Args:
+        table: From `make_table`.
+
+    Returns:
+        Values by column, a dictionary a line.
+    """
     lines = []
     for line in table.lines:
         row, margin = line.row, line.against_random
         numbers: dict[str, Any] = {}
         for metric, estimate in row.estimates.items():
-            numbers |= {metric: estimate.value, f"{metric}_low": estimate.low, f"{metric}_high": estimate.high}
+            numbers |= estimate.columns(metric)
         lines.append(
             {"solver": row.solver, "variant": row.variant, "kind": row.kind, "rank": row.rank, "cells": row.cells}
             | {"failed": row.failed, "cloths": " ".join(row.cloths), "draws": row.draws}
             | {"published_mse": line.published[0], "published_hausdorff_m": line.published[1]}
             | {"random_phase_mse_best": row.matched_null}
-            | {"margin": margin.value, "margin_low": margin.low, "margin_high": margin.high}
+            | margin.columns("margin")
             | {"loss_at_equal_time": line.at_equal_time}
             | numbers
         )
@@ -211,9 +239,7 @@ def _best_of_n(table: pd.DataFrame) -> dict[str, dict[float, Values]]:
             counts[float(draws)] = "test_mse_best"
         for count, column in counts.items():
             if column in group:
-                cells = zip(group["cloth"], group["seed"], group[column], strict=True)
-                values = {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
-                found.setdefault(label, {}).setdefault(count, {}).update(values)
+                found.setdefault(label, {}).setdefault(count, {}).update(cell_values(group, column))
     return {label: dict(by_count) for label, by_count in found.items()}
 
 
@@ -226,21 +252,8 @@ class _PaperColumn:
     left: bool = False
 
 
-def _interval(estimate: Estimate | None, factor: float = 1.0, digits: int = 4) -> str:
-    if estimate is None or not isfinite(estimate.value):
-        return ""
-    value = short(factor * estimate.value, digits)
-    if not isfinite(estimate.low):
-        return value
-    return f"{value} [{short(factor * estimate.low, digits)}, {short(factor * estimate.high, digits)}]"
-
-
 def _metric(name: str, factor: float = 1.0, digits: int = 4) -> Callable[[Line], str]:
     return lambda line: short(factor * line.value(name), digits)
-
-
-def _best(line: Line) -> str:
-    return f"{short(line.value('test_mse_best'))} /{line.row.draws:.0f}" if line.row.draws > 1 else ""
 
 
 _SOLVER = _PaperColumn("method", "", "", lambda line: line.row.label, left=True)
@@ -258,16 +271,16 @@ _COLUMNS: dict[str, tuple[_PaperColumn, ...]] = {
         _PaperColumn("published", "H mm", "the paper's own figure", lambda line: short(1e3 * line.published[1], 1)),
         _PaperColumn(
             "test", "MSE [95 %]", "all draws against unseen samples",
-            lambda line: _interval(line.row.estimates.get("test_mse")),
+            lambda line: with_interval(line.row.estimates.get("test_mse")),
         ),
-        _PaperColumn("best", "MSE /N", "unseen samples against the best of N draws", _best),
+        _PaperColumn("best", "MSE /N", "unseen samples against the best of N draws", lambda line: best_of(line.row)),
         _PaperColumn(
             "random", "MSE /N", "the same of N draws with random fold phases: what N alone is worth",
             lambda line: short(line.row.matched_null) if line.row.draws > 1 else "",
         ),
         _PaperColumn(
             "best - random", "MSE [95 %]", "paired by cell; below 0 is better than chance",
-            lambda line: _interval(line.against_random),
+            lambda line: with_interval(line.against_random),
         ),
         _PaperColumn("H", "mm", "Hausdorff distance of the draws", _metric("test_hausdorff_m", 1e3, 1)),
         _PaperColumn(
@@ -289,7 +302,7 @@ _COLUMNS: dict[str, tuple[_PaperColumn, ...]] = {
         _PaperColumn("published", "H mm", "the paper's own figure", lambda line: short(1e3 * line.published[1], 1)),
         _PaperColumn(
             "train", "MSE [95 %]", "fit of the training silhouette",
-            lambda line: _interval(line.row.estimates.get("train_mse")),
+            lambda line: with_interval(line.row.estimates.get("train_mse")),
         ),
         _PaperColumn("H", "mm", "Hausdorff distance to the training drape", _metric("train_hausdorff_m", 1e3, 1)),
         _PaperColumn(

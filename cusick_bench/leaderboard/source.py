@@ -12,7 +12,14 @@ from cusick_bench.leaderboard.errors import LeaderboardError
 
 
 def data_of(cells: Cells) -> tuple[str, str | None]:
-    """The `--data` and `--fabrics-csv` of the run's command line; the data set's name where it had none."""
+    """The `--data` and `--fabrics-csv` of the run's command line; the data set's name where it had none.
+
+    Args:
+        cells: What the run's folder holds.
+
+    Returns:
+        The name or folder of the data, and the table of areal densities, if one was named.
+    """
     words = [str(word) for word in cells.run.get("command", []) or []]
     given: dict[str, str] = {}
     for word, following in pairwise([*words, ""]):
@@ -29,6 +36,9 @@ def load_data_of(cells: Cells, data: str | None = None, fabrics_csv: str | Path 
         cells: What the run's folder holds.
         data: Name or folder; by default what the run was given, or where that is not here, the release in CUSICK_DATA.
         fabrics_csv: Table of areal densities; by default what the run was given.
+
+    Returns:
+        The data set.
 
     Raises:
         LeaderboardError: The run's own data are not here, and no others were named.

@@ -55,7 +55,14 @@ class TextTable:
     notes: tuple[str, ...]
 
     def within(self, width: int) -> "TextTable":
-        """The table without its rarest columns, as many as it takes to fit `width` characters."""
+        """The table without its rarest columns, as many as it takes to fit `width` characters.
+
+        Args:
+            width: Characters in a line.
+
+        Returns:
+            A table that fits, or that has no rare columns left.
+        """
         sizes = [
             max(map(len, (column.head, column.unit, *(row[place] for row in self.entries)))) + 1
             for place, column in enumerate(self.columns)
@@ -71,14 +78,30 @@ class TextTable:
 
 
 def short(value: float, digits: int = 4) -> str:
-    """A number below 1 as the paper writes it, `.0529`; nothing for NaN."""
+    """A number below 1 as the paper writes it, `.0529`; nothing for NaN.
+
+    Args:
+        value: The number.
+        digits: Digits after the point.
+
+    Returns:
+        Text.
+    """
     if not isfinite(value):
         return ""
     text = f"{value:.{digits}f}"
     return text.replace("0.", ".", 1) if text.startswith(("0.", "-0.")) else text
 
 
-def _with_interval(estimate: Estimate | None) -> str:
+def with_interval(estimate: Estimate | None) -> str:
+    """A value with its interval: `.0529 [.0511, .0547]`.
+
+    Args:
+        estimate: What to write; None for nothing.
+
+    Returns:
+        Text, without an interval where there is none, empty where there is no value.
+    """
     if estimate is None or not isfinite(estimate.value):
         return ""
     if not isfinite(estimate.low):
@@ -86,7 +109,15 @@ def _with_interval(estimate: Estimate | None) -> str:
     return f"{short(estimate.value)} [{short(estimate.low)}, {short(estimate.high)}]"
 
 
-def _best_of(row: Row) -> str:
+def best_of(row: Row) -> str:
+    """Best-of-N error of a row, with N: `.0384 /1000`.
+
+    Args:
+        row: Of a leaderboard.
+
+    Returns:
+        Text, empty where the row offers one draw.
+    """
     return f"{short(row.value('test_mse_best'))} /{row.draws:.0f}" if row.draws > 1 else ""
 
 
@@ -116,9 +147,9 @@ COLUMNS = (
         "test",
         "MSE [95 %]",
         "draws against unseen samples of the cloth, per pixel",
-        lambda row: _with_interval(row.estimates.get("test_mse")),
+        lambda row: with_interval(row.estimates.get("test_mse")),
     ),
-    Column("best", "MSE /N", "unseen samples against the best of N draws", _best_of, rarity=2),
+    Column("best", "MSE /N", "unseen samples against the best of N draws", best_of, rarity=2),
     Column(
         "random",
         "MSE /N",
@@ -181,7 +212,14 @@ COLUMNS = (
 
 
 def text_table(board: Leaderboard) -> TextTable:
-    """Sets a leaderboard in strings."""
+    """Sets a leaderboard in strings.
+
+    Args:
+        board: The leaderboard.
+
+    Returns:
+        Strings of every row, ready to be set.
+    """
     statistic = {"mean": "mean", "iqm": "interquartile mean"}[board.statistic]
     way = f", {words}" if (words := direction(board.by).words) else ""
     columns = tuple(column for column in COLUMNS if not column.optional or any(map(column.entry, board.rows)))
@@ -195,13 +233,27 @@ def text_table(board: Leaderboard) -> TextTable:
 
 
 def typed(command: str | Sequence[object]) -> str:
-    """A command line as one types it, wherever the program lies."""
+    """A command line as one types it, wherever the program lies.
+
+    Args:
+        command: Words of a command line, or the whole of it.
+
+    Returns:
+        Text without the program's folder.
+    """
     words = command.split(" ") if isinstance(command, str) else [str(word) for word in command]
     return " ".join([Path(words[0]).name, *words[1:]]) if words else ""
 
 
 def provenance(board: Leaderboard) -> list[str]:
-    """What it takes to make a leaderboard again, a sentence each."""
+    """What it takes to make a leaderboard again, a sentence each.
+
+    Args:
+        board: The leaderboard.
+
+    Returns:
+        Sentences on data, command, hardware and code.
+    """
     run = board.run
     facts = [f"Data: {board.dataset} (sha256 {board.dataset_hash[:12]}), split: {board.protocol}"]
     if command := run.get("command"):

@@ -243,11 +243,25 @@ def _write_prediction(path: Path, prediction: Prediction, problem: DrapeProblem)
 
 
 def load_prediction(folder: Path) -> dict[str, np.ndarray]:
-    """The arrays of a cell's `prediction.npz`."""
+    """The arrays of a cell's `prediction.npz`.
+
+    Args:
+        folder: The cell's.
+
+    Returns:
+        Arrays by name: `train_image`, `train_target`, `draws`, and what else the solver answered.
+    """
     with np.load(folder / "prediction.npz", allow_pickle=False) as archive:
         return dict(archive)
 
 
 def load_cell(folder: Path) -> dict[str, Any]:
-    """A cell's `cell.json`."""
+    """A cell's `cell.json`.
+
+    Args:
+        folder: The cell's.
+
+    Returns:
+        What was asked.
+    """
     return json.loads((folder / "cell.json").read_text(encoding="utf-8"))

@@ -132,7 +132,15 @@ class Cell:
 
 
 def labelled(solver: str, causes: Sequence[str]) -> str:
-    """A solver's name with the causes that its simulator knows of."""
+    """A solver's name with the causes that its simulator knows of.
+
+    Args:
+        solver: Registered name, with options.
+        causes: Causes, as `plate-tilt:angle=2`.
+
+    Returns:
+        Text such as `homo + plate-tilt:angle=2`.
+    """
     return " + ".join([solver, *causes])
 
 
@@ -166,6 +174,9 @@ def plan(
         seeds: Seeds, only 0 by default.
         settings: The problem's settings; a solver that is about one parameter space gets that one.
         protocol: How to split each cloth's samples.
+
+    Returns:
+        Cells, cloth by cloth.
 
     Raises:
         CusickError: An unknown solver or cloth, no solver, one that knows no effects where some are asked for, or a
@@ -231,6 +242,13 @@ def require_space(solvers: Iterable[str], space: str) -> None:
 
 def shard(cells: list[Cell], text: str) -> list[Cell]:
     """Every n-th cell, starting from the i-th, for `i/n` with 1 <= i <= n.
+
+    Args:
+        cells: The whole grid.
+        text: Such as `1/4`.
+
+    Returns:
+        The cells of this shard.
 
     Raises:
         RunnerError: The text is no such fraction.

@@ -15,15 +15,33 @@ class Watcher(Protocol):
     """Whoever wants to know how a grid gets on."""
 
     def begin(self, cells: int, done: int) -> None:
-        """The grid starts: so many cells, of which so many are finished from earlier."""
+        """The grid starts: so many cells, of which so many are finished from earlier.
+
+        Args:
+            cells: Number of cells.
+            done: How many of them are finished from earlier.
+        """
         ...
 
     def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:
-        """A cell has spent a share of its budget (NaN: no limit) and has this smallest loss."""
+        """A cell has spent a share of its budget (NaN: no limit) and has this smallest loss.
+
+        Args:
+            cell: The cell.
+            fraction: Share of its budget that is spent, in [0, 1]; NaN without a limit.
+            loss: Smallest loss so far; infinite before the first.
+            message: What the solver does now.
+        """
         ...
 
     def end(self, cell: Cell, status: str, failure: str) -> None:
-        """A cell is finished."""
+        """A cell is finished.
+
+        Args:
+            cell: The cell.
+            status: "done" or "failed".
+            failure: Why it failed, "" where it did not.
+        """
         ...
 
 
@@ -31,13 +49,31 @@ class Unwatched:
     """Says nothing."""
 
     def begin(self, cells: int, done: int) -> None:
-        """Nothing."""
+        """Nothing.
+
+        Args:
+            cells: Not used.
+            done: Not used.
+        """
 
     def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:
-        """Nothing."""
+        """Nothing.
+
+        Args:
+            cell: Not used.
+            fraction: Not used.
+            loss: Not used.
+            message: Not used.
+        """
 
     def end(self, cell: Cell, status: str, failure: str) -> None:
-        """Nothing."""
+        """Nothing.
+
+        Args:
+            cell: Not used.
+            status: Not used.
+            failure: Not used.
+        """
 
 
 class ProgressBars:
@@ -68,12 +104,24 @@ class ProgressBars:
         self._progress.stop()
 
     def begin(self, cells: int, done: int) -> None:
-        """Shows the grid's bar."""
+        """Shows the grid's bar.
+
+        Args:
+            cells: Number of cells.
+            done: How many of them are finished from earlier.
+        """
         note = f"{done} of {cells} cells were finished before" if done else ""
         self._grid = self._progress.add_task("grid", total=cells, completed=done, note=note)
 
     def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:
-        """Moves a cell's bar."""
+        """Moves a cell's bar.
+
+        Args:
+            cell: The cell.
+            fraction: Share of its budget that is spent, in [0, 1]; NaN without a limit.
+            loss: Smallest loss so far; infinite before the first.
+            message: What the solver does now.
+        """
         if cell not in self._cells:
             description = f"{cell.cloth} / {cell.solver} / {cell.seed}"
             self._cells[cell] = self._progress.add_task(description, total=1.0, note="")
@@ -84,7 +132,13 @@ class ProgressBars:
         )
 
     def end(self, cell: Cell, status: str, failure: str) -> None:
-        """Removes a cell's bar and moves the grid's."""
+        """Removes a cell's bar and moves the grid's.
+
+        Args:
+            cell: The cell.
+            status: "done" or "failed".
+            failure: Printed where the cell failed.
+        """
         if cell in self._cells:
             self._progress.remove_task(self._cells.pop(cell))
         if self._grid is not None:

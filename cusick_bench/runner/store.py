@@ -46,7 +46,14 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def disk_errors(out: Path) -> Iterator[None]:
-    """Turns faults of the disk into one message with a remedy."""
+    """Turns faults of the disk into one message with a remedy.
+
+    Args:
+        out: Results folder, named where the fault names no file.
+
+    Returns:
+        A context manager.
+    """
     try:
         yield
     except OSError as error:
@@ -59,7 +66,12 @@ def disk_errors(out: Path) -> Iterator[None]:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Writes a file so that after a crash it is either there in full or as it was before."""
+    """Writes a file so that after a crash it is either there in full or as it was before.
+
+    Args:
+        path: File.
+        content: All of it.
+    """
     part = path.with_name(path.name + ".part")
     with part.open("wb") as file:
         file.write(content)
@@ -69,12 +81,23 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def write_json(path: Path, document: dict[str, Any]) -> None:
-    """Writes a JSON document, whole or not at all."""
+    """Writes a JSON document, whole or not at all.
+
+    Args:
+        path: File.
+        document: What it shall hold; numbers that are not finite become null.
+    """
     write_atomically(path, (json.dumps(_plain(document), indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_json(path: Path) -> dict[str, Any]:
     """Reads a JSON document.
+
+    Args:
+        path: File.
+
+    Returns:
+        What it holds.
 
     Raises:
         RunnerError: It is damaged.
@@ -111,15 +134,35 @@ class Store:
                 probe.flush()
 
     def folder(self, key: str) -> Path:
-        """A cell's folder."""
+        """A cell's folder.
+
+        Args:
+            key: Name of the cell.
+
+        Returns:
+            Its path, whether it exists or not.
+        """
         return self.out / "cells" / key
 
     def is_done(self, key: str) -> bool:
-        """Whether a cell has been finished."""
+        """Whether a cell has been finished.
+
+        Args:
+            key: Name of the cell.
+
+        Returns:
+            Whether its marker is there.
+        """
         return (self.folder(key) / "done").exists()
 
     def result(self, key: str) -> dict[str, Any]:
         """A finished or failed cell's result.
+
+        Args:
+            key: Name of the cell.
+
+        Returns:
+            Contents of its `result.json`.
 
         Raises:
             RunnerError: It is damaged.
@@ -127,12 +170,22 @@ class Store:
         return read_json(self.folder(key) / "result.json")
 
     def mark_done(self, key: str) -> None:
-        """Says that a cell is finished and never to be written again."""
+        """Says that a cell is finished and never to be written again.
+
+        Args:
+            key: Name of the cell.
+        """
         write_atomically(self.folder(key) / "done", b"")
 
     @contextmanager
     def claimed(self, key: str) -> Iterator[Path]:
         """Holds a cell against other processes; the hold ends with the process, however it ends.
+
+        Args:
+            key: Name of the cell.
+
+        Returns:
+            A context manager that gives the cell's folder.
 
         Raises:
             RunnerError: Another process is running it.

@@ -15,6 +15,7 @@ from cusick_bench.leaderboard.source import load_data_of
 from cusick_bench.leaderboard.verification.resimulate import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
 from cusick_bench.leaderboard.verification.submit import altered, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import Verification, keep, verify_cell
+from cusick_bench.sim.setup import Simulators
 
 PIPED_WIDTH = 120
 _STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
@@ -57,11 +58,11 @@ def verify_command(
     if table.empty:
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     dataset = load_data_of(cells, data, fabrics_csv)
-    verifications = []
+    verifications, simulators = [], Simulators()
     with console.status("starting") as status:
         for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
             status.update(f"{name} on {where}")
-            verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed))
+            verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))
     keep(run, verifications)
     wrong = _altered(committed, cells) if committed else {}
     _show(run, verifications, wrong, as_json)

@@ -76,7 +76,14 @@ def write_baseline(table: pd.DataFrame, path: Path, facts: Iterable[str]) -> Non
 
 
 def settings_digest(settings: str) -> str:
-    """Fingerprint of a cell's settings, as they stand in the table of `load_cells`."""
+    """Fingerprint of a cell's settings, as they stand in the table of `load_cells`.
+
+    Args:
+        settings: JSON text.
+
+    Returns:
+        12 hexadecimal digits.
+    """
     return hashlib.sha256(settings.encode()).hexdigest()[:12]
 
 

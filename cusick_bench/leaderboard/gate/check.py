@@ -9,14 +9,14 @@ decides. What is new is reported and judged by nothing.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite, isnan, nan
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cusick_bench.leaderboard.bootstrap import Estimate, Values
+from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import Comparison, compare, holm
 
@@ -88,7 +88,7 @@ class Finding:
         test = self.comparison
         return {
             **{name: getattr(self, name) for name in ("solver", "metric", "verdict", "detail", "before", "after", "p")},
-            **{"change": self.change.value, "change_low": self.change.low, "change_high": self.change.high},
+            **self.change.columns("change"),
             "test": test.test if test else "",
             "units": test.units if test else 0,
             "detectable": test.detectable if test else nan,
@@ -120,6 +120,9 @@ def check(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate | None = None) -
         run: Cells of the run, from `read_cells`.
         baseline: Cells to compare with, from `read_cells`.
         gate: When a change is a regression.
+
+    Returns:
+        A line a solver and metric, worst first.
 
     Raises:
         LeaderboardError: Other data or settings than the baseline's, no solver or no metric in common.
@@ -156,7 +159,15 @@ def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> li
 
 
 def metrics_of_both(run: pd.DataFrame, baseline: pd.DataFrame) -> list[str]:
-    """Metrics that two tables of cells share."""
+    """Metrics that two tables of cells share.
+
+    Args:
+        run: Cells of the run.
+        baseline: Cells to compare with.
+
+    Returns:
+        Names of metrics.
+    """
     return sorted(name for name in baseline if name in run and name.startswith(("train_", "test_")))
 
 
@@ -212,7 +223,7 @@ def _compared(
     level = gate.level / (len(solvers) * len(metrics) or 1)
     for solver in solvers:
         for metric in metrics:
-            before, after = (_values(_of(table, solver), metric) for table in (baseline, run))
+            before, after = (cell_values(_of(table, solver), metric) for table in (baseline, run))
             cloths = {cloth for cloth, _ in before} & {cloth for cloth, _ in after}
             if not cloths:
                 if before:
@@ -224,11 +235,6 @@ def _compared(
             )
             comparison = compare(before, after, level=level, generator=generator)
             yield Finding(solver, metric, "undecided", "", then, now, comparison, comparison.p)
-
-
-def _values(table: pd.DataFrame, metric: str) -> Values:
-    cells = zip(table["cloth"], table["seed"], table[metric].astype(float), strict=True)
-    return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
 
 
 def _judged(findings: Sequence[Finding], gate: Gate) -> Iterator[Finding]:

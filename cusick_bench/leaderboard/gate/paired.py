@@ -78,6 +78,13 @@ def blocks(before: Values, after: Values) -> dict[str, list[Block]]:
     """Pairs the values of two runs, cloth by cloth.
 
     Seeds that change nothing within a cloth, in either run, are one value, not many.
+
+    Args:
+        before: Values of the baseline by (cloth, seed).
+        after: Values of the run.
+
+    Returns:
+        Blocks of each cloth.
     """
     found: dict[str, list[Block]] = {}
     for cloth in sorted({cloth for cloth, _ in before} & {cloth for cloth, _ in after}):
@@ -100,6 +107,9 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
         after: Values of the run.
         level: One-sided level that the p-value has to be able to reach.
         generator: Source of permutations and of resamples.
+
+    Returns:
+        Change, p-value, and what could have been detected.
     """
     pairs = blocks(before, after)
     changes = _changes(pairs)
@@ -119,7 +129,14 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Holm's adjusted p-values; NaN, a comparison that could not be made, stays NaN and does not count."""
+    """Holm's adjusted p-values; NaN, a comparison that could not be made, stays NaN and does not count.
+
+    Args:
+        p_values: Unadjusted p-values.
+
+    Returns:
+        Adjusted p-values in the same order.
+    """
     made = [place for place, p in enumerate(p_values) if not isnan(p)]
     adjusted, running = [nan] * len(p_values), 0.0
     for rank, place in enumerate(sorted(made, key=lambda place: p_values[place])):

@@ -27,6 +27,7 @@ from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, loa
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
 
@@ -89,6 +90,12 @@ class Repetition:
 def read_record(folder: Path) -> dict[str, Any]:
     """A cell's `cell.json`.
 
+    Args:
+        folder: The cell's.
+
+    Returns:
+        What was asked.
+
     Raises:
         RunnerError: It is damaged.
         LeaderboardError: It is missing.
@@ -101,6 +108,12 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 def cell_of(record: dict[str, Any]) -> Cell:
     """The cell that a `cell.json` describes.
+
+    Args:
+        record: Contents of a `cell.json`.
+
+    Returns:
+        The cell.
 
     Raises:
         LeaderboardError: It describes none.
@@ -121,7 +134,14 @@ def cell_of(record: dict[str, Any]) -> Cell:
 
 
 def repeat(
-    folder: Path, cell: Cell, kind: str, dataset: DrapeDataset, *, redrawn: int = REDRAWN, seed: int = 0
+    folder: Path,
+    cell: Cell,
+    kind: str,
+    dataset: DrapeDataset,
+    *,
+    redrawn: int = REDRAWN,
+    seed: int = 0,
+    simulators: Simulators | None = None,
 ) -> Repetition:
     """Does a cell again.
 
@@ -132,6 +152,10 @@ def repeat(
         dataset: Data to do it on.
         redrawn: Draws of a posterior to drape again.
         seed: Of their choice.
+        simulators: Kept from cell to cell; made anew by default.
+
+    Returns:
+        What was made again, with what it was compared with.
 
     Raises:
         LeaderboardError: The stored prediction is damaged, or cannot be made again.
@@ -139,7 +163,8 @@ def repeat(
     stored = _stored(folder)
     if kind != "solver":
         return _made_again(stored, cell, dataset)
-    problem = build_problem(dataset, replace(cell, settings=replace(cell.settings, budget=Budget())))
+    unlimited = replace(cell, settings=replace(cell.settings, budget=Budget()))
+    problem = build_problem(dataset, unlimited, simulators=simulators)
     target = _largest("training image", stored["train_target"], problem.train_image, 1e-6)
     if "tau" not in stored or "vertices" not in stored:
         note = "not simulated again: no parameters are stored; the stored pictures were scored again"
@@ -152,7 +177,16 @@ def repeat(
 
 
 def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[str, float]:
-    """Metrics of a repetition against the data."""
+    """Metrics of a repetition against the data.
+
+    Args:
+        repetition: From `repeat`.
+        cell: The cell.
+        dataset: Data to score against.
+
+    Returns:
+        Metrics by name.
+    """
     if repetition.metrics is not None:
         return repetition.metrics
     pairs = [(_image(dataset, row), _image(dataset, other)) for row, other in dataset.repeat_pairs(cell.cloth)]
@@ -164,6 +198,14 @@ def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws
     """Compares stored metrics with those of a repetition; what only one of them knows is left out.
 
     Scores of the stored draws themselves must come out the same but for the arithmetic of another machine.
+
+    Args:
+        stored: Metrics of the cell's `result.json`.
+        again: Metrics of the repetition.
+        same_draws: Whether the stored draws themselves were scored again.
+
+    Returns:
+        A comparison a metric.
     """
     for name, value in again.items():
         if name not in stored:

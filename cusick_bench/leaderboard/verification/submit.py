@@ -49,6 +49,9 @@ def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
         cells: Of a results folder.
         track: Such as `paper-table-1`: lower-case letters, digits and hyphens.
 
+    Returns:
+        A line a solver, its values by column.
+
     Raises:
         LeaderboardError: The track's name is none.
     """
@@ -66,6 +69,10 @@ def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
 
 def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
     """Adds lines to a track's file, whole or not at all; a line that is there already is replaced.
+
+    Args:
+        path: The track's file.
+        rows: From `rows_of`.
 
     Returns:
         How many were added, replaced, and left as they were.
@@ -94,6 +101,12 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
 def read_rows(path: Path) -> pd.DataFrame:
     """Lines of a track's file, as text.
 
+    Args:
+        path: The track's file.
+
+    Returns:
+        A table of strings.
+
     Raises:
         LeaderboardError: It is no such table.
     """
@@ -104,7 +117,15 @@ def read_rows(path: Path) -> pd.DataFrame:
 
 
 def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
-    """Numbers of a committed line that are not what its run says; intervals, which depend on the rows beside, apart."""
+    """Numbers of a committed line that are not what its run says; intervals, which depend on the rows beside, apart.
+
+    Args:
+        line: The committed line.
+        made: The line that its run gives now, from `rows_of`.
+
+    Returns:
+        A sentence a number that differs.
+    """
     wrong = []
     for name, value in made.items():
         if not isinstance(value, int | float) or name.endswith(("_low", "_high")) or name == "matched_null":

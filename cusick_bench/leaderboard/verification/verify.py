@@ -29,6 +29,7 @@ from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.numerics import cell_numerics, numerics_text
 from cusick_bench.runner.store import read_json, write_json
 from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.registry import make_solver
 
 VERIFIED = "verified.json"
@@ -75,7 +76,14 @@ class Verification:
         }
 
 
-def verify_cell(folder: Path, dataset: DrapeDataset, *, redrawn: int = REDRAWN, seed: int = 0) -> Verification:
+def verify_cell(
+    folder: Path,
+    dataset: DrapeDataset,
+    *,
+    redrawn: int = REDRAWN,
+    seed: int = 0,
+    simulators: Simulators | None = None,
+) -> Verification:
     """Does one finished cell again.
 
     Args:
@@ -83,18 +91,27 @@ def verify_cell(folder: Path, dataset: DrapeDataset, *, redrawn: int = REDRAWN, 
         dataset: The data that it was run on.
         redrawn: Draws of a posterior to drape again.
         seed: Of their choice.
+        simulators: Kept from cell to cell; made anew by default.
+
+    Returns:
+        What became of the cell; never an error.
     """
     record: dict[str, Any] = {}
     try:
         record = read_record(folder)
-        return _verified(folder, record, dataset, redrawn, seed)
+        return _verified(folder, record, dataset, redrawn, seed, simulators)
     except (CusickError, OSError, ValueError, KeyError, TypeError) as error:
         identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")), int(record.get("seed", -1)))
         return Verification(folder.name, *identity, "unreadable", (), (f"{type(error).__name__}: {error}",))
 
 
 def keep(run: Path, verifications: list[Verification]) -> None:
-    """Writes what was found to the run's `verified.json`, beside what was found of other cells before."""
+    """Writes what was found to the run's `verified.json`, beside what was found of other cells before.
+
+    Args:
+        run: Results folder.
+        verifications: From `verify_cell`.
+    """
     path = run / VERIFIED
     known = read_json(path) if path.exists() else {}
     for verification in verifications:
@@ -107,7 +124,14 @@ def keep(run: Path, verifications: list[Verification]) -> None:
 
 
 def verified_keys(run: Path) -> set[str]:
-    """Cells of a run that have been verified and whose files are still the same."""
+    """Cells of a run that have been verified and whose files are still the same.
+
+    Args:
+        run: Results folder.
+
+    Returns:
+        Names of cells.
+    """
     try:
         known = read_json(run / VERIFIED)
     except (OSError, RunnerError):
@@ -119,7 +143,14 @@ def verified_keys(run: Path) -> set[str]:
     }
 
 
-def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redrawn: int, seed: int) -> Verification:
+def _verified(
+    folder: Path,
+    record: dict[str, Any],
+    dataset: DrapeDataset,
+    redrawn: int,
+    seed: int,
+    simulators: Simulators | None,
+) -> Verification:
     result, cell = read_json(folder / "result.json"), cell_of(record)
     checks, notes = list(_identity_checks(folder, record, result, dataset)), []
     identity = (folder.name, cell.label, cell.cloth, cell.seed)
@@ -128,7 +159,8 @@ def _verified(folder: Path, record: dict[str, Any], dataset: DrapeDataset, redra
     notes += _other_numerics(cell, record)
     if not all(check.holds for check in checks):
         return Verification(*identity, "differs", tuple(checks), tuple(notes))
-    repetition = repeat(folder, cell, str(record["kind"]), dataset, redrawn=redrawn, seed=seed)
+    kind = str(record["kind"])
+    repetition = repeat(folder, cell, kind, dataset, redrawn=redrawn, seed=seed, simulators=simulators)
     again = rescore(repetition, cell, dataset)
     lost = sorted(set(result["metrics"]) - set(again))
     notes += [*repetition.notes, *([f"no longer measured: {', '.join(lost)}"] if lost else [])]
