@@ -62,13 +62,18 @@ class Samples:
 
 @dataclass(frozen=True)
 class Emulator:
-    """Expected statistics of a cloth and the scatter of one specimen about them."""
+    """Expected statistics of a cloth and the scatter of one specimen about them.
+
+    Attributes:
+        coefficients: Regression on the features of a cloth.
+        scatter: Covariance of the statistics of specimens of one cloth.
+    """
 
     coefficients: Float[ndarray, "features statistics"]
     scatter: Float[ndarray, "statistics statistics"]
 
-    def __call__(self, cloths: Float[ndarray, "*cloths numbers"]) -> Float[ndarray, "*cloths statistics"]:
-        """Expected statistics of cloths (traits, log length)."""
+    def __call__(self, cloths: Float[ndarray, "*cloths numbers"]) -> Float[ndarray, "rows statistics"]:
+        """Expected statistics of cloths (traits, log length), one row a cloth; a single cloth makes one row."""
         return _features(np.atleast_2d(cloths)) @ self.coefficients
 
 
@@ -78,14 +83,14 @@ def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 
     Args:
         folder: Folder of the public release.
         vertices: Number of vertices of the mesh.
-        cloths: Draped for the regression.
-        specimens: Draped of every fabric and face for the spread between specimens.
+        cloths: Number of cloths that are draped for the regression.
+        specimens: Number that are draped of every fabric and face, for the spread between specimens.
 
     Returns:
         `traits`: name -> (mean, sd beside that of the tables' prior); `length`: (median [m], sd of its logarithm) of
         the laid shape; `level`: standard deviation of log stiffness between samples; `discrepancy`: name of a statistic
         -> (mean, sd) of fabrics less nearest cloths; `fabrics`: for each fabric and face its five numbers, and the sd
-        of the statistic `area` over samples and over specimens.
+        of the statistic `area_log_odds` over samples and over specimens.
     """
     problem = _problem(vertices)
     emulator = fit_emulator(*_drape_box(problem, cloths))
