@@ -23,11 +23,13 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Any]:
 
 @kernel()
 def dot(a, b):
+    """Scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel()
 def cross(a, b):
+    """Vector product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 

@@ -35,6 +35,8 @@ class SparseLuSolver(LinearSolver):
 
 
 class SparseLuFactor(Factor):
+    """A factor of SuperLU."""
+
     def __init__(self, factor: SuperLU, vertices: int) -> None:
         super().__init__(vertices)
         self.factor = factor
@@ -97,6 +99,8 @@ class TriangleSolver(LinearSolver):
 
 
 class TriangleFactor(Factor):
+    """A factor of a package that is given the upper triangle in compressed rows."""
+
     def __init__(self, triangle: UpperTriangle) -> None:
         super().__init__(triangle.shape[0] // BLOCK)
         self.triangle = triangle
