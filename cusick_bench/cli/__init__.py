@@ -48,7 +48,7 @@ class Commands(TyperGroup):
         """The command of a name, or None."""
         if cmd_name not in COMMANDS:
             return None
-        command = get_command(import_module(f"{__name__}.{COMMANDS[cmd_name]}").app)
+        command: Any = get_command(import_module(f"{__name__}.{COMMANDS[cmd_name]}").app)
         command.name = cmd_name
         command.rich_help_panel = next(panel for panel, commands in PANELS.items() if cmd_name in commands)
         _tidy(command)

@@ -98,6 +98,23 @@ def local_torch(seed: int) -> Iterator[None]:
             torch.set_num_threads(threads)
 
 
+def same_distances(inputs: Float[Tensor, "points dimension"]) -> Float[Tensor, "points points"]:
+    """Points with the same mutual distances in as many coordinates as there are points.
+
+    A process whose coordinates share their length scale sees nothing but distances, so that it is fitted to these.
+
+    Args:
+        inputs: Points in many coordinates.
+
+    Returns:
+        Points in fewer.
+    """
+    products = inputs @ inputs.T
+    products = products - products.mean(0) - products.mean(1, keepdim=True) + products.mean()  # about the mean point
+    values, vectors = torch.linalg.eigh(products)
+    return vectors * values.clamp_min(0).sqrt()
+
+
 def fit(
     points: Float[np.ndarray, "points dimension"],
     losses: Sequence[float],
@@ -120,7 +137,7 @@ def fit(
     outcomes = _standardised(losses)
     dimension = inputs.shape[1]
     shared = dimension >= SHARED_FROM
-    fitted = _model(_span(inputs) if shared else inputs, outcomes, covariance, dimension)
+    fitted = _model(same_distances(inputs) if shared else inputs, outcomes, covariance, dimension)
     if last is not None and len(inputs) % AFRESH_EVERY:
         fitted.load_state_dict(last)
     _maximise_posterior(fitted)
@@ -202,14 +219,6 @@ def _standardised(losses: Sequence[float]) -> Float[Tensor, "points 1"]:
     values = -torch.as_tensor(digestible(losses))[:, None]
     spread = values.std() if len(values) > 1 else torch.tensor(0.0)
     return (values - values.mean()) / (spread if spread > 0 else 1.0)
-
-
-def _span(inputs: Float[Tensor, "points dimension"]) -> Float[Tensor, "points points"]:
-    """Points with the same mutual distances in as many coordinates as there are points."""
-    products = inputs @ inputs.T
-    products = products - products.mean(0) - products.mean(1, keepdim=True) + products.mean()  # about the mean point
-    values, vectors = torch.linalg.eigh(products)
-    return vectors * values.clamp_min(0).sqrt()
 
 
 def _model(inputs: Tensor, outcomes: Tensor, covariance: Covariance, dimension: int) -> Any:

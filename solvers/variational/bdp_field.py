@@ -6,7 +6,7 @@ next one are new, and those of the training specimen, whose fold phases say noth
 What is left to learn from is what samples of one cloth have in common, the statistics s of
 `cusick_bench.problem.statistics`, which scatter over specimens about m(theta) = E_w s(theta, w). The negative ELBO
 KL(q || prior) - E_q log N(s_observed; m(theta), V) has its minimum in closed form once m is linear; rounds of drapes of
-cloths drawn from q, each of a specimen of its own, regress m and V where q lies (`solvers/linearisation.py`). Slopes of
+cloths drawn from q, each of a specimen of its own, regress m and V where q lies (`linearisation`). Slopes of
 the drape coefficient, on which most hangs, are the median of its adjoints: the mean would be that of the few drapes on
 the brink of another fold, whose adjoints explode.
 
@@ -23,32 +23,24 @@ References:
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.problem import BudgetExceeded, DrapeProblem, FieldSpace, laid_like
-from cusick_bench.problem.field_space import DISCREPANCY, FIELDS, Trait
-from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.problem.field_space import FIELDS
 from cusick_bench.sim.cloth.shape import fade_in
-from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
 from cusick_bench.solvers.descent import rounds
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
-from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, PREDICTION, standard_normal
-from cusick_bench.solvers.variational.linearisation import PAIRS, LinearModel, Normal, linearise
+from cusick_bench.solvers.variational.cloth_inference import ClothInference, drawn_specimen
+from cusick_bench.solvers.variational.gaussian_posterior import PREDICTION, standard_normal
+from cusick_bench.solvers.variational.linearisation import Normal
 from cusick_bench.solvers.variational.predictive import predictive_draws, with_draws
-
-LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
-AREA = STATISTICS.index("area_log_odds")
-_DISCREPANCY = [DISCREPANCY.get(name, Trait(0.0, 0.0)) for name in STATISTICS]
-DISCREPANT_BY = np.array([one.mean for one in _DISCREPANCY])
-DISCREPANT_SD = np.array([one.sd for one in _DISCREPANCY])
 
 
 @dataclass(frozen=True)
@@ -86,14 +78,14 @@ class BdpField(Solver):
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         seed, finished = int(generator.integers(2**63)), False
-        incumbent, inference = Incumbent(problem), _Inference(problem, int(seed))
+        incumbent, inference = Incumbent(problem), ClothInference(problem, int(seed))
         with problem.meter.reserve(1):
             try:
                 inference.begin(match_bending_level(incumbent, self.search))
                 for number, cloths in enumerate([self.first, *[self.cloths] * self.rounds]):
                     progress(f"inference, round {number} of {self.rounds}", problem.meter.share)
                     inference.drape(cloths, adjoints=number > 0)
-                self._fit_specimen(incumbent, inference.q.mean)
+                self._fitdrawn_specimen(incumbent, inference.q.mean)
                 finished = True
             except BudgetExceeded:
                 pass
@@ -108,9 +100,9 @@ class BdpField(Solver):
     ) -> Float[np.ndarray, " dimension"]:
         """Draws a cloth, and the fields of a specimen of it."""
         q = Normal(posterior["mean"], posterior["root"])
-        return _specimen(q, standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension))
+        return drawn_specimen(q, standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension))
 
-    def _fit_specimen(self, incumbent: Incumbent, cloth: Float[np.ndarray, " cloth"]) -> None:
+    def _fitdrawn_specimen(self, incumbent: Incumbent, cloth: Float[np.ndarray, " cloth"]) -> None:
         """Fits the training image: the inferred cloth, laid down with the folds of the image, then all at once."""
         space = incumbent.problem.space
         assert isinstance(space, FieldSpace)
@@ -120,87 +112,6 @@ class BdpField(Solver):
         incumbent.value(tau)
         if self.refinement:
             rounds(incumbent, steps=self.refinement, rate=self.rate, iterations=2 * self.refinement)
-
-
-@dataclass
-class _Inference:
-    """q, and the drapes it was learned from.
-
-    Attributes:
-        problem: Who drapes.
-        seed: Of the run.
-        q: What is known of the cloth.
-        seen: The drape that happened to be nearest to the training image.
-        cloths, statistics: The drapes so far.
-        slopes: Of the area, at those of them that have adjoints.
-    """
-
-    problem: DrapeProblem
-    seed: int
-    q: Normal = field(init=False)
-    seen: Incumbent = field(init=False)
-    cloths: list[np.ndarray] = field(default_factory=list)
-    statistics: list[np.ndarray] = field(default_factory=list)
-    slopes: list[np.ndarray] = field(default_factory=list)
-    _axis: np.ndarray | None = None
-    _tried: int = 0
-    _model: LinearModel | None = None
-
-    def __post_init__(self) -> None:
-        cloth = self.problem.space.specimen_level.start
-        self.q = Normal(np.zeros(cloth), np.eye(cloth))
-        self.seen = Incumbent(self.problem)
-
-    def begin(self, level: float) -> None:
-        """The prior, but for the level of bending, that a search has found.
-
-        Args:
-            level: Log factor on all bending stiffnesses of the prior median.
-        """
-        direction = self.problem.space.bending_level(math.e)[: len(self.q.mean)]
-        self._axis = direction / np.linalg.norm(direction)
-        narrowed = np.eye(len(direction)) - (1 - LEVEL_SD) * np.outer(self._axis, self._axis)
-        self.q = Normal(level * direction, narrowed)
-
-    def drape(self, count: int, *, adjoints: bool) -> None:
-        """Drapes specimens of cloths from q, learns from all so far; from some of them where the budget ends."""
-        try:
-            for _ in range(count):
-                tau = _specimen(self.q, standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension))
-                self._tried += 1
-                try:
-                    self._keep(tau, adjoints)
-                except DrapeDiverged:
-                    continue
-        finally:
-            self._learn()
-
-    def _keep(self, tau: Float[np.ndarray, " dimension"], adjoint: bool) -> None:
-        """Drapes one specimen."""
-        cloth = len(self.q.mean)
-        if adjoint:
-            seen, slope = self.seen.observe_slope(tau, lambda image: drape_statistics(image)[AREA])
-            self.slopes.append(slope[:cloth])
-        else:
-            seen = self.seen.observe(tau)
-        self.cloths.append(tau[:cloth])
-        self.statistics.append(drape_statistics(torch.as_tensor(seen.image)).numpy())
-
-    def _learn(self) -> None:
-        if len(self.cloths) < PAIRS * len(self.q.mean):
-            return
-        observed = drape_statistics(torch.as_tensor(self.problem.train_image)).numpy() - DISCREPANT_BY
-        cloths, statistics = np.stack(self.cloths), np.stack(self.statistics)
-        weights = np.ones(len(cloths)) if self._model is None else self._model.nearness(cloths, observed)
-        known = {AREA: np.median(self.slopes, axis=0)} if self.slopes else {}
-        self._model = linearise(cloths, statistics, weights, self._axis, known)
-        self.q = replace(self._model, scatter=self._model.scatter + np.diag(DISCREPANT_SD**2)).posterior(observed)
-
-
-def _specimen(q: Normal, noise: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " dimension"]:
-    """A cloth from q with new weights."""
-    cloth = len(q.mean)
-    return np.concatenate([q.draw(noise[:cloth]), noise[cloth:]])
 
 
 def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:

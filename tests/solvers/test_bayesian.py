@@ -244,14 +244,14 @@ class TestProcess:
         points = generator.random((12, 40))
         losses = [float(np.square(point - 0.4).sum()) for point in points]
         monkeypatch.setattr(gaussian_process, "SHARED_FROM", 40)
-        spanned = gaussian_process._span(torch.as_tensor(points))
+        spanned = gaussian_process.same_distances(torch.as_tensor(points))
         assert spanned.shape == (12, 12)
         assert torch.cdist(spanned, spanned) == pytest.approx(
             torch.cdist(torch.as_tensor(points), torch.as_tensor(points)), abs=1e-6
         )
         predicted = []
-        for span in (gaussian_process._span, lambda inputs: inputs):
-            monkeypatch.setattr(gaussian_process, "_span", span)
+        for span in (gaussian_process.same_distances, lambda inputs: inputs):
+            monkeypatch.setattr(gaussian_process, "same_distances", span)
             with gaussian_process.local_torch(0):
                 surrogate = gaussian_process.fit(points, losses)
                 assert surrogate.lengthscale.shape == (1,)

@@ -16,7 +16,7 @@ from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.base import SolverError, silent
 from cusick_bench.solvers.reference.silhouettes import silhouette
 from cusick_bench.solvers.registry import make_solver
-from cusick_bench.solvers.variational.bdp_field import _Inference
+from cusick_bench.solvers.variational.cloth_inference import ClothInference
 from cusick_bench.solvers.variational.gaussian_posterior import Gaussian
 from cusick_bench.solvers.variational.linearisation import LinearModel, Normal, linearise
 from cusick_bench.solvers.variational.predictive import predictive_draws
@@ -244,18 +244,18 @@ class TestSolvers:
         assert again.image == pytest.approx(answer.draws[5], abs=1e-9)
 
     def test_a_kill_among_the_draws_keeps_those_made(self, name, tmp_path):
-        settings = {"space": make_solver(name).space, "budget": Budget(9)}
+        settings = {"space": make_solver(name).space, "budget": Budget(9), "vertices": 60}
         undisturbed = toy_problem(**settings, folder=tmp_path / "whole")
-        whole = _solve(f"{name},draws=20", undisturbed)
+        whole = _solve(f"{name},draws=12", undisturbed)
         killed = toy_problem(**settings, folder=tmp_path / "killed")
 
         def kill(evaluation):
-            if _draws_tried(killed) == 11:
+            if _draws_tried(killed) == 9:
                 raise KeyboardInterrupt
 
         killed.meter.observers.append(kill)
         with pytest.raises(KeyboardInterrupt):
-            _solve(f"{name},draws=20", killed)
+            _solve(f"{name},draws=12", killed)
         resumed = toy_problem(**settings, folder=tmp_path / "killed")
         simulated = []
         simulate = type(resumed).simulate
@@ -263,9 +263,9 @@ class TestSolvers:
             patch.setattr(
                 type(resumed), "simulate", lambda self, taus: simulated.append(len(taus)) or simulate(self, taus)
             )
-            answer = _solve(f"{name},draws=20", resumed)
+            answer = _solve(f"{name},draws=12", resumed)
         assert (answer.draws == whole.draws).all()
-        assert sum(simulated) <= _draws_tried(undisturbed) - 11  # one that fails is tried, and replaced
+        assert sum(simulated) <= _draws_tried(undisturbed) - 9  # one that fails is tried, and replaced
 
     def test_nonsense_options_are_refused(self, name):
         with pytest.raises(SolverError, match="draws must be"):
@@ -306,7 +306,7 @@ class TestLearning:
     def test_bdp_field_takes_off_what_the_simulator_misses(self):
         """Cloths whose asymmetry is their first number beside the photograph's: as far below as fabrics lie above."""
         problem = toy_problem(space="field")
-        inference, generator = _Inference(problem, seed=0), np.random.default_rng(4)
+        inference, generator = ClothInference(problem, seed=0), np.random.default_rng(4)
         observed = drape_statistics(torch.as_tensor(problem.train_image)).numpy()
         for _ in range(200):
             cloth = generator.standard_normal(len(inference.q.mean))

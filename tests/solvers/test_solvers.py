@@ -207,7 +207,8 @@ class TestFits:
             level = match_bending_level(incumbent, 10)
             reached = drape_coefficient(problem.image(problem.space.bending_level(math.exp(level))))
             assert reached == pytest.approx(drape_coefficient(problem.train_image), abs=0.01)
-            assert math.exp(level) == pytest.approx(truth, rel=0.5)
+            # the cloth is laid down as its silhouette suggests, not as it was: folds differ, and shift the level
+            assert math.exp(level) == pytest.approx(truth, rel=0.4)
 
     def test_homo_recovers_bending_stiffness(self):
         problem = toy_problem(bending=2.0, budget=Budget(100), laid_as_true=True)
