@@ -25,8 +25,9 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
 from cusick_bench.sim.engine.branch import Branch, follow
 from cusick_bench.sim.engine.drop import FACTOR_MEMORY
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.outcome import Outcome
 from cusick_bench.sim.torch_engine.drop import CPU_MEMORY

@@ -19,7 +19,8 @@ from torch import Tensor
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.drop import Stepper, too_far
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.outcome import flown_apart
 

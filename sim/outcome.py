@@ -16,8 +16,9 @@ from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibriu
 from cusick_bench.sim.engine.descent import FALLING
 from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint
 from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
 
 DROP_AT_REST = 0.05
@@ -98,7 +99,7 @@ class Outcome:
         dropped = [self._drop_group(p, laid, group, positions, memory if differentiate else None) for group in groups]
 
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
-            gradient, g_initial = ParameterGradient.zeros(self.system, len(laid)), np.zeros_like(g_x)
+            gradient, g_initial = self.system.zero_gradient(len(laid)), np.zeros_like(g_x)
             for group in dropped:
                 if group is not None:
                     group.add_gradient(g_x, gradient, g_initial)
@@ -172,7 +173,7 @@ class Outcome:
                 )
 
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
-            gradient, g_initial = ParameterGradient.zeros(system, len(laid)), np.zeros_like(g_x)
+            gradient, g_initial = system.zero_gradient(len(laid)), np.zeros_like(g_x)
             for member, rest in rests.items():
                 found, g_initial[member] = search.adjoint(p.member(member), rest, g_x[member])
                 gradient.put(member, found)

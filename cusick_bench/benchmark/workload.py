@@ -11,8 +11,9 @@ from torch import Tensor
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import Drape, DrapeSimulator
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem, Evaluation
 from cusick_bench.sim.linear.interface import Factor, LinearSolver, available_backends, solver
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
@@ -196,7 +197,7 @@ class Workload:
         x, flat, p = self.draped.vertices.detach().numpy()[None], self.mesh.flat[None], self.parameters.batch()
         diagonal, storage = p.mass, np.zeros((1, *blocks.shape))
         factor = system.linear.factorise(blocks)
-        multiplier, gradient = np.zeros_like(x), ParameterGradient.zeros(system, 1)
+        multiplier, gradient = np.zeros_like(x), system.zero_gradient(1)
         multiplier[:, system.free] = 1e-3
 
         def forces(exact: bool) -> Evaluation:

@@ -29,7 +29,8 @@ from cusick_bench.garment.errors import GarmentError
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine.system import Law, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import Law
 
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
 _MAXIMUM_BYTES = 2**30  # of one array

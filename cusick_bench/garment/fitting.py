@@ -24,8 +24,9 @@ from cusick_bench.garment.errors import GarmentError
 from cusick_bench.garment.motion import STILL, WaistMotion
 from cusick_bench.garment.skirt import Skirt
 from cusick_bench.sim.constants import GRAVITY
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.step_kernels import move, right_hand_side
-from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem, Law
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor
 

@@ -20,7 +20,8 @@ from numpy import ndarray
 
 from cusick_bench.sim.contact.barrier import ContactForces, SelfContact
 from cusick_bench.sim.contact.matrix import ContactMatrix
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import NotPositiveDefinite
 

@@ -29,7 +29,8 @@ from cusick_bench.sim.contact.intersections import checked_positions
 from cusick_bench.sim.contact.matrix import ContactMatrix
 from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
 from cusick_bench.sim.engine.equilibrium import equilibrium_adjoint
-from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
+from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 AT_REST = 0.05  # net force below which the cloth no longer falls, as a fraction of its weight

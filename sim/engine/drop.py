@@ -19,8 +19,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.step_kernels import move, right_hand_side
-from cusick_bench.sim.engine.system import DrapeSystem, Evaluation, ParameterGradient, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem, Evaluation
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
@@ -220,7 +221,7 @@ def drop_adjoint(
     p = parameters if batch else parameters.batch()
     positions, velocities = (states if batch else states[:, None] for states in (rollout.positions, rollout.velocities))
     g_x = g_x.copy() if batch else g_x[None].copy()
-    gradient = ParameterGradient.zeros(system, len(g_x))
+    gradient = system.zero_gradient(len(g_x))
     g_v, g_anchor, multiplier = np.zeros_like(g_x), np.zeros_like(g_x), np.zeros_like(g_x)
     h, mass, free = step_seconds, p.mass, system.free
     ones, stepper = np.ones_like(mass), Stepper(system, mass, h)

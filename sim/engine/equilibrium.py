@@ -13,7 +13,8 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
-from cusick_bench.sim.engine.system import DrapeSystem, ParameterGradient, Parameters
+from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.linear.interface import Factor
 
@@ -168,7 +169,7 @@ def equilibrium_adjoint(
     """
     if rest.factor is None:
         raise DrapeDiverged(f"no gradient: the drape has not converged (residual {rest.residual:.2g} of the weight)")
-    gradient = ParameterGradient.zeros(system)
+    gradient = system.zero_gradient()
     multiplier = np.zeros_like(g_x)
     multiplier[system.free] = rest.factor.solve(g_x[system.free])
     by_x, by_anchor = system.adjoint(

@@ -10,13 +10,15 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.engine import assembly, face_kernels, hinge_kernels
 from cusick_bench.sim.engine.elements import Elements, elements_of
 from cusick_bench.sim.engine.layout import BlockLayout, GatherTables, block_layout, gather_tables
+from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.workspace import Workspace
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.laws import tables
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
@@ -24,101 +26,6 @@ from cusick_bench.sim.threads import check_fork, thread_pool
 
 Law = Literal["paper", "published"]
 _LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Numbers of one simulated cloth, or of a batch (every array then has a leading axis), as the kernels take them.
-
-    Attributes:
-        stretch: C, one shared table (1, 6, 4) or one per face [N/m].
-        bending: B, one shared table (1, 3, 5) or one per hinge [N m].
-        mass: Vertex masses [kg].
-        rest_angle: Stress-free dihedral angle of every hinge [rad].
-    """
-
-    stretch: Float[ndarray, "*members stretch_tables 6 4"]
-    bending: Float[ndarray, "*members bending_tables 3 5"]
-    mass: Float[ndarray, "*members vertices"]
-    rest_angle: Float[ndarray, "*members hinges"]
-
-    def batch(self) -> "Parameters":
-        """This cloth as a batch of one."""
-        return Parameters(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
-
-    def member(self, index: int) -> "Parameters":
-        """One cloth of this batch.
-
-        Args:
-            index: Place of the cloth in the batch.
-
-        Returns:
-            Its parameters, in the same memory.
-        """
-        return Parameters(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
-
-    def take(self, members: Int[ndarray, "some"]) -> "Parameters":
-        """Some cloths of this batch.
-
-        Args:
-            members: Places of the cloths in the batch, ascending.
-
-        Returns:
-            Their parameters.
-        """
-        if len(members) == len(self.mass):
-            return self
-        return Parameters(self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members])
-
-
-@dataclass(frozen=True)
-class ParameterGradient:
-    """Derivatives of a scalar to the parameters, per element even where one table is shared; batched as they are."""
-
-    stretch: Float[ndarray, "*members faces 6 4"]
-    bending: Float[ndarray, "*members hinges 3 5"]
-    mass: Float[ndarray, "*members vertices"]
-    rest_angle: Float[ndarray, "*members hinges"]
-
-    @classmethod
-    def zeros(cls, system: "DrapeSystem", *members: int) -> "ParameterGradient":
-        """A gradient to add to.
-
-        Args:
-            system: Mesh of the cloths.
-            *members: Number of cloths, for a batch.
-
-        Returns:
-            Zeros.
-        """
-        faces, hinges = len(system.elements.faces), len(system.elements.hinges)
-        shapes = ((faces, 6, 4), (hinges, 3, 5), (system.mesh.vertices,), (hinges,))
-        return cls(*(np.zeros((*members, *shape)) for shape in shapes))
-
-    def batch(self) -> "ParameterGradient":
-        """This gradient as that of a batch of one, in the same memory."""
-        return ParameterGradient(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
-
-    def member(self, index: int) -> "ParameterGradient":
-        """One member's gradient.
-
-        Args:
-            index: Place of the cloth in the batch.
-
-        Returns:
-            Its gradient, in the same memory.
-        """
-        return ParameterGradient(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
-
-    def put(self, members: int | Int[ndarray, "some"], found: "ParameterGradient") -> None:
-        """Sets the gradients of some members, in place.
-
-        Args:
-            members: Place or places in the batch.
-            found: Their gradients.
-        """
-        for mine, theirs in zip(vars(self).values(), vars(found).values(), strict=True):
-            mine[members] = theirs
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +117,7 @@ class DrapeSystem:
         loose = (np.flatnonzero(~self.fixed[faces].all(1)), np.flatnonzero(~self.fixed[hinges].all(1)), self.free)
         return {True: (np.arange(len(faces)), np.arange(len(hinges)), np.arange(self.mesh.vertices)), False: loose}
 
-    def _work(self, members: int, everywhere: bool = False) -> "Workspace":
+    def _work(self, members: int, everywhere: bool = False) -> Workspace:
         """Element buffers, used again at every evaluation of as many members."""
         key = (members, everywhere)
         if key not in self._workspaces:
@@ -219,7 +126,7 @@ class DrapeSystem:
         return self._workspaces[key]
 
     @cached_property
-    def _workspaces(self) -> dict[tuple[int, bool], "Workspace"]:
+    def _workspaces(self) -> dict[tuple[int, bool], Workspace]:
         return {}
 
     def evaluate(
@@ -301,6 +208,19 @@ class DrapeSystem:
         state = self.evaluate(x[None], anchor[None], p.batch(), exact=exact, everywhere=True)
         return state.force()[0], state.matrix(diagonal=self.spring[None])[0], float(state.energy()[0])
 
+    def zero_gradient(self, *members: int) -> ParameterGradient:
+        """A gradient to add to.
+
+        Args:
+            *members: Number of cloths, for a batch.
+
+        Returns:
+            Zeros for every face, hinge and vertex.
+        """
+        faces, hinges = len(self.elements.faces), len(self.elements.hinges)
+        shapes = ((faces, 6, 4), (hinges, 3, 5), (self.mesh.vertices,), (hinges,))
+        return ParameterGradient(*(np.zeros((*members, *shape)) for shape in shapes))
+
     def gather(
         self, face_vector: ndarray, hinge_vector: ndarray, factor: ndarray, everywhere: bool = True
     ) -> Float[ndarray, "members vertices 3"]:
@@ -380,45 +300,6 @@ class DrapeSystem:
         gradient.mass[:] -= force_factor * self.gravity * multiplier[..., 2]
         pull = force_factor * self.spring[:, None] * multiplier
         return self.gather(work.face_vector, work.hinge_vector, work.ones) - pull, pull
-
-
-@dataclass(frozen=True, eq=False)
-class Workspace:
-    """Element results of a batch; see `face_kernels` and `hinge_kernels` for shapes and units."""
-
-    face_energy: ndarray
-    face_vector: ndarray
-    face_blocks: ndarray
-    hinge_energy: ndarray
-    hinge_vector: ndarray
-    hinge_moment: ndarray
-    hinge_stiffness: ndarray
-    ones: ndarray
-    no_blocks: ndarray
-    _exact: list[ndarray]
-
-    @classmethod
-    def of(cls, elements: Elements, members: int) -> "Workspace":
-        """Buffers for the elements of a mesh.
-
-        Args:
-            elements: Faces and hinges.
-            members: Number of cloths.
-
-        Returns:
-            The buffers, zero.
-        """
-        faces, hinges = (members, len(elements.faces)), (members, len(elements.hinges))
-        return cls(
-            np.zeros(faces), np.zeros((*faces, 3, 3)), np.zeros((*faces, 6, 9)), np.zeros(hinges),
-            np.zeros((*hinges, 12)), np.zeros(hinges), np.zeros(hinges), np.ones(hinges), np.zeros((0, 0, 10, 9)), [],
-        )  # fmt: skip
-
-    def exact_blocks(self) -> Float[ndarray, "members hinges 10 9"]:
-        """Hinge blocks of the exact Hessian, made when first asked for."""
-        if not self._exact:
-            self._exact.append(np.zeros((*self.hinge_energy.shape, 10, 9)))
-        return self._exact[0]
 
 
 @dataclass(frozen=True, eq=False)

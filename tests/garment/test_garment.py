@@ -37,7 +37,8 @@ from cusick_bench.sim.cloth.obj import read_obj
 from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.elements import elements_of
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 
 SIZE = SkirtSize(waist=0.11, length=0.4, hem=0.25)

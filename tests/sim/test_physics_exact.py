@@ -22,8 +22,9 @@ from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem, Law
 
 GRAVITY = 9.8  # [m/s2]
 STRAIN_SAMPLE = ((7 / 6) ** 2 - 1) / 2  # Green strain at a stretch of 1 + 1/6

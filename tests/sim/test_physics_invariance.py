@@ -10,7 +10,8 @@ from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.engine.drop import drop
 from cusick_bench.sim.engine.equilibrium import equilibrium
-from cusick_bench.sim.engine.system import DrapeSystem, Law, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem, Law
 from cusick_bench.sim.linear.interface import NotPositiveDefinite
 
 LAWS: list[Law] = ["paper", "published"]

@@ -39,8 +39,8 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import effect, registered
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import Parameters
 from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.sim.setup import Setup, drape_setups

@@ -14,7 +14,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.world.fields import Field
 from cusick_bench.withheld.world.placed_disc import Outline

@@ -17,7 +17,8 @@ from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.world.drop import STEPS, drop
 from cusick_bench.withheld.world.fabric import Fabric, fabric_of
 from cusick_bench.withheld.world.fields import matern_field

@@ -13,7 +13,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.history import Rank, State, StateLaw
 from cusick_bench.sim.setup import Setup
 

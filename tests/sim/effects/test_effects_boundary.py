@@ -12,8 +12,8 @@ from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import apply_all, effect, parse
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import Parameters
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup, drape_setups
 

@@ -19,8 +19,9 @@ from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import apply_all, effect, parse
 from cusick_bench.sim.effects.history.bending_friction import HINGE_SHARE, YIELD_CURVATURE, HingeFriction
 from cusick_bench.sim.effects.history.shear_friction import YIELD_SHEAR
+from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.history import Rank, State, StateLaw, drop_with_history
 from cusick_bench.sim.setup import Setup, drape_setups

@@ -8,7 +8,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.constants import CLOTH_RADIUS
-from cusick_bench.sim.engine.system import DrapeSystem, Parameters
+from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.world.fields import Field, matern_field
 from cusick_bench.withheld.world.scene import Remembering, Scene, Surface, Vertices, unit
 

@@ -1,0 +1,86 @@
+"""Numbers of a simulated cloth as the kernels take them, and the derivatives of a scalar to them."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Numbers of one simulated cloth, or of a batch (every array then has a leading axis), as the kernels take them.
+
+    Attributes:
+        stretch: C, one shared table (1, 6, 4) or one per face [N/m].
+        bending: B, one shared table (1, 3, 5) or one per hinge [N m].
+        mass: Vertex masses [kg].
+        rest_angle: Stress-free dihedral angle of every hinge [rad].
+    """
+
+    stretch: Float[ndarray, "*members stretch_tables 6 4"]
+    bending: Float[ndarray, "*members bending_tables 3 5"]
+    mass: Float[ndarray, "*members vertices"]
+    rest_angle: Float[ndarray, "*members hinges"]
+
+    def batch(self) -> "Parameters":
+        """This cloth as a batch of one."""
+        return Parameters(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
+
+    def member(self, index: int) -> "Parameters":
+        """One cloth of this batch.
+
+        Args:
+            index: Place of the cloth in the batch.
+
+        Returns:
+            Its parameters, in the same memory.
+        """
+        return Parameters(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
+
+    def take(self, members: Int[ndarray, "some"]) -> "Parameters":
+        """Some cloths of this batch.
+
+        Args:
+            members: Places of the cloths in the batch, ascending.
+
+        Returns:
+            Their parameters.
+        """
+        if len(members) == len(self.mass):
+            return self
+        return Parameters(self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members])
+
+
+@dataclass(frozen=True)
+class ParameterGradient:
+    """Derivatives of a scalar to the parameters, per element even where one table is shared; batched as they are."""
+
+    stretch: Float[ndarray, "*members faces 6 4"]
+    bending: Float[ndarray, "*members hinges 3 5"]
+    mass: Float[ndarray, "*members vertices"]
+    rest_angle: Float[ndarray, "*members hinges"]
+
+    def batch(self) -> "ParameterGradient":
+        """This gradient as that of a batch of one, in the same memory."""
+        return ParameterGradient(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
+
+    def member(self, index: int) -> "ParameterGradient":
+        """One member's gradient.
+
+        Args:
+            index: Place of the cloth in the batch.
+
+        Returns:
+            Its gradient, in the same memory.
+        """
+        return ParameterGradient(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
+
+    def put(self, members: int | Int[ndarray, "some"], found: "ParameterGradient") -> None:
+        """Sets the gradients of some members, in place.
+
+        Args:
+            members: Place or places in the batch.
+            found: Their gradients.
+        """
+        for mine, theirs in zip(vars(self).values(), vars(found).values(), strict=True):
+            mine[members] = theirs
