@@ -2,7 +2,8 @@
 
 Seeds are resampled within each cloth (stratified): the statement is about these cloths. Where a cloth has only one
 seed, or seeds change nothing, that would say nothing, so each cloth counts by its mean over seeds and the cloths are
-resampled. Two solvers are compared on the same resampled cells: what a cloth does to both cancels.
+resampled. Two solvers are compared on the same resampled cells: what a cloth does to both cancels. SciPy resamples the
+strata; which units they hold is decided here.
 
 References:
     R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare. Deep reinforcement learning at the

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.text import TextTable, text_table, typed
+from cusick_bench.runner.environment import code_text
 
 _STYLES = {"null": "yellow", "oracle": "magenta", "floor": "cyan", "solver": "bold"}
 _LATEX = str.maketrans(
@@ -139,7 +140,7 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
         "dataset_hash": board.dataset_hash,
         "protocol": board.protocol,
         "command": typed(board.run.get("command", "")),
-        "code_version": row.code_version,
+        "code_version": row.code_version or code_text(board.run),
         "hardware": " ".join(str(board.run.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
     }
 
