@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "architecture.svg"
 WIDTH, MARGIN, NAMES = 1180, 16, 132  # [px] of the picture, around it, and of the column of package names
 LINE, GAP, FLOOR_GAP = 30, 6, 14  # [px] height of a line of boxes, between boxes, and between floors
-CHARACTER, PADDING = 6.7, 9  # [px] of a letter at 12 px, and beside the letters in a box
+CHARACTER, PADDING, ARROW = 6.7, 10, 18  # [px] of a letter at 12 px, beside the letters in a box, of an arrow
 STYLE = (
     "text{font:12px system-ui,sans-serif;fill:#1d2b2a}.name{font-weight:600;font-size:13px}"
     ".floor{fill:#e3f0ee;stroke:#7aa9a3}.box{fill:#fff;stroke:#7aa9a3}.sign{fill:#5b7a76}"
@@ -51,11 +51,11 @@ def _boxes(layers: list[list[str]], left: float, top: float) -> tuple[list[str],
     for number, layer in enumerate(reversed(layers)):
         words = ", ".join(layer)
         width = len(words) * CHARACTER + 2 * PADDING
-        if x + width > WIDTH - MARGIN - PADDING and x > left:
+        if x + ARROW + width > WIDTH - MARGIN - PADDING and x > left:
             x, y = left, y + LINE
         if number:
             drawn.append(_text(x, y + 19, "→", "sign"))
-            x += 18
+            x += ARROW
         drawn.append(f'<rect class="box" x="{x:g}" y="{y + 3:g}" width="{width:g}" height="{LINE - 6}" rx="4"/>')
         drawn.append(_text(x + PADDING, y + 19, words))
         x += width + GAP

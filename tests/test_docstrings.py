@@ -12,6 +12,9 @@ COMPLETE = (
     "datasets",
     "cusick_bench/problem",
     "cusick_bench/metrics",
+    "cusick_bench/runner",
+    "cusick_bench/leaderboard",
+    "cusick_bench/benchmark",
     "cusick_bench/report",
 )
 """Folders in which nothing is missing."""
