@@ -25,6 +25,8 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import available_backends
 
+pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
+
 CLOTH = uniform_material(density=0.192, bending=1.4e-5)
 
 
@@ -101,41 +103,43 @@ def test_importing_and_simulating_leave_environment_and_numba_as_they_were():
     assert run.stdout.strip() == "unchanged", run.stderr
 
 
-_PRINT_DRAPE = """
-import hashlib, torch
+_PRINT_DRAPES = """
+import hashlib, numba, torch
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.engine.settings import DrapeSettings
 cloth = uniform_material(density=0.192, bending=1.4e-5)
 cloth.bending.requires_grad_()
-digest = hashlib.sha256()
-for mode in ("drop", "equilibrium"):
-    drape = DrapeSimulator(disc_mesh(297), DrapeSettings(mode=mode)).drape(cloth)
-    drape.vertices.square().sum().backward()
-    digest.update(drape.vertices.detach().numpy().tobytes() + cloth.bending.grad.numpy().tobytes())
-print(digest.hexdigest())
+for threads in (1, 2):
+    numba.set_num_threads(threads)
+    digest = hashlib.sha256()
+    for mode in ("drop", "equilibrium"):
+        cloth.bending.grad = None
+        drape = DrapeSimulator(disc_mesh(297), DrapeSettings(mode=mode)).drape(cloth)
+        drape.vertices.square().sum().backward()
+        digest.update(drape.vertices.detach().numpy().tobytes() + cloth.bending.grad.numpy().tobytes())
+    print(digest.hexdigest())
 """
 
 
 def test_bits_do_not_depend_on_the_number_of_threads():
-    found = set()
-    for threads in ("1", "2"):
-        environment = {"NUMBA_NUM_THREADS": threads, "OMP_NUM_THREADS": threads, "PATH": "/usr/bin:/bin"}
-        run = subprocess.run(
-            [sys.executable, "-c", _PRINT_DRAPE], env=environment, capture_output=True, text=True, check=True
-        )
-        found.add(run.stdout.strip())
-    assert len(found) == 1
+    environment = {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2", "PATH": "/usr/bin:/bin"}
+    run = subprocess.run(
+        [sys.executable, "-c", _PRINT_DRAPES], env=environment, capture_output=True, text=True, check=True
+    )
+    one, two = run.stdout.split()
+    assert one == two
 
 
 @pytest.mark.parametrize("mode", ["drop", "equilibrium"])
 def test_gradients_of_the_whole_pipeline_equal_central_differences(mode):
-    check = GradientCheck(DrapeSimulator(disc_mesh(150), DrapeSettings(mode=mode, tolerance=1e-12)))
-    for name in NAMES:
-        for per_element in (False, True):
-            error = check.error(name, per_element=per_element)
-            assert error.branch_changed or error.relative_error < 1e-5, error
+    check = GradientCheck(DrapeSimulator(disc_mesh(100), DrapeSettings(mode=mode, tolerance=1e-12)))
+    errors = [check.error(name, per_element=per_element) for name in NAMES for per_element in (False, True)]
+    smooth = [error for error in errors if not error.branch_changed]
+    assert len(smooth) >= 5  # a jump to another rest has no derivative, but is rare
+    for error in smooth:
+        assert error.relative_error < 1e-6, error
 
 
 def test_gradient_check_sees_a_wrong_gradient():

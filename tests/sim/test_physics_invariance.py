@@ -14,6 +14,8 @@ from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import DrapeSystem, Law
 from cusick_bench.sim.linear.interface import NotPositiveDefinite
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 LAWS: list[Law] = ["paper", "published"]
 
 
