@@ -2,8 +2,8 @@
 
 python tests/faults/planted_faults.py [NAME ...]     # exit status 1 where a fault is not caught; minutes
 
-The same tests must pass in the copy before anything is planted. No fault lies in a compiled kernel, as compiling all that
-calls it anew would take a minute more for each.
+The same tests must pass in the copy before anything is planted. No fault lies in a compiled kernel: what calls it would
+be compiled anew, which takes a minute more.
 """
 
 import os
