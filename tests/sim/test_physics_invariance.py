@@ -95,7 +95,8 @@ def test_renumbering_vertices_and_faces_changes_nothing(law: Law):
 
 def _swapped(stretch: ndarray, bending: ndarray) -> tuple[ndarray, ndarray]:
     """The same cloth with warp and weft exchanged: c11 <-> c22, directions 0 .. 90 reversed."""
-    return stretch[[0, 5, 4, 3, 2, 1]][:, [2, 1, 0, 3]], bending[::-1]
+    # contiguous: kernels would be compiled again for arrays with strides
+    return np.ascontiguousarray(stretch[[0, 5, 4, 3, 2, 1]][:, [2, 1, 0, 3]]), np.ascontiguousarray(bending[::-1])
 
 
 @pytest.mark.parametrize("law", LAWS)
