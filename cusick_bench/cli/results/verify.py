@@ -12,7 +12,8 @@ from cusick_bench.cli.options import Cloths, Json, RunsData, RunsFabricsCsv, See
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.source import load_data_of
-from cusick_bench.leaderboard.verification.resimulate import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, SHAPE
+from cusick_bench.leaderboard.verification.resimulate import REDRAWN
 from cusick_bench.leaderboard.verification.submit import altered, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import Verification, keep, verify_cell
 from cusick_bench.sim.setup import Simulators

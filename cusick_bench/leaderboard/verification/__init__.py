@@ -1,4 +1,5 @@
 """From reported to verified.
 
-resimulate: one cell done again; verify: a whole run; submit: its rows for a committed table.
+comparison: what may differ by how much; resimulate: one cell done again; verify: a whole run;
+submit: its rows for a committed table.
 """

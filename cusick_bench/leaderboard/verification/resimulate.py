@@ -9,7 +9,7 @@ are drawn and draped again; of all others the pictures are rendered again from s
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from math import inf, isnan, nan
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,14 @@ from torch import Tensor
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.verification.comparison import (
+    PIXEL,
+    ROUNDED,
+    Check,
+    largest,
+    moved,
+    relative,
+)
 from cusick_bench.metrics import from_levels, score
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
@@ -31,39 +39,10 @@ from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
 
-# What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
-MATERIAL = 1e-9  # stiffness, of its largest
-SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
-PIXEL = 0.02  # of 1: what that shift can do to a pixel that the rim crosses
-ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
-METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
-METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
 REDRAWN = 8  # draws of a posterior that are draped again
 _RERENDERED = 20  # draws whose pictures are made again from stored shapes
 
 _NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}
-
-
-@dataclass(frozen=True)
-class Check:
-    """One thing that was compared.
-
-    Attributes:
-        name: What.
-        difference: By how much stored and repeated differ.
-        tolerance: By how much they may.
-        detail: Both values, or what is wrong.
-    """
-
-    name: str
-    difference: float
-    tolerance: float
-    detail: str = ""
-
-    @property
-    def holds(self) -> bool:
-        """Whether they agree; what is not a number does not."""
-        return bool(self.difference <= self.tolerance)
 
 
 @dataclass(frozen=True)
@@ -165,7 +144,7 @@ def repeat(
         return _made_again(stored, cell, dataset)
     unlimited = replace(cell, settings=replace(cell.settings, budget=Budget()))
     problem = build_problem(dataset, unlimited, simulators=simulators)
-    target = _largest("training image", stored["train_target"], problem.train_image, 1e-6)
+    target = largest("training image", stored["train_target"], problem.train_image, 1e-6)
     if "tau" not in stored or "vertices" not in stored:
         note = "not simulated again: no parameters are stored; the stored pictures were scored again"
         return Repetition(_as_stored(stored), (target,), (note,), simulated=False, same_draws=True)
@@ -194,33 +173,6 @@ def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[s
     return score(repetition.prediction, dataset.sample(cell.train[0]), tests, repeat_pairs=pairs)
 
 
-def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws: bool) -> Iterator[Check]:
-    """Compares stored metrics with those of a repetition; what only one of them knows is left out.
-
-    Scores of the stored draws themselves must come out the same but for the arithmetic of another machine.
-
-    Args:
-        stored: Metrics of the cell's `result.json`.
-        again: Metrics of the repetition.
-        same_draws: Whether the stored draws themselves were scored again.
-
-    Returns:
-        A comparison a metric.
-    """
-    for name, value in again.items():
-        if name not in stored:
-            continue
-        claimed = nan if stored[name] is None else float(stored[name])
-        detail = f"stored {claimed:.6g}, now {value:.6g}"
-        if isnan(claimed) or isnan(value):
-            yield Check(name, 0.0 if isnan(claimed) and isnan(value) else inf, 0.0, detail)
-        else:
-            relative, absolute = (
-                (METRIC_SAME, SLACK_SAME) if same_draws and name.startswith("test_") else (METRIC, SLACK)
-            )
-            yield Check(name, abs(claimed - value), relative * abs(value) + absolute, detail)
-
-
 def _image(dataset: DrapeDataset, row: int) -> Float[ndarray, "256 256"]:
     return np.asarray(dataset.image(row), dtype=np.float64)
 
@@ -244,7 +196,7 @@ def _made_again(stored: dict[str, ndarray], cell: Cell, dataset: DrapeDataset) -
         if result["status"] != "done":
             raise LeaderboardError(f"{cell.solver} cannot be made again: {result['failure']}")
         again = load_prediction(store.folder(cell.key))
-    checks = tuple(_largest(_NAMES[name], stored[name], again[name], 1e-6) for name in _NAMES)
+    checks = tuple(largest(_NAMES[name], stored[name], again[name], 1e-6) for name in _NAMES)
     return Repetition(_as_stored(again), checks, same_draws=True, metrics=result["metrics"])
 
 
@@ -268,13 +220,13 @@ def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[
         )
     material, vertices, image = _draped(problem, stored["tau"], stored["vertices"])
     checks += tuple(
-        _relative(name, stored[name], getattr(material, name).numpy())
+        relative(name, stored[name], getattr(material, name).numpy())
         for name in ("stretch", "bending", "density")
         if name in stored
     )
-    checks += (_moved("shape [m]", stored["vertices"], vertices), _largest("fit", stored["train_image"], image, PIXEL))
+    checks += (moved("shape [m]", stored["vertices"], vertices), largest("fit", stored["train_image"], image, PIXEL))
     if _is_the_fit(stored):
-        checks += (_largest("draws", stored["draws"][0] / 255, image, PIXEL + ROUNDED),)
+        checks += (largest("draws", stored["draws"][0] / 255, image, PIXEL + ROUNDED),)
     return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
 
 
@@ -306,8 +258,8 @@ def _with_draws(
         for place in chosen:
             tau = solver.redraw(problem, posterior, int(numbers[place]))
             _, vertices, image = _draped(problem, tau, shapes[place])
-            moved = _moved("shapes of redraws [m]", shapes[place], vertices)
-            pairs.append((moved, _largest("redraws", stored["draws"][place] / 255, image, PIXEL + ROUNDED)))
+            shift = moved("shapes of redraws [m]", shapes[place], vertices)
+            pairs.append((shift, largest("redraws", stored["draws"][place] / 255, image, PIXEL + ROUNDED)))
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
@@ -350,21 +302,3 @@ def _rendered(stored: dict[str, ndarray], problem: DrapeProblem) -> Iterator[Che
         worst = max(worst, float(np.abs(stored["draws"][place] / 255 - image).max()))
     tolerance = ROUNDED if shapes.dtype == np.float64 else PIXEL
     yield Check("pictures of draws", worst, tolerance, f"a pixel differs by {worst:.2g}")
-
-
-def _moved(name: str, stored: ndarray, again: ndarray) -> Check:
-    shift = float(np.linalg.norm(stored - again, axis=1).max(initial=0.0)) if stored.shape == again.shape else inf
-    return Check(name, shift, SHAPE, f"a vertex moves by {shift:.2g} m")
-
-
-def _largest(name: str, stored: ndarray, again: ndarray, tolerance: float) -> Check:
-    if np.shape(stored) != np.shape(again):
-        return Check(name, inf, tolerance, f"stored {np.shape(stored)}, now {np.shape(again)}")
-    worst = float(np.abs(np.asarray(stored, dtype=np.float64) - again).max(initial=0.0))
-    return Check(name, worst, tolerance, f"largest difference {worst:.2g}")
-
-
-def _relative(name: str, stored: ndarray, again: ndarray) -> Check:
-    check = _largest(name, stored, again, MATERIAL)
-    size = float(np.abs(again).max(initial=0.0)) or 1.0
-    return replace(check, difference=check.difference / size, detail=f"{check.difference / size:.2g} of its largest")

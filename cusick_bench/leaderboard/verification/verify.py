@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.leaderboard.verification.comparison import Check, equal, metric_checks
 from cusick_bench.leaderboard.verification.resimulate import (
     REDRAWN,
-    Check,
     cell_of,
-    metric_checks,
     read_record,
     repeat,
     rescore,
@@ -183,17 +182,10 @@ def _identity_checks(
     folder: Path, record: dict[str, Any], result: dict[str, Any], dataset: DrapeDataset
 ) -> Iterator[Check]:
     """Whether the cell is what it is called, and the data are what it says."""
-    yield _equal("record", record_key(record), folder.name)
+    yield equal("record", record_key(record), folder.name)
     changed = [name for name, value in record.items() if result.get(name) != value]
-    yield _equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")
-    yield _equal("data", dataset.content_hash, str(record.get("dataset_hash")))
-
-
-def _equal(name: str, found: str, claimed: str) -> Check:
-    same = found == claimed
-    return Check(
-        name, 0.0 if same else float("inf"), 0.0, "" if same else f"{found[:60] or 'none'}, not {claimed[:60]}"
-    )
+    yield equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")
+    yield equal("data", dataset.content_hash, str(record.get("dataset_hash")))
 
 
 def _digests(folder: Path) -> dict[str, str]:

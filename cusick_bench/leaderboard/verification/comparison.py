@@ -1,0 +1,132 @@
+"""Comparisons of what a cell stored with what is made again from it, and by how much the two may differ."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import inf, isnan, nan
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+# What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
+MATERIAL = 1e-9  # stiffness, of its largest
+SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
+PIXEL = 0.02  # of 1: what that shift can do to a pixel that the rim crosses
+ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
+METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
+METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was compared.
+
+    Attributes:
+        name: What.
+        difference: By how much stored and repeated differ.
+        tolerance: By how much they may.
+        detail: Both values, or what is wrong.
+    """
+
+    name: str
+    difference: float
+    tolerance: float
+    detail: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether they agree; what is not a number does not."""
+        return bool(self.difference <= self.tolerance)
+
+
+def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws: bool) -> Iterator[Check]:
+    """Compares stored metrics with those of a repetition; what only one of them knows is left out.
+
+    Scores of the stored draws themselves must come out the same but for the arithmetic of another machine.
+
+    Args:
+        stored: Metrics of the cell's `result.json`.
+        again: Metrics of the repetition.
+        same_draws: Whether the stored draws themselves were scored again.
+
+    Returns:
+        A comparison a metric.
+    """
+    for name, value in again.items():
+        if name not in stored:
+            continue
+        claimed = nan if stored[name] is None else float(stored[name])
+        detail = f"stored {claimed:.6g}, now {value:.6g}"
+        if isnan(claimed) or isnan(value):
+            yield Check(name, 0.0 if isnan(claimed) and isnan(value) else inf, 0.0, detail)
+        else:
+            relative, absolute = (
+                (METRIC_SAME, SLACK_SAME) if same_draws and name.startswith("test_") else (METRIC, SLACK)
+            )
+            yield Check(name, abs(claimed - value), relative * abs(value) + absolute, detail)
+
+
+def equal(name: str, found: str, claimed: str) -> Check:
+    """Compares two texts, such as hashes.
+
+    Args:
+        name: What is compared.
+        found: What is there.
+        claimed: What is said to be there.
+
+    Returns:
+        The comparison, which holds only where they are the same.
+    """
+    same = found == claimed
+    return Check(
+        name, 0.0 if same else float("inf"), 0.0, "" if same else f"{found[:60] or 'none'}, not {claimed[:60]}"
+    )
+
+
+def moved(name: str, stored: ndarray, again: ndarray) -> Check:
+    """Compares two shapes by the largest shift of a vertex.
+
+    Args:
+        name: What is compared.
+        stored: Positions [m].
+        again: The same, made again [m].
+
+    Returns:
+        The comparison, within `SHAPE`.
+    """
+    shift = float(np.linalg.norm(stored - again, axis=1).max(initial=0.0)) if stored.shape == again.shape else inf
+    return Check(name, shift, SHAPE, f"a vertex moves by {shift:.2g} m")
+
+
+def largest(name: str, stored: ndarray, again: ndarray, tolerance: float) -> Check:
+    """Compares two arrays by their largest difference.
+
+    Args:
+        name: What is compared.
+        stored: One of them.
+        again: The same, made again.
+        tolerance: By how much they may differ.
+
+    Returns:
+        The comparison; arrays of other shapes do not agree.
+    """
+    if np.shape(stored) != np.shape(again):
+        return Check(name, inf, tolerance, f"stored {np.shape(stored)}, now {np.shape(again)}")
+    worst = float(np.abs(np.asarray(stored, dtype=np.float64) - again).max(initial=0.0))
+    return Check(name, worst, tolerance, f"largest difference {worst:.2g}")
+
+
+def relative(name: str, stored: ndarray, again: ndarray) -> Check:
+    """Compares two tables of stiffness by their largest difference, relative to the largest entry.
+
+    Args:
+        name: What is compared.
+        stored: One of them.
+        again: The same, made again.
+
+    Returns:
+        The comparison, within `MATERIAL`.
+    """
+    check = largest(name, stored, again, MATERIAL)
+    size = float(np.abs(again).max(initial=0.0)) or 1.0
+    return replace(check, difference=check.difference / size, detail=f"{check.difference / size:.2g} of its largest")
