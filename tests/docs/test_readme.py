@@ -1,8 +1,11 @@
 """The README is short, and its leaderboard says what the committed table says."""
 
 import csv
+import importlib
 import re
 from pathlib import Path
+
+from finished_cell import CLOTHS, held_out_images, write_cell
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -37,3 +40,17 @@ def test_leaderboard_says_what_the_committed_table_says():
         interval = f"[{_short(row['test_mse_low'])}, {_short(row['test_mse_high'])}]"
         scores = [_short(row["train_mse"]), f"{_short(row['test_mse'])} {interval}"]
         assert cells[3:7] == [row["kind"], row["cells"], *scores]
+
+
+def test_the_block_is_made_of_a_results_folder(toy_dataset, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    maker = importlib.import_module("readme_leaderboard")
+    for cloth in CLOTHS:
+        write_cell(tmp_path, toy_dataset, "null:copy", cloth, held_out_images(toy_dataset, cloth)[:1])
+    block = maker.block(tmp_path)
+    assert block.startswith("`make bench`")
+    assert "| null:copy | null | 2 |" in block
+    changed = maker.BLOCK.sub(lambda _: block, README)
+    assert "| null:copy | null | 3 |" not in changed
+    assert changed.split("<!-- leaderboard:begin -->")[0] == README.split("<!-- leaderboard:begin -->")[0]
+    assert changed.split("<!-- leaderboard:end -->")[1] == README.split("<!-- leaderboard:end -->")[1]
