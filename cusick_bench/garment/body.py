@@ -42,15 +42,25 @@ class Body:
             )
 
     def radius(self, height: Float[ndarray, "..."]) -> Float[ndarray, "..."]:
-        """Radius at a height [m]."""
+        """Radius of the body at some heights.
+
+        Args:
+            height: Height above the waist [m].
+
+        Returns:
+            The radius [m].
+        """
         along = np.clip(-np.asarray(height) / self.hip_depth, 0, 1)
         return self.waist + (self.hip - self.waist) * 0.5 * (1 - np.cos(np.pi * along))
 
     def depth(self, x: Float[ndarray, "*batch 3"]) -> tuple[Float[ndarray, "*batch"], Float[ndarray, "*batch 3"]]:
-        """Depth below the surface [m], negative outside, and outward normals.
+        """Depth of points below the surface.
 
         Args:
             x: Positions in the body's frame [m].
+
+        Returns:
+            Depths [m], negative outside, and outward unit normals.
         """
         distance = np.hypot(x[..., 0], x[..., 1])
         along = np.clip(-x[..., 2] / self.hip_depth, 0, 1)
@@ -62,5 +72,13 @@ class Body:
 
 
 def contact_stiffness(mass: Float[ndarray, "*batch"], gravity: float) -> Float[ndarray, "*batch"]:
-    """Spring of the contact of vertices of given mass [N/m]."""
+    """Stiffness of the spring that presses vertices out of the body.
+
+    Args:
+        mass: Masses of the vertices [kg].
+        gravity: Acceleration of gravity [m/s2].
+
+    Returns:
+        The stiffness [N/m].
+    """
     return mass * gravity / _OWN_DEPTH

@@ -43,14 +43,14 @@ class Cloth:
     """What a garment is made of.
 
     Attributes:
-        name: For people.
+        name: Name of the cloth; a colour in it is used for pictures.
         source: `posterior`, `elements` or `spread`.
         law: Material law that the tables are meant for.
         density: Areal density [kg/m2].
         stretch: Median C; of several, every element gets one at random [N/m].
-        bending: Median B, likewise [N m].
-        stretch_sd: Sd of log C between elements.
-        bending_sd: Sd of log B between elements.
+        bending: Median B; of several, every element gets one at random [N m].
+        stretch_sd: Standard deviation of log C between elements.
+        bending_sd: Standard deviation of log B between elements.
     """
 
     name: str
@@ -70,6 +70,9 @@ class Cloth:
             members: Number of draws.
             generator: Source of randomness.
 
+        Returns:
+            A batch of cloths.
+
         Raises:
             GarmentError: No draws.
         """
@@ -83,7 +86,13 @@ class Cloth:
         return Parameters(stretch, bending, np.tile(mass, (members, 1)), np.zeros((members, len(mesh.hinges))))
 
     def spread_by(self, spread: float) -> "Cloth":
-        """This cloth with one sd for all entries; a posterior keeps its own.
+        """This cloth with one standard deviation for all entries; a posterior keeps its own.
+
+        Args:
+            spread: Standard deviation of log stiffness between elements.
+
+        Returns:
+            The cloth.
 
         Raises:
             GarmentError: A negative sd.
@@ -111,7 +120,10 @@ def cloth_of_numbers(
         bending: Bending stiffness of hinges at 0, 45, 90 degrees [N m].
         stretch: Membrane stiffness [N/m].
         shear: Shear stiffness [N/m].
-        spread: Sd of log stiffness between elements.
+        spread: Standard deviation of log stiffness between elements.
+
+    Returns:
+        The cloth.
 
     Raises:
         CusickError: A value out of range.
@@ -130,7 +142,11 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
 
     Args:
         folder: The cell's folder, with `cell.json` and `prediction.npz`.
-        spread: Sd of log stiffness between elements, where the fit has neither a posterior nor tables per element.
+        spread: Standard deviation of log stiffness between elements, where the fit has neither a posterior nor tables
+            per element.
+
+    Returns:
+        The cloth.
 
     Raises:
         GarmentError: No such folder, a damaged file, a predictor without stiffness, or tables of another problem.

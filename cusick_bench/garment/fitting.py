@@ -32,8 +32,8 @@ from cusick_bench.sim.linear.interface import Factor
 
 AT_REST = 0.003  # [m/s] root-mean-square speed below which a skirt counts as at rest
 AIR = 4.0  # [1/s] drag; cloth of 0.2 kg/m2 sinks flat at some 2.5 m/s, its weight balanced
-_CHECKED = 10  # steps between looks whether it is
-_FITS = 0.005  # [m] most that the start may lie inside the body
+_STEPS_BETWEEN_CHECKS = 10  # of whether all skirts are at rest
+_DEEPEST_START = 0.005  # [m] most that the start may lie inside the body
 _FAR = 20.0  # a skirt that moves farther than so many times its size has blown up
 
 
@@ -42,9 +42,9 @@ class State:
     """Skirts of a batch at one time.
 
     Attributes:
-        positions: [m].
-        velocities: [m/s].
-        time: Of the waist's motion [s].
+        positions: Positions of the vertices [m].
+        velocities: Velocities of the vertices [m/s].
+        time: Time since the waist's motion began [s].
     """
 
     positions: Float[ndarray, "members vertices 3"]
@@ -81,12 +81,23 @@ class Fitting:
     ) -> "Fitting":  # fmt: skip
         """Puts a batch of skirts on a body.
 
+        Args:
+            skirt: The pattern.
+            parameters: A batch of cloths.
+            law: Material law.
+            body: What the skirt is worn on, or None.
+            gravity: Acceleration along -z [m/s2].
+            drag: Deceleration by the air per velocity [1/s].
+
+        Returns:
+            The skirts on the body.
+
         Raises:
             GarmentError: The body is too wide for the skirt.
         """
         if body is not None:
             depth, _ = body.depth(skirt.start[~skirt.waist])
-            if depth.max() > _FITS:
+            if depth.max() > _DEEPEST_START:
                 raise GarmentError(
                     f"the body must fit into the skirt, but it is {depth.max():.3f} m too wide (hip {body.hip} m); "
                     "take a wider hem or narrower hips, or a hip of 0 for no body"
@@ -95,11 +106,27 @@ class Fitting:
         return cls(skirt, system, parameters, body, drag)
 
     def start(self, laid: Float[ndarray, "members vertices 3"]) -> State:
-        """The skirts as they are put on, at rest."""
+        """The skirts as they are put on, at rest.
+
+        Args:
+            laid: Positions [m].
+
+        Returns:
+            The state at time 0.
+        """
         return State(laid, np.zeros_like(laid))
 
     def step(self, state: State, motion: WaistMotion, h: float, old: Factor | None = None) -> tuple[State, Factor]:
-        """One time step of h [s]; `old` is a factor whose storage is used again.
+        """Makes one time step.
+
+        Args:
+            state: State before the step.
+            motion: Motion of the waist.
+            h: Step [s].
+            old: A factor whose storage is used again.
+
+        Returns:
+            State after the step, and the factor of its matrix.
 
         Raises:
             DrapeDiverged: A skirt flies apart.
@@ -184,7 +211,7 @@ def hang(
     state, factor = fitting.start(laid), None
     for step in range(max(round(seconds / step_seconds), 1)):
         state, factor = fitting.step(state, STILL, step_seconds, factor)
-        if (step + 1) % _CHECKED == 0 and (state.speeds() < AT_REST).all():
+        if (step + 1) % _STEPS_BETWEEN_CHECKS == 0 and (state.speeds() < AT_REST).all():
             break
     return State(state.positions, state.velocities), state.speeds() < AT_REST
 
@@ -198,8 +225,8 @@ def walk(
     Args:
         fitting: The skirts.
         rest: Where they hang when the motion begins.
-        motion: Of the waist.
-        settle: How long to look on after the waist has stopped [s].
+        motion: Motion of the waist.
+        settle: Time that is simulated after the waist has stopped [s].
         step_seconds: Step [s].
         every: Steps between frames.
 

@@ -48,7 +48,14 @@ class SkirtMeasures:
 
 
 def closed_waist(skirt: Skirt) -> Int[ndarray, "faces_and_cap 3"]:
-    """The skirt's faces and a fan that closes the waist."""
+    """The skirt's faces and a fan that closes the waist.
+
+    Args:
+        skirt: The pattern.
+
+    Returns:
+        Vertex indices of all triangles.
+    """
     held = np.flatnonzero(skirt.waist)
     ring = held[np.argsort(np.arctan2(skirt.start[held, 1], skirt.start[held, 0]))]
     fan = np.column_stack([np.full(len(ring) - 2, ring[0]), ring[1:-1], ring[2:]])
@@ -56,7 +63,14 @@ def closed_waist(skirt: Skirt) -> Int[ndarray, "faces_and_cap 3"]:
 
 
 def pixels_per_metre(skirt: Skirt) -> float:
-    """Scale at which the flat skirt fills the picture [px/m]."""
+    """Scale at which the flat skirt fills the picture.
+
+    Args:
+        skirt: The pattern.
+
+    Returns:
+        The scale [px/m].
+    """
     return IMAGE_SIZE / (2 * _MARGIN * (skirt.size.waist + skirt.size.length))
 
 
@@ -65,18 +79,42 @@ def _camera(skirt: Skirt) -> ParallelCamera:
 
 
 def seen_from_above(skirt: Skirt, positions: Float[ndarray, "vertices 3"]) -> Float[ndarray, "size size"]:
-    """Silhouette from above, front below, waist closed."""
+    """Silhouette from above, front below, waist closed.
+
+    Args:
+        skirt: The pattern.
+        positions: Positions of its vertices [m].
+
+    Returns:
+        Coverage of each pixel, cloth = 1.
+    """
     return render(torch.from_numpy(positions), closed_waist(skirt), _camera(skirt), size=IMAGE_SIZE).numpy()
 
 
 def seen_from_front(skirt: Skirt, positions: Float[ndarray, "vertices 3"]) -> Float[ndarray, "size size"]:
-    """Silhouette from the front, to the same scale, half the length below the waist in the middle."""
+    """Silhouette from the front, to the scale of that from above, half the length below the waist in the middle.
+
+    Args:
+        skirt: The pattern.
+        positions: Positions of its vertices [m].
+
+    Returns:
+        Coverage of each pixel, cloth = 1.
+    """
     turned = np.column_stack([positions[:, 0], positions[:, 2] + skirt.size.length / 2, -positions[:, 1]])
     return render(torch.from_numpy(turned), skirt.mesh.faces, _camera(skirt), size=IMAGE_SIZE).numpy()
 
 
 def measure(skirt: Skirt, positions: Float[ndarray, "vertices 3"]) -> SkirtMeasures:
-    """Measures a hanging skirt whose waist lies in the plane z = 0 about the z axis."""
+    """Measures a hanging skirt whose waist lies in the plane z = 0 about the z axis.
+
+    Args:
+        skirt: The pattern.
+        positions: Positions of its vertices [m].
+
+    Returns:
+        The measures.
+    """
     hem = positions[skirt.hem]
     radius = np.hypot(hem[:, 0], hem[:, 1])
     places = np.linspace(0, len(radius), _ANGLES, endpoint=False)  # the hem's vertices are evenly spaced
@@ -94,7 +132,14 @@ def measure(skirt: Skirt, positions: Float[ndarray, "vertices 3"]) -> SkirtMeasu
 
 
 def vertex_spread(positions: Float[ndarray, "draws vertices 3"]) -> Float[ndarray, "vertices"]:
-    """Standard deviation of every vertex's position between draws [m]; NaN of a single draw."""
+    """Standard deviation of every vertex's position between draws.
+
+    Args:
+        positions: Positions in each draw [m].
+
+    Returns:
+        The standard deviation of each vertex [m]; NaN of a single draw.
+    """
     draws = len(positions)
     if draws < 2:
         return np.full(positions.shape[1], np.nan)
@@ -102,7 +147,16 @@ def vertex_spread(positions: Float[ndarray, "draws vertices 3"]) -> Float[ndarra
 
 
 def spread(positions: Float[ndarray, "draws vertices 3"], measures: list[SkirtMeasures]) -> dict[str, Any]:
-    """Means over the draws, standard deviations between them (NaN of a single draw), and the vertices' spread [m]."""
+    """How much draws of the same cloth differ.
+
+    Args:
+        positions: Positions in each draw [m].
+        measures: Measures of each draw.
+
+    Returns:
+        `mean` over the draws and `sd` between them (NaN of a single draw) of each measure, and root mean square
+        and maximum of the vertices' standard deviations [m].
+    """
     columns = {name: np.array([asdict(each)[name] for each in measures], dtype=float) for name in asdict(measures[0])}
     between = {name: float(values.std(ddof=1)) if len(values) > 1 else float("nan") for name, values in columns.items()}
     moved = vertex_spread(positions)

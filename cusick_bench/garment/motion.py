@@ -16,8 +16,8 @@ class WaistMotion:
     Attributes:
         sway: Amplitude A along the weft [m], sideways of the wearer.
         turn: Amplitude of the turn about z [rad].
-        period: T [s].
-        seconds: How long it lasts [s]; afterwards the waist is still.
+        period: Period T [s].
+        seconds: How long the motion lasts [s]; afterwards the waist is still.
 
     Raises:
         GarmentError: A value out of range.
@@ -42,7 +42,14 @@ class WaistMotion:
         return float(fade * fade * (3 - 2 * fade) * np.sin(2 * np.pi * time / self.period))
 
     def pose(self, time: float) -> tuple[Float[ndarray, "3 3"], Float[ndarray, "3"]]:
-        """Rotation and shift [m] of the waist at a time [s]."""
+        """Pose of the waist at a time.
+
+        Args:
+            time: Time since the motion began [s].
+
+        Returns:
+            Rotation matrix and shift [m].
+        """
         wave = self._wave(time)
         cosine, sine = np.cos(self.turn * wave), np.sin(self.turn * wave)
         rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

@@ -26,8 +26,6 @@ from cusick_bench.sim.cloth.obj import write_obj
 
 _IN_ROW = 6
 _MOST_SHOWN = 12  # draws in one picture
-_MOVING_PICTURES = 36
-_ROUND_PICTURES = 18
 
 
 def _save(path: Path, picture: ndarray) -> None:
@@ -40,9 +38,19 @@ def _save_silhouette(path: Path, image: Float[ndarray, "size size"]) -> None:
 
 
 def write_rest(
-    folder: Path, skirt: Skirt, positions: Float[ndarray, "draws vertices 3"], name: str, body: Body | None
-) -> None:
-    """Writes meshes, silhouettes and pictures of skirts at rest."""
+    folder: Path, skirt: Skirt, positions: Float[ndarray, "draws vertices 3"], name: str, body: Body | None, *,
+    pictures: int = 18,
+) -> None:  # fmt: skip
+    """Writes meshes, silhouettes and pictures of skirts at rest.
+
+    Args:
+        folder: Where to write.
+        skirt: The pattern.
+        positions: Positions of the vertices in each draw [m].
+        name: Name of the cloth; a colour in it is used.
+        body: What the skirts are worn on, or None.
+        pictures: Number of pictures all the way round.
+    """
     shown = []
     for number, x in enumerate(positions):
         stem = f"draw_{number:04d}"
@@ -53,18 +61,29 @@ def write_rest(
             shown.append(draw_skirt(skirt, x, name, body))
             _save(folder / f"{stem}.png", shown[-1])
     _save(folder / "spread.png", strip(shown, min(len(shown), _IN_ROW)))
-    round_about = turntable(skirt, positions[0], name, body, _ROUND_PICTURES)
+    round_about = turntable(skirt, positions[0], name, body, pictures)
     save_gif(folder / "turntable.gif", round_about, 0.1)
     _save(folder / "turntable.png", strip(round_about[:: len(round_about) // _IN_ROW], _IN_ROW))
 
 
 def write_motion(
     folder: Path, skirt: Skirt, times: Float[ndarray, "frames"], frames: Float[ndarray, "frames draws vertices 3"],
-    motion: WaistMotion, name: str, body: Body | None,
+    motion: WaistMotion, name: str, body: Body | None, *, most_pictures: int = 36,
 ) -> None:  # fmt: skip
-    """Writes the frames of all draws, and pictures of the first in motion."""
+    """Writes the frames of all draws, and pictures of the first in motion.
+
+    Args:
+        folder: Where to write.
+        skirt: The pattern.
+        times: Times of the frames [s].
+        frames: Positions of the vertices in each frame and draw [m].
+        motion: Motion of the waist.
+        name: Name of the cloth; a colour in it is used.
+        body: What the skirts are worn on, or None.
+        most_pictures: Most pictures of the animation; of more frames some are left out.
+    """
     np.savez_compressed(folder / "motion.npz", times=times, positions=frames.astype(np.float32), faces=skirt.mesh.faces)
-    every = max(1, -(-len(times) // _MOVING_PICTURES))
+    every = max(1, -(-len(times) // most_pictures))
     pictures = [
         draw_skirt(skirt, x[0], name, body, pose=motion.pose(time))
         for time, x in zip(times[::every], frames[::every], strict=True)

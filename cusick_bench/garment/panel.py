@@ -40,11 +40,19 @@ class Sector:
 
     @property
     def area(self) -> float:
-        """[m2]."""
+        """Area [m2]."""
         return 0.5 * self.opening * (self.outer**2 - self.inner**2)
 
     def inside(self, points: Float[ndarray, "points 2"], margin: float) -> Bool[ndarray, "points"]:
-        """Which points lie within by more than `margin` [m]."""
+        """Which points lie inside of the sector.
+
+        Args:
+            points: Material coordinates [m].
+            margin: Least distance from the border [m].
+
+        Returns:
+            True for each such point.
+        """
         radius, angle = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
         within = (radius > self.inner + margin) & (radius < self.outer - margin)
         if self.closed:
@@ -53,13 +61,29 @@ class Sector:
         return within & (to_side > margin)
 
     def arc(self, radius: float, spacing: float) -> Float[ndarray, "points 2"]:
-        """Evenly spaced points of an arc, counter-clockwise, both ends included (one where they meet)."""
+        """Evenly spaced points of an arc, counter-clockwise, both ends included (one where they meet).
+
+        Args:
+            radius: Radius of the arc [m].
+            spacing: Distance between neighbouring points [m], met nearly.
+
+        Returns:
+            The points [m].
+        """
         pieces = max(round(radius * self.opening / spacing), 3)
         angle = np.linspace(-self.opening / 2, self.opening / 2, pieces + 1)[: pieces if self.closed else None]
         return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
     def side(self, sign: int, spacing: float) -> Float[ndarray, "points 2"]:
-        """Points of a straight side between the arcs, from the inner one outwards."""
+        """Evenly spaced points of a straight side between the arcs, from the inner one outwards.
+
+        Args:
+            sign: 1 for the side at positive angles, -1 for the other.
+            spacing: Distance between neighbouring points [m], met nearly.
+
+        Returns:
+            The points [m].
+        """
         pieces = max(round((self.outer - self.inner) / spacing), 2)
         radius = np.linspace(self.inner, self.outer, pieces + 1)[1:-1, None]
         return radius * [np.cos(self.opening / 2), sign * np.sin(self.opening / 2)]
@@ -75,7 +99,7 @@ class Panel:
         inner: Vertices of the inner arc, counter-clockwise.
         outer: Vertices of the outer arc, counter-clockwise.
         right: Vertices of the side at negative angles, from the inner to the outer arc, ends included; empty in a ring.
-        left: Those of the side at positive angles.
+        left: Vertices of the side at positive angles, likewise.
     """
 
     points: Float[ndarray, "vertices 2"]
@@ -93,6 +117,9 @@ def mesh_sector(sector: Sector, spacing: float, generator: np.random.Generator) 
         sector: Its shape.
         spacing: Distance between neighbouring vertices [m].
         generator: Source of the jitter; another one gives another mesh with the same border.
+
+    Returns:
+        The mesh.
     """
     sides = () if sector.closed else (sector.side(-1, spacing), sector.side(1, spacing))
     border = [sector.arc(sector.inner, spacing), sector.arc(sector.outer, spacing), *sides]

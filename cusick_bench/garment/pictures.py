@@ -32,15 +32,18 @@ def draw_skirt(
     view: View = SIDE,
     pose: tuple[Float[ndarray, "3 3"], Float[ndarray, "3"]] | None = None,
 ) -> UInt8[ndarray, "height width 4"]:
-    """A skirt in three dimensions.
+    """Draws a skirt in three dimensions.
 
     Args:
         skirt: Its pattern.
-        positions: Of its vertices [m].
-        name: Of the cloth; a colour in it is taken.
-        body: What it is worn on; none leaves the waist's disc alone.
-        view: Where from.
+        positions: Positions of its vertices [m].
+        name: Name of the cloth; a colour in it is used.
+        body: What it is worn on; without one only the waist's disc is drawn.
+        view: Point of view.
         pose: Rotation and shift of the waist [m].
+
+    Returns:
+        The picture, with an opacity channel.
     """
     scale = _DROP / skirt.size.length
     rotation, shift = pose or (np.eye(3), np.zeros(3))
@@ -72,13 +75,32 @@ def _stand(
 def turntable(
     skirt: Skirt, positions: Float[ndarray, "vertices 3"], name: str, body: Body | None, pictures: int
 ) -> list[UInt8[ndarray, "height width 4"]]:
-    """Pictures all the way round."""
+    """Draws a skirt from all sides.
+
+    Args:
+        skirt: Its pattern.
+        positions: Positions of its vertices [m].
+        name: Name of the cloth; a colour in it is used.
+        body: What it is worn on, or None.
+        pictures: Number of pictures.
+
+    Returns:
+        The pictures.
+    """
     azimuths = SIDE.azimuth + np.arange(pictures) * (360 / pictures)
     return [draw_skirt(skirt, positions, name, body, replace(SIDE, azimuth=float(angle))) for angle in azimuths]
 
 
 def strip(pictures: Sequence[UInt8[ndarray, "height width 4"]], columns: int) -> UInt8[ndarray, "rows columns 4"]:
-    """Pictures side by side, in rows."""
+    """Puts pictures side by side, in rows.
+
+    Args:
+        pictures: Pictures of one size.
+        columns: Number of pictures in a row.
+
+    Returns:
+        One picture.
+    """
     blank = [np.zeros_like(pictures[0])] * (-len(pictures) % columns)
     filled = [*pictures, *blank]
     rows = [np.concatenate(filled[at : at + columns], axis=1) for at in range(0, len(filled), columns)]
@@ -91,7 +113,7 @@ def save_gif(path: Path, pictures: Sequence[UInt8[ndarray, "height width 4"]], s
     Args:
         path: File to write.
         pictures: Its frames.
-        seconds: Time of one frame [s].
+        seconds: Time for which each frame is shown [s].
     """
     frames = []
     for picture in pictures:

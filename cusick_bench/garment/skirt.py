@@ -76,7 +76,14 @@ class Skirt:
     hem: Int[ndarray, "hem"]
 
     def laid(self, field: SmoothField) -> Float[ndarray, "vertices 3"]:
-        """The start with the cloth undulating by `field` [m] across its surface; it fades in below the waist."""
+        """The start with the cloth undulating across its surface; the undulation fades in below the waist.
+
+        Args:
+            field: Height of the undulation over the material [m].
+
+        Returns:
+            Positions [m].
+        """
         fall = np.hypot(*(self.start[:, :2]).T) - self.size.waist
         ramp = np.clip(fall / max(fall.max(), 1e-9) / 0.2, 0, 1)
         return self.start + (field(self.mesh.material) * ramp * ramp * (3 - 2 * ramp))[:, None] * self._normal
@@ -104,7 +111,10 @@ def circular_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> S
     Args:
         size: Its measures.
         vertices: Size of the mesh, met within some percent.
-        seed: Of the mesh.
+        seed: Seed of the mesh.
+
+    Returns:
+        The skirt.
 
     Raises:
         GarmentError: Too few vertices.
@@ -122,7 +132,10 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
     Args:
         size: Its measures.
         vertices: Size of the mesh, met within some percent.
-        seed: Of the mesh.
+        seed: Seed of the mesh.
+
+    Returns:
+        The skirt.
 
     Raises:
         GarmentError: Too few vertices.

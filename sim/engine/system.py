@@ -85,6 +85,24 @@ class DrapeSystem:
         object.__setattr__(other, "elements", elements)
         return other
 
+    def with_mesh(self, mesh: Mesh) -> "DrapeSystem":
+        """This system with its material points elsewhere; it shares the analysis of this one.
+
+        Args:
+            mesh: The same faces over other material points.
+
+        Returns:
+            A system whose elements are those of the given mesh.
+
+        Raises:
+            SimulationError: Other faces.
+        """
+        if not np.array_equal(mesh.faces, self.mesh.faces):
+            raise SimulationError("an analysis is shared by meshes of the same faces only; make a new system")
+        other = self.with_elements(elements_of(mesh))
+        object.__setattr__(other, "mesh", mesh)
+        return other
+
     @cached_property
     def free(self) -> ndarray:
         """Indices of the vertices that move."""

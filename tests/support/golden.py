@@ -21,6 +21,7 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent))  # when run as a script
 
+from cusick_bench.withheld.world.world import World
 from toy_problem import toy_image, toy_problem
 
 from cusick_bench.benchmark import functions
@@ -47,7 +48,6 @@ from cusick_bench.sim.setup import Setup, drape_setups
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
 from cusick_bench.withheld import NUMERICS_VERSION as WITHHELD
-from cusick_bench.withheld.world.world import World
 
 PATH = Path(__file__).resolve().parents[1] / "golden" / "numerics.json"
 EXACT, SHORT, LIBRARY = 1e-9, 1e-6, 1e-4

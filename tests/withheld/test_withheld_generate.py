@@ -15,7 +15,7 @@ from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.seal import holds, salt_of, seal, sealed
 from cusick_bench.withheld.suite import generate as generate_module
 from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, MULTIPLES, OUTSIDE, plan_suite
-from cusick_bench.withheld.suite.detectable import Detectable, read_detectable
+from cusick_bench.withheld.suite.detectable import DetectableSeverities, read_detectable
 from cusick_bench.withheld.suite.generate import Suite, generate
 from cusick_bench.withheld.suite.labels import label_of
 from cusick_bench.withheld.world.fabric import fabric_of
@@ -156,9 +156,9 @@ def test_effects_and_severities_are_spread_evenly_in_an_order_that_tells_nothing
     assert [plan.case for plan in plans[:2]] == ["case_0001", "case_0002"]
 
 
-def flat(**severity: float) -> Detectable:
+def flat(**severity: float) -> DetectableSeverities:
     """The same in every fabric."""
-    return Detectable((0.0,), {name.replace("_", "-"): (value,) for name, value in severity.items()})
+    return DetectableSeverities((0.0,), {name.replace("_", "-"): (value,) for name, value in severity.items()})
 
 
 def test_severities_are_multiples_of_the_detectable_shift_where_it_is_known():
@@ -168,7 +168,7 @@ def test_severities_are_multiples_of_the_detectable_shift_where_it_is_known():
         draw = EFFECTS[name]
         reference = {"plate-tilt": 0.7}.get(name, draw.typical)
         assert abs(value[draw.severity]) == pytest.approx(min(plan.multiple * reference, draw.most), rel=1e-3)
-        label = label_of(plan)
+        label = label_of(plan).content()
         known = name == "plate-tilt"
         assert label.get("multiple") == (plan.multiple if known else None)
         assert label.get("multiple_of_typical") == (None if known else plan.multiple)
@@ -177,7 +177,7 @@ def test_severities_are_multiples_of_the_detectable_shift_where_it_is_known():
 def test_the_detectable_shift_is_that_of_the_fabric():
     """A camera's offset that a limp cloth hides: only fabrics are drawn in which the multiple can be."""
     limp, stiff = -9.0, -4.0
-    table = Detectable((limp, stiff), {"camera-offset": (0.012, 0.0005)})
+    table = DetectableSeverities((limp, stiff), {"camera-offset": (0.012, 0.0005)})
     plans = plan_suite(6, {"null": 0, "single": 88, "pair": 0, "unknown": 0}, table)
     checked = 0
     for plan in (plan for plan in plans if "camera-offset" in plan.causes):
@@ -192,7 +192,7 @@ def test_the_detectable_shift_is_that_of_the_fabric():
 
 
 def test_where_no_fabric_shows_an_effect_severities_are_typical_ones():
-    table = Detectable((-9.0, -4.0), {"plate-tilt": (None, 2.0)})
+    table = DetectableSeverities((-9.0, -4.0), {"plate-tilt": (None, 2.0)})
     plans = plan_suite(4, {"null": 0, "single": 84, "pair": 0, "unknown": 0}, table)
     assert {plan.reference for plan in plans} == {"typical"}
     assert table.at("plate-tilt", -4.0) == pytest.approx(2.0)
@@ -219,7 +219,7 @@ def test_a_table_of_severities_that_is_none_is_refused(tmp_path, text, message):
 def test_labels_have_the_agreed_form():
     plans = plan_suite(4, {"null": 1, "single": 88, "pair": 10, "unknown": 8})
     for plan in plans:
-        label = label_of(plan)
+        label = label_of(plan).content()
         assert {"effect", "class", "severity", "parameters", "location", "oracle_closure"} <= set(label)
         if plan.kind == "null":
             assert label["effect"] == label["class"] == "none"

@@ -12,15 +12,15 @@ from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE
-from cusick_bench.withheld.world import drop as drop_module
+from cusick_bench.withheld.world.drop import gravity_vector
 from cusick_bench.withheld.world.fields import matern_field
-from cusick_bench.withheld.world.laws import LAWS, contact, history, imaging, law, material
+from cusick_bench.withheld.world.laws import LAWS, contact, law, material
 from cusick_bench.withheld.world.laws import OUTSIDE as OUTSIDE_LAWS
 from cusick_bench.withheld.world.photograph import PIXEL, photograph
 from cusick_bench.withheld.world.placed_disc import on_plate, placed
-from cusick_bench.withheld.world.scene import Scene, unit
-from cusick_bench.withheld.world.scene_system import Stage
-from cusick_bench.withheld.world.world import World
+from cusick_bench.withheld.world.scene import Scene, unit_vector
+from cusick_bench.withheld.world.scene_system import SceneSystems
+from cusick_bench.withheld.world.true_case import TrueCase
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
 
@@ -41,7 +41,7 @@ def pictures():
     """The first sample's pictures of a limp cloth under a cause."""
 
     def take(causes):
-        return list(World((3, 2), causes, VERTICES, STEPS).pictures(1))
+        return list(TrueCase((3, 2), causes, VERTICES, STEPS).pictures(1))
 
     return take
 
@@ -130,8 +130,8 @@ def test_fields_are_matern():
 
 
 def test_the_bending_discretisation_differs_but_not_on_average():
-    stage = Stage(400, 5)
-    system = stage.system(scene())
+    systems = SceneSystems(400, 5)
+    system = systems.system_of(scene())
     plain = DrapeSystem(system.mesh, "paper", 0.0, system.fixed, system.spring).elements
     ratio = system.elements.hinge_weight / plain.hinge_weight
     assert system.elements.hinge_weight.mean() == pytest.approx(plain.hinge_weight.mean())
@@ -141,7 +141,7 @@ def test_the_bending_discretisation_differs_but_not_on_average():
 
 def test_a_roll_has_its_curvature():
     """Turning of the tangent over the mean disc chord is the curvature times the way."""
-    surface = material.rolled(30.0, unit(90.0))
+    surface = material.rolled(30.0, unit_vector(90.0))
     s = np.linspace(-0.15, 0.15, 2001)
     x, y, z = surface(np.column_stack([np.full_like(s, 0.02), s])).T
     slope = np.unwrap(np.arctan2(np.diff(z), np.diff(y)))
@@ -157,21 +157,21 @@ def test_a_patch_weighs_what_the_packages_own_would(number):
     """ln of the factor at the centre, and its integral, 2 pi size^2 times that."""
     one = replace(scene(), seed=(number,))
     value = {"stiffening": 1.1, "direction": 40.0, "radius": 0.12, "size": 0.02}
-    field = material.local_stiff_patch(one, value).log_bending[0]
-    assert field(0.12 * unit(40.0)[None])[0] == pytest.approx(1.1, rel=1e-3)
+    field = law("local-stiff-patch")(one, value).log_bending[0]
+    assert field(0.12 * unit_vector(40.0)[None])[0] == pytest.approx(1.1, rel=1e-3)
     axis = np.arange(-0.2, 0.2, 5e-4)
     grid = np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2)
     assert field(grid).sum() * 25e-8 == pytest.approx(1.1 * 2 * np.pi * 0.02**2, rel=0.02)
-    assert field(0.12 * unit(220.0)[None])[0] == pytest.approx(0, abs=1e-6)
+    assert field(0.12 * unit_vector(220.0)[None])[0] == pytest.approx(0, abs=1e-6)
 
 
 def test_a_hem_is_at_the_rim_and_not_at_the_plate():
-    field = material.rim_stiffening(scene(), {"stiffening": 1.1, "width": 0.01}).log_bending[0]
+    field = law("rim-stiffening")(scene(), {"stiffening": 1.1, "width": 0.01}).log_bending[0]
     np.testing.assert_allclose(field(np.array([[0.149, 0.0], [0.0, -0.12], [0.09, 0.0]])), [1.1, 0, 0], atol=1e-3)
 
 
 def _one_case(vertices=150):
-    system = Stage(vertices, 5).system(scene())
+    system = SceneSystems(vertices, 5).system_of(scene())
     faces, hinges = len(system.elements.faces), len(system.elements.hinges)
     p = Parameters(
         np.ones((faces, 6, 4)), np.full((hinges, 3, 5), 1e-5), np.full(system.mesh.vertices, 1e-5), np.zeros(hinges)
@@ -182,7 +182,7 @@ def _one_case(vertices=150):
 def test_bending_friction_opens_a_loop_of_its_couple():
     """At one hinge, moment over weight and B, going up less going down, is twice the hinge's share of HB / B."""
     system, p = _one_case()
-    memory = history.bending_friction(scene(), {"ratio": 30.0}).memories[0](system, p, scene())
+    memory = law("bending-friction")(scene(), {"ratio": 30.0}).internal_variables[0](system, p, scene())
     scale, moments = system.elements.hinge_scale, {}
     for k in np.concatenate([np.arange(0, 80, 0.25), np.arange(80, -80, -0.25), np.arange(-80, 80, 0.25)]):
         angle = np.full(len(scale), k) / scale
@@ -196,7 +196,7 @@ def test_bending_friction_opens_a_loop_of_its_couple():
 def test_shear_friction_opens_a_loop_of_its_stress():
     system, p = _one_case()
     limit = np.radians(2.0)
-    memory = history.shear_friction(scene(), {"ratio": 2.0}).memories[0](system, p, scene())
+    memory = law("shear-friction")(scene(), {"ratio": 2.0}).internal_variables[0](system, p, scene())
     stress = {}
     way = np.concatenate([np.arange(0, 0.2, 1e-3), np.arange(0.2, -0.2, -1e-3), np.arange(-0.2, 0.2, 1e-3)])
     for shear in np.round(way, 6):
@@ -212,12 +212,15 @@ def test_shear_friction_opens_a_loop_of_its_stress():
 def test_creep_leaves_the_given_part_of_the_moment_and_is_half_forgotten_when_turned():
     system, p = _one_case()
     angle = np.linspace(-1, 1, len(p.rest_angle))
-    start = history.creep(scene(), {"loss": 0.3}).memories[0]
+    start = law("creep")(scene(), {"loss": 0.3}).internal_variables[0]
     first = start(system, p, scene())
-    kept = {"Creep": first.end(angle)}
-    again = start(system, p, replace(scene(capture=2), past=kept)).advance(system.mesh.flat, angle, p, 1e3)[0]
+    kept = {"Creep": first.carried_over(angle)}
+    flat = system.mesh.flat
+    again = start(system, p, replace(scene(capture=2), carried_over=kept)).advance(flat, angle, p, 1e3)[0]
     np.testing.assert_allclose(angle - again.rest_angle, 0.7 * angle, atol=1e-12)
-    turned = start(system, p, replace(scene("down", 3), past=kept)).advance(system.mesh.flat, -angle, p, 1e-9)[0]
+    turned = start(system, p, replace(scene("down", 3), carried_over=kept)).advance(system.mesh.flat, -angle, p, 1e-9)[
+        0
+    ]
     np.testing.assert_allclose(turned.rest_angle, -0.3 * 0.35 * angle, atol=1e-6)
 
 
@@ -225,7 +228,7 @@ def test_face_and_back_stiffen_as_asked():
     system, p = _one_case()
     value = {"asymmetry": 0.4}
     for side in ("up", "down"):
-        memory = material.face_asymmetry(scene(side), value).memories[0](system, p, scene(side))
+        memory = law("face-asymmetry")(scene(side), value).internal_variables[0](system, p, scene(side))
         convex = np.full(len(p.rest_angle), 40.0) / system.elements.hinge_scale
         ratio = memory.advance(system.mesh.flat, convex, p, 0.03)[0].bending[0, 0, 0] / 1e-5
         assert ratio == pytest.approx(1.4 if side == "up" else 0.6, rel=1e-3)
@@ -234,16 +237,16 @@ def test_face_and_back_stiffen_as_asked():
 def test_a_tilted_plate_turns_gravity():
     for side, east in (("up", 1.0), ("down", -1.0)):
         one = law("plate-tilt")(scene(side), {"angle": 10.0, "direction": 0.0})
-        pull = drop_module._gravity(one)
+        pull = gravity_vector(one)
         np.testing.assert_allclose(
             pull, GRAVITY * np.array([east * np.sin(np.radians(10)), 0, -np.cos(np.radians(10))]), atol=1e-12
         )
 
 
 def test_skewed_grain_of_a_quarter_turn_swaps_warp_and_weft():
-    stage = Stage(150, 5)
-    plain = stage.system(scene()).elements
-    turned = stage.system(scene(skew=(90.0, 90.0))).elements
+    systems = SceneSystems(150, 5)
+    plain = systems.system_of(scene()).elements
+    turned = systems.system_of(scene(skew=(90.0, 90.0))).elements
     direction = plain.direction_low + plain.direction_fraction
     np.testing.assert_allclose(turned.direction_low + turned.direction_fraction, 2 - direction, atol=1e-9)
     np.testing.assert_allclose(turned.face_u, plain.face_v, atol=1e-9)
@@ -257,7 +260,7 @@ def test_a_threshold_moves_a_straight_edge_by_its_shift():
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     widths = []
     for shift in (0.0, 1e-3, -1e-3):
-        shade = 1 - photograph(corners, faces, imaging.threshold(scene(), {"shift": shift})) / 255.0
+        shade = 1 - photograph(corners, faces, law("threshold")(scene(), {"shift": shift})) / 255.0
         shade[shade < 0.03] = 0  # noise of the background, clipped at white
         widths.append(shade.sum(1).mean() * PIXEL * np.cos(turn))
     np.testing.assert_allclose(widths, [0.1, 0.102, 0.098], atol=6e-4)

@@ -12,26 +12,21 @@ from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.inference.equivalents import ABSORBED
-from cusick_bench.withheld.answers.blind import answer_suite
-from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out
+from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
 from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.answer import read_answers
 from cusick_bench.withheld.format.causes import EFFECTS
 from cusick_bench.withheld.format.label import read_label
-from cusick_bench.withheld.scoring.revealed import Revealed, reveal
+from cusick_bench.withheld.scoring.labelled_answers import LabelledAnswers, read_labelled_answers
 from cusick_bench.withheld.scoring.score import ANSWERS, score
-from cusick_bench.withheld.suite.generate import Suite, generate
 
 QUICK = Options(samples=0)
 SEEN = {*EFFECTS} - ABSORBED.effects
 
 
-@pytest.fixture(scope="module")
-def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two cases, small."""
-    folder = tmp_path_factory.mktemp("suite")
-    counts = {"null": 2, "single": 0, "pair": 0, "unknown": 0}
-    generate(Suite(4, counts, 250, 4, None), folder / "cases", folder / "labels")  # pyright: ignore[reportArgumentType]
-    return folder / "cases"
+@pytest.fixture(scope="session")
+def cases(small_suite: Path) -> Path:
+    return small_suite / "cases"
 
 
 def label(effect: Any, multiple: Any = 3.0, **more: Any) -> dict[str, Any]:
@@ -68,36 +63,38 @@ class TestWhichCases:
             "absorbed": label("density-bias", 4.0),
         }
         read = {case: read_label(entry, case) for case, entry in known.items()}
-        assert left_out(read, 2) == {"strong": "creep"}
-        assert left_out(read, 1) == {"strong": "creep", "weak": "creep"}
+        assert left_out_effects(read, 2) == {"strong": "creep"}
+        assert left_out_effects(read, 1) == {"strong": "creep", "weak": "creep"}
 
     def test_typical_severities_count_where_there_are_no_others(self):
         read = {"a": read_label(label("threshold", None, multiple_of_typical=2.0), "a")}
-        assert left_out(read, 2) == {"a": "threshold"}
+        assert left_out_effects(read, 2) == {"a": "threshold"}
 
     @pytest.mark.parametrize("least", [float("nan"), -1.0])
     def test_a_severity_that_is_none_is_refused(self, least):
         with pytest.raises(WithheldError, match="must be a number >= 0"):
-            left_out({"a": read_label(label("creep"), "a")}, least)
+            left_out_effects({"a": read_label(label("creep"), "a")}, least)
 
     def test_nothing_strong_enough_is_said(self):
         with pytest.raises(WithheldError, match="none of 1; lower --minimum-severity"):
-            left_out({"a": read_label(label("creep", 1.0), "a")}, 2)
+            left_out_effects({"a": read_label(label("creep", 1.0), "a")}, 2)
 
 
-def test_just_the_own_effect_of_a_case_is_off_its_list(cases: Path, tmp_path: Path, one_thread: None) -> None:
-    whole = answer_suite(cases, tmp_path / "answers.json", SHIPPED, QUICK)["answers"]
-    listed = {case: [cause["effect"] for cause in answer["causes"]] for case, answer in whole.items()}
-    own = {case: next(name for name in listed[case] if name in SEEN) for case in ("case_0001", "case_0002")}
-    known = {case: read_label(label(effect), case) for case, effect in own.items()}
+def test_just_the_own_effect_of_a_case_is_off_its_list(
+    cases: Path, small_answers: Path, tmp_path: Path, one_thread: None
+) -> None:
+    whole = read_answers(small_answers).answers
+    listed = {case: [name for name, _ in whole[case].causes] for case in ("case_0001", "case_0002")}
+    chosen = {case: next(name for name in names if name in SEEN) for case, names in listed.items()}
+    known = {case: read_label(label(effect), case) for case, effect in chosen.items()}
     found = answer_left_out(cases, known, tmp_path / "leave-out.json", SHIPPED, QUICK, 2)
-    assert json.loads((tmp_path / "leave-out.json").read_text()) == found
-    assert sorted(found["answers"]) == sorted(known)
-    for case, answer in found["answers"].items():
-        assert answer["without"] == [own[case]]
-        left = {cause["effect"] for cause in answer["causes"]}
-        assert own[case] not in left
-        assert left >= {*listed[case]} - {own[case]}  # and some that were too unlikely to be listed beside it
+    assert read_answers(tmp_path / "leave-out.json") == found
+    assert sorted(found.answers) == sorted(known)
+    for case, answer in found.answers.items():
+        assert answer.left_out == (chosen[case],)
+        left = {name for name, _ in answer.causes}
+        assert chosen[case] not in left
+        assert left >= {*listed[case]} - {chosen[case]}  # and some that were too unlikely to be listed beside it
 
 
 def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Path, tmp_path: Path, one_thread) -> None:
@@ -121,17 +118,17 @@ def test_a_case_that_is_refused_counts_as_unknown(cases: Path, labels: Path, tmp
     for image in (tmp_path / "cases").rglob("*.jpg"):
         image.unlink()
     ask("leave-out", tmp_path / "cases", labels, "--out", tmp_path / "leave-out.json", "--workers", 1)
-    (row,) = score(reveal(tmp_path / "leave-out.json", labels)).cases.to_dict("records")
+    (row,) = score(read_labelled_answers(tmp_path / "leave-out.json", labels)).cases.to_dict("records")
     assert (row["kind"], row["recalled"]) == ("unknown", 1)
 
 
 class TestWhatIsNotTaken:
     """Files that claim to be of leave-one-effect-out."""
 
-    def reveal(self, labels: Path, answers: dict[str, Any], least: object = 2) -> Revealed:
+    def reveal(self, labels: Path, answers: dict[str, Any], least: object = 2) -> LabelledAnswers:
         said = labels.with_name("said.json")
         said.write_text(json.dumps({"leave_out": {"least": least}, "answers": answers}))
-        return reveal(said, labels)
+        return read_labelled_answers(said, labels)
 
     def answer(self, *without: str) -> dict[str, Any]:
         return {"verdict": "unknown", "causes": [], "set90": ["unknown"], "without": list(without)}

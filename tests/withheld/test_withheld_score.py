@@ -19,19 +19,19 @@ from cusick_bench.withheld.format.causes import EFFECTS, class_of
 from cusick_bench.withheld.format.label import read_label
 from cusick_bench.withheld.format.location import Region, angular_overlap
 from cusick_bench.withheld.format.seal import sealed
-from cusick_bench.withheld.scoring import score as score_module
 from cusick_bench.withheld.scoring.calibration import (
     LEAST_PROBABILITY,
+    auroc,
     calibration_error,
     calibration_error_by_chance,
-    separation,
-    wilson,
+    wilson_interval,
 )
 from cusick_bench.withheld.scoring.failures import confusion_by_class, failures
-from cusick_bench.withheld.scoring.judgement import judge
+from cusick_bench.withheld.scoring.judgement import judgement_of
+from cusick_bench.withheld.scoring.labelled_answers import LabelledAnswers, read_labelled_answers
 from cusick_bench.withheld.scoring.measures import CLEAR, Goal
-from cusick_bench.withheld.scoring.revealed import reveal
-from cusick_bench.withheld.scoring.score import ANSWERS, CHANCE, Scores, score
+from cusick_bench.withheld.scoring.score import ANSWERS, CHANCE, Scores
+from cusick_bench.withheld.scoring.score import score as score_fully
 from cusick_bench.withheld.scoring.table import markdown
 from cusick_bench.withheld.suite.design import plan_suite
 from cusick_bench.withheld.suite.labels import label_of
@@ -91,17 +91,16 @@ def perfect(truth):
 def revealed(tmp_path, labels, answers, commitment=None):
     for name, document in (("labels", labels), ("answers", answers)):
         (tmp_path / f"{name}.json").write_text(json.dumps(document))
-    return reveal(tmp_path / "answers.json", tmp_path / "labels.json", commitment)
+    return read_labelled_answers(tmp_path / "answers.json", tmp_path / "labels.json", commitment)
 
 
 def scored(tmp_path, labels, answers) -> Scores:
     return score(revealed(tmp_path, labels, answers))
 
 
-@pytest.fixture(autouse=True)
-def _fewer_resamples(monkeypatch):
-    monkeypatch.setattr(score_module, "RESAMPLES", 100)
-    monkeypatch.setattr(score_module, "DEALS", 3)
+def score(answered: LabelledAnswers, seed: int = 0) -> Scores:
+    """Scores with few resamples, which is fast; values and goals do not depend on them."""
+    return score_fully(answered, seed, resamples=100, deals=3)
 
 
 class TestKnownScores:
@@ -192,7 +191,7 @@ class TestKnownScores:
 
 class TestJudgement:
     def judged(self, said, true):
-        return judge("c", read_answer(said, "a"), read_label(true, "l"))
+        return judgement_of("c", read_answer(said, "a"), read_label(true, "l"))
 
     @pytest.mark.parametrize(
         ("effect", "members", "right"),
@@ -315,9 +314,9 @@ class TestVocabulary:
 class TestStatistics:
     def test_wilson_bounds(self):
         """Wilson 1927; the figures are those of Newcombe, Statistics in Medicine 17 (1998), Table I."""
-        assert wilson(81.0, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
-        assert wilson(0.0, 20) == pytest.approx((0, 0.1611), abs=1e-4)
-        assert wilson(10.0, 200)[1] > 0.08 > wilson(9.0, 200)[1] - 0.004
+        assert wilson_interval(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
+        assert wilson_interval(0, 20) == pytest.approx((0, 0.1611), abs=1e-4)
+        assert wilson_interval(10, 200)[1] > 0.08 > wilson_interval(9, 200)[1] - 0.004
 
     def test_goal_on_false_positives_holds_for_the_bound_too(self):
         goal = Goal(high=0.05, highest_bound=0.08)
@@ -325,12 +324,12 @@ class TestStatistics:
         assert not goal.reached(0.03, 0.09)
         assert not goal.reached(0.06, 0.07)
 
-    def test_separation_counts_ties_half(self):
-        assert separation(np.array([2.0, 3.0]), np.array([1.0, 2.0])) == pytest.approx(3.5 / 4)
+    def test_auroc_counts_ties_half(self):
+        assert auroc(np.array([2.0, 3.0]), np.array([1.0, 2.0])) == pytest.approx(3.5 / 4)
 
-    def test_separation_of_normal_scores_is_the_normal_integral(self):
+    def test_auroc_of_normal_scores_is_the_normal_integral(self):
         generator = np.random.default_rng(0)
-        found = separation(generator.normal(1, 1, 20000), generator.normal(0, 1, 20000))
+        found = auroc(generator.normal(1, 1, 20000), generator.normal(0, 1, 20000))
         assert found == pytest.approx(0.7602, abs=0.01)  # Phi(1 / sqrt 2)
 
     def test_calibrated_answers_have_the_error_of_their_number(self):
@@ -430,12 +429,12 @@ class TestFiles:
             ({"causes": [{"effect": "creep", "probability": 1.5}]}, "must lie between 0 and 1, got 1.5"),
             ({"causes": [{"effect": n, "probability": 0.6} for n in ("creep", "none")]}, "sum to at most 1, got 1.2"),
             ({"causes": [{"effect": "creep", "probability": 0.1}] * 2}, "got creep twice"),
-            ({"causes": [{"effect": "creep"}]}, "probability of creep must lie"),
+            ({"causes": [{"effect": "creep"}]}, r"causes\[0\].probability must be there"),
             ({"verdict": "effect", "causes": []}, "a verdict of effect must name causes"),
-            ({"set90": None}, "must hold set90"),
-            ({"set90": ["nobody"]}, "set90 must be a known name"),
-            ({"gap": {"p": -1}}, "p-value"),
-            ({"where": {"map": [[0] * 16] * 3}}, "a list of 4"),
+            ({"set90": None}, "set90 must be there"),
+            ({"set90": ["nobody"]}, r"set90\[0\] must be a known name"),
+            ({"gap": {"p": -1}}, "gap.p must lie between 0 and 1, got -1"),
+            ({"where": {"map": [[0] * 16] * 3}}, "where.map must be a list of 4"),
             ({"where": {"kind": "sector", "angle_deg": ["a", 3]}}, "angle_deg"),
             ({"where": {"kind": "patch", "radius_m": [0.2, 0.1]}}, "swap them"),
             ({"closure": {"fraction": "much"}}, "finite number or null"),
@@ -467,7 +466,7 @@ class TestFiles:
         (tmp_path / "labels.json").write_text(json.dumps({"a": label("none")}))
         (tmp_path / "answers.json").write_text(text)
         with pytest.raises(WithheldError, match=r"answers\.json"):
-            reveal(tmp_path / "answers.json", tmp_path / "labels.json")
+            read_labelled_answers(tmp_path / "answers.json", tmp_path / "labels.json")
 
     def test_labels_must_be_those_whose_seals_were_published(self, tmp_path):
         labels = {c: sealed(label("creep"), f"salt {c}") for c in "ab"}
@@ -484,7 +483,7 @@ class TestFiles:
 
     def test_labels_of_a_generated_suite_are_understood(self, tmp_path):
         plans = plan_suite(5, {"null": 20, "single": 88, "pair": 10, "unknown": 12})
-        labels = {plan.case: sealed(label_of(plan), f"salt {plan.case}") for plan in plans}
+        labels = {plan.case: sealed(label_of(plan).content(), f"salt {plan.case}") for plan in plans}
         (tmp_path / "commitment.json").write_text(json.dumps({"cases": {c: t["sha256"] for c, t in labels.items()}}))
         both = revealed(tmp_path, labels, {c: perfect(t) for c, t in labels.items()}, tmp_path / "commitment.json")
         assert {kind: sum(t.kind == kind for t in both.labels.values()) for kind in ("null", "single", "pair")} == {
@@ -537,7 +536,7 @@ class TestCommand:
         document = json.loads(ran.stdout)
         rate = next(f for f in document["figures"] if f["name"] == "false positives" and f["method"] == ANSWERS)
         assert rate["value"] == pytest.approx(1 / 30)
-        assert rate["high"] == pytest.approx(wilson(1.0, 30)[1])
+        assert rate["high"] == pytest.approx(wilson_interval(1, 30)[1])
         assert document["failures"][0]["case"] == "null_3"
         assert document["missed"] == ["false positives (all)", "90 % set covers (>= 2x)"]
         table = pd.read_csv(tmp_path / "board" / "withheld.csv")

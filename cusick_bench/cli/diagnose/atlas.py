@@ -26,7 +26,8 @@ from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 from cusick_bench.withheld.answers.blind import case_captures, case_folders
-from cusick_bench.withheld.format.checked_json import mapping, read_object
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.label import read_label_documents
 
 app = typer.Typer(help="Drapes over the base model's parameters, from which diagnoses are made.")
 _PLAN = Design()
@@ -135,12 +136,14 @@ def _pairs(suites: list[Path]) -> list[tuple[Path, Path]]:
 
 def _open_cases(cases: Path, labels: Path) -> list[tuple[Captures, str]]:
     """Silhouettes of a suite's cases with what acts there; pairs are left out, they are no one outcome."""
-    known = read_object(labels)
+    known = read_label_documents(labels)
     found: list[tuple[Captures, str]] = []
     for folder in case_folders(cases):
-        truth = mapping(known.get(folder.name), f"{labels}: {folder.name}").get("effect")
-        if isinstance(truth, str):  # pairs have a list
-            found.append((case_captures(folder), truth))
+        if folder.name not in known:
+            raise WithheldError(f"{labels} lacks {folder.name}; give the labels of these cases")
+        truth = known[folder.name].effects
+        if len(truth) == 1:  # pairs have two
+            found.append((case_captures(folder), truth[0]))
     return found
 
 

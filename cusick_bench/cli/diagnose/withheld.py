@@ -1,6 +1,5 @@
 """`cusick-bench withheld`: cases whose effect is sealed."""
 
-import json
 import secrets
 from functools import partial
 from pathlib import Path
@@ -13,10 +12,9 @@ from cusick_bench.cli.diagnose.withheld_answer import answer, oracle, twins
 from cusick_bench.cli.diagnose.withheld_leave_out import leave_out
 from cusick_bench.cli.diagnose.withheld_score import score
 from cusick_bench.cli.options import Json, Workers, output_option, running_option, simulation_option
-from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.suite.detectable import read_detectable
-from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, SUITE, Suite, generate
+from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, SUITE, Suite, generate, read_suite
 
 _cases_option = partial(typer.Option, rich_help_panel="Cases")
 
@@ -83,9 +81,5 @@ def _seed(given: int | None, labels: Path) -> int:
     """The seed that was given, or that of the suite to go on with, or a new one that cannot be guessed."""
     if given is not None:
         return given
-    try:
-        return int(json.loads((labels / SUITE).read_text())["seed"])
-    except FileNotFoundError:
-        return secrets.randbits(128)
-    except (ValueError, KeyError, TypeError) as error:
-        raise WithheldError(f"{labels / SUITE} is no description of a suite; choose an empty folder") from error
+    path = labels / SUITE
+    return read_suite(path).seed if path.exists() else secrets.randbits(128)

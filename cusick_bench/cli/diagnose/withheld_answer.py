@@ -27,8 +27,8 @@ from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.sim.effects import effect
 from cusick_bench.withheld.answers.blind import answer_suite, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closures
-from cusick_bench.withheld.answers.twins import twins as make_twins
-from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.answers.shown_shift import measure_shown_shifts
+from cusick_bench.withheld.format.label import read_label_documents
 from cusick_bench.withheld.suite.generate import SUITE, read_suite
 
 
@@ -48,9 +48,9 @@ def answer(
     with progress_bar("cases", len(case_folders(cases))) as bar:
         found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: bar.advance())
     if as_json:
-        print_json({"path": out, "cases": len(found["answers"]), "code_version": found["code_version"]})
+        print_json({"path": out, "cases": len(found.answers), "code_version": found.code_version})
     else:
-        output.print(f"{out}: {len(found['answers'])} answers, frozen by {found['code_version']}")
+        output.print(f"{out}: {len(found.answers)} answers, frozen by {found.code_version}")
 
 
 @user_errors
@@ -65,7 +65,7 @@ def oracle(
     as_json: Json = False,
 ) -> None:
     """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
-    known = read_object(labels)
+    known = read_label_documents(labels)
     with progress_bar("cases") as bar:
         found = oracle_closures(
             cases, known, out, atlas, Draping(samples, seed), workers=workers, step=lambda case: bar.advance()
@@ -93,8 +93,8 @@ def twins(
     """
     suite = read_suite(labels.with_name(SUITE))
     with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar:
-        found = make_twins(
-            suite, cases, read_object(labels), out, atlas, workers=workers, step=lambda case: bar.advance()
+        found = measure_shown_shifts(
+            suite, cases, read_label_documents(labels), out, atlas, workers=workers, step=lambda case: bar.advance()
         )
     if as_json:
         print_json({"path": out, "cases": {case: asdict(shown) for case, shown in found.items()}})

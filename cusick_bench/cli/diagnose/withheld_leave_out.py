@@ -9,8 +9,7 @@ from cusick_bench.cli.common import output, print_json, progress_bar, user_error
 from cusick_bench.cli.options import Atlas, Cases, Json, Labels, Seed, SimulatedSamples, Workers, output_option
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
-from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out
-from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
 from cusick_bench.withheld.format.label import read_labels
 
 
@@ -36,16 +35,16 @@ def leave_out(
     Run it after `answer`, whose answers are frozen by then: it opens the labels to know what to leave out, and to take
     only effects strong enough to be seen. Answers that are there already are kept; `score` takes the file as any other.
     """
-    known = read_labels(read_object(labels), str(labels))
-    with progress_bar("cases", len(left_out(known, least))) as bar:
+    known = read_labels(labels)
+    with progress_bar("cases", len(left_out_effects(known, least))) as bar:
         found = answer_left_out(
             cases, known, out, atlas, Options(samples, False, (), seed), least,
             workers=workers, step=lambda case: bar.advance(),
         )  # fmt: skip
-    verdicts = [answer["verdict"] for answer in found["answers"].values()]
+    verdicts = [answer.verdict for answer in found.answers.values()]
     if as_json:
         counts = {verdict: verdicts.count(verdict) for verdict in sorted(set(verdicts))}
-        print_json({"path": out, "cases": len(verdicts), "verdicts": counts, "code_version": found["code_version"]})
+        print_json({"path": out, "cases": len(verdicts), "verdicts": counts, "code_version": found.code_version})
     else:
         output.print(
             f"{out}: {len(verdicts)} answers without the case's own effect, {verdicts.count('unknown')} unknown"

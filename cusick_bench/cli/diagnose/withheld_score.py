@@ -1,7 +1,6 @@
 """`cusick-bench withheld score`: opens the labels, and prints how good the answers were."""
 
 import hashlib
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,11 +15,15 @@ from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
-from cusick_bench.withheld.answers.twins import read_twins
+from cusick_bench.withheld.answers.oracle import read_oracle_closures
+from cusick_bench.withheld.answers.shown_shift import read_shown_shifts
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.checked_json import number, read_object
 from cusick_bench.withheld.scoring.failures import Failure, failures
-from cusick_bench.withheld.scoring.revealed import Revealed, by_shown, reveal
+from cusick_bench.withheld.scoring.labelled_answers import (
+    read_labelled_answers,
+    with_measured_severities,
+    with_oracle_closures,
+)
 from cusick_bench.withheld.scoring.score import Scores
 from cusick_bench.withheld.scoring.score import score as score_answers
 from cusick_bench.withheld.scoring.table import by_severity, document, headline, markdown, rows
@@ -53,11 +56,13 @@ def score(
     """
     if out is not None and out.suffix != ".csv":
         raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance withheld.csv")
-    revealed = _with_oracle(reveal(answers, labels, commitment), oracle)
+    answered = read_labelled_answers(answers, labels, commitment)
+    if oracle is not None:
+        answered = with_oracle_closures(answered, read_oracle_closures(oracle))
     if twins is not None:
-        revealed = by_shown(revealed, read_twins(twins), str(twins))
-    scores = score_answers(revealed, seed)
-    failed = failures(revealed, scores.cases)
+        answered = with_measured_severities(answered, read_shown_shifts(twins), str(twins))
+    scores = score_answers(answered, seed)
+    failed = failures(answered, scores.cases)
     facts = _facts(answers, labels, seed, commitment=commitment, oracle=oracle, twins=twins)
     if out is not None:
         _write(out, scores, failed, facts)
@@ -65,19 +70,6 @@ def score(
         print_json(document(scores, failed, facts))
     else:
         _show(scores, failed)
-
-
-def _with_oracle(revealed: Revealed, path: Path | None) -> Revealed:
-    """The labels with the closures by their true causes, which are known only after the answers."""
-    if path is None:
-        return revealed
-    closures = read_object(path)
-    known = {case: number(value, f"{path}: {case}") for case, value in closures.items()}
-    labels = {
-        case: replace(label, oracle_closure=known.get(case, label.oracle_closure))
-        for case, label in revealed.labels.items()
-    }
-    return replace(revealed, labels=labels)
 
 
 def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict[str, Any]:

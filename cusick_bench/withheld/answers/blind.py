@@ -10,16 +10,15 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
-
-import numpy as np
 
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
+from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.inference.evidence import UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
@@ -30,12 +29,21 @@ from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
+from cusick_bench.withheld.format.checked_json import read_object
 
 _DIGITS = 6
+_SIMULATORS_KEPT = 20
 
 
 def case_folders(cases: Path) -> list[Path]:
-    """The cases of a suite, by name.
+    """Finds the cases of a suite.
+
+    Args:
+        cases: Folder of the cases.
+
+    Returns:
+        The folder of each case, by name.
 
     Raises:
         WithheldError: None there.
@@ -47,7 +55,14 @@ def case_folders(cases: Path) -> list[Path]:
 
 
 def case_captures(folder: Path) -> Captures:
-    """Silhouettes of a case's fabric."""
+    """Reads the silhouettes of a case.
+
+    Args:
+        folder: Folder of the case, in the public layout.
+
+    Returns:
+        Silhouettes of its fabric.
+    """
     dataset = load(str(folder))
     return read_captures(dataset, dataset.cloths[0])
 
@@ -60,7 +75,7 @@ def answer_suite(
     *,
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
-) -> dict[str, Any]:
+) -> AnswersDocument:
     """Answers every case, or goes on with a suite that was begun.
 
     Args:
@@ -68,8 +83,8 @@ def answer_suite(
         out: File for the answers; single answers lie beside it until all are there, and after.
         atlas: Fitted atlas.
         options: How to diagnose.
-        workers: Processes.
-        step: Told of every answered case.
+        workers: Number of processes.
+        step: Called with the name of every answered case.
 
     Returns:
         The document that was written.
@@ -86,19 +101,19 @@ def answer_each(
     out: Path,
     atlas: Path,
     *,
-    facts: Mapping[str, Any] = MappingProxyType({}),
+    leave_out: LeaveOut | None = None,
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
-) -> dict[str, Any]:
+) -> AnswersDocument:
     """Answers cases, each in its own way, or goes on with what was begun.
 
     Args:
         asked: How to diagnose, by the case's folder.
         out: File for the answers; single answers lie beside it until all are there, and after.
         atlas: Fitted atlas.
-        facts: What else the document says of all answers.
-        workers: Processes.
-        step: Told of every answered case.
+        leave_out: Given where every case is answered without its own effect.
+        workers: Number of processes.
+        step: Called with the name of every answered case.
 
     Returns:
         The document that was written.
@@ -110,11 +125,14 @@ def answer_each(
             step(folder.name)
         else:
             todo.append(_Task(folder, asked[folder], part))
-    _each(todo, atlas, workers, step)
-    found = {folder.name: json.loads(part.read_text()) for folder, part in parts.items()}
-    content = {"code_version": version_text(_numerics()), "atlas_sha256": _digest(atlas), **facts, "answers": found}
-    write_atomically(out, json.dumps(content, indent=1).encode())
-    return content
+    _answer_tasks(todo, atlas, workers, step)
+    answers = {folder.name: read_answer(read_object(part), str(part)) for folder, part in parts.items()}
+    more = {} if leave_out is None else {"leave_out": leave_out}
+    document = AnswersDocument(
+        code_version=version_text(_numerics()), atlas_sha256=_digest(atlas), answers=answers, **more
+    )
+    write_atomically(out, json.dumps(document.content(), indent=1).encode())
+    return document
 
 
 def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
@@ -122,32 +140,41 @@ def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
     return out.with_name(out.name + ".parts") / _fingerprint(atlas, options) / f"{folder.name}.json"
 
 
-def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> dict[str, Any]:
-    """The answer to one case; `unknown`, with the reason, where the case cannot be used.
+def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> Answer:
+    """Answers one case; the answer is `unknown`, with the reason, where the case cannot be used.
 
     Args:
-        folder: In the public layout.
+        folder: Folder of the case, in the public layout.
         atlas: Fitted atlas.
         options: How to diagnose.
         simulators: Kept from case to case.
+
+    Returns:
+        The answer.
     """
     try:
         emulator, calibration = load_atlas(atlas)
         diagnosis = diagnose(case_captures(folder), emulator, calibration, options, simulators=simulators)
         found = answer(diagnosis).content()
     except CusickError as error:
-        found = _refused(str(error))
+        found = _refused(str(error)).content()
     if options.without:
         found["without"] = list(options.without)
-    return _rounded(found)
+    return read_answer(_rounded(found), folder.name)
 
 
-def _refused(reason: str) -> dict[str, Any]:
-    cause = {"effect": UNKNOWN, "class": "", "probability": 1.0, "parameters": {}}
-    return {
-        "verdict": UNKNOWN, "gap": {"base": None, "floor": None, "p": None}, "causes": [cause], "set90": [UNKNOWN],
-        "where": {"localisable": False, "why_not": reason}, "closure": {}, "next": [], "refused": reason,
-    }  # fmt: skip
+def _refused(reason: str) -> stated.Answer:
+    """The answer to a case that cannot be diagnosed."""
+    return stated.Answer(
+        verdict="unknown",
+        gap=stated.StatedGap(base=None, floor=None, p=None),
+        causes=(stated.StatedCause(effect=UNKNOWN, stage="", probability=1.0, parameters={}),),
+        set90=(UNKNOWN,),
+        where=stated.Location(localisable=False, why_not=reason),
+        closure=stated.Closure(),
+        next=(),
+        refused=reason,
+    )
 
 
 @dataclass(frozen=True)
@@ -159,27 +186,34 @@ class _Task:
     part: Path
 
 
-def _each(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str], None]) -> None:
+def _answer_tasks(todo: Sequence[_Task], atlas: Path, workers: int, step: Callable[[str], None]) -> None:
     if workers <= 1:
-        simulators = Simulators(most=20)
+        simulators = Simulators(most=_SIMULATORS_KEPT)
         for task in todo:
             _answer_and_write(task, atlas, simulators)
             step(task.folder.name)
         return
     with process_pool(workers) as pool:
-        futures = {pool.submit(_answer_and_write, task, atlas): task for task in todo}
+        futures = {pool.submit(_answer_in_worker, task, atlas): task for task in todo}
         for future in as_completed(futures):
             future.result()
             step(futures[future].folder.name)
 
 
-_SIMULATORS = Simulators(most=20)
+@lru_cache(maxsize=1)
+def _simulators_of_worker() -> Simulators:
+    """The simulators that a worker process keeps from case to case; they change nothing but the time."""
+    return Simulators(most=_SIMULATORS_KEPT)
 
 
-def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators | None = None) -> None:
-    found = answer_case(task.folder, atlas, task.options, simulators or _SIMULATORS)
+def _answer_in_worker(task: _Task, atlas: Path) -> None:
+    _answer_and_write(task, atlas, _simulators_of_worker())
+
+
+def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators) -> None:
+    found = answer_case(task.folder, atlas, task.options, simulators)
     task.part.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(task.part, json.dumps(found).encode())
+    write_atomically(task.part, json.dumps(found.content()).encode())
 
 
 def _numerics() -> dict[str, int]:
@@ -198,11 +232,7 @@ def _digest(path: Path) -> str:
 
 def _rounded(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(key): _rounded(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
         return [_rounded(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return round(value, _DIGITS) if np.isfinite(value) else None
-    return value
+    return round(value, _DIGITS) if isinstance(value, float) else value

@@ -8,31 +8,29 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.inference.equivalents import ABSORBED
 from cusick_bench.withheld.answers.blind import answer_each
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.answer import Answer
-from cusick_bench.withheld.format.checked_json import mapping, number
+from cusick_bench.withheld.format.answer import AnswersDocument, LeaveOut
 from cusick_bench.withheld.format.label import DETECTABLE, SINGLE, TYPICAL, Label
-
-LEAVE_OUT = "leave_out"
-"""Key of a document of such answers: from which severity on effects were left out."""
 
 _ROUNDING = 1e-6
 
 
-def left_out(labels: Mapping[str, Label], least: float) -> dict[str, str]:
-    """The effect to leave out, by case.
+def left_out_effects(labels: Mapping[str, Label], least: float) -> dict[str, str]:
+    """Chooses the cases that take part, and the effect to leave out of each.
 
     Severities count as in the scores: in detectable shifts where any label is given in them, else in typical ones.
     An effect that the base model's own parameters absorb takes no part: without it, these are the right answer.
 
     Args:
-        labels: By case.
+        labels: The truth of each case.
         least: Severity from which on an effect takes part, in multiples of that unit.
+
+    Returns:
+        The effect to leave out, by case.
 
     Raises:
         WithheldError: A severity that is none, or no effect as severe as that.
@@ -68,18 +66,18 @@ def answer_left_out(
     *,
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
-) -> dict[str, Any]:
+) -> AnswersDocument:
     """Answers every such case without its effect, or goes on with a file that was begun.
 
     Args:
         cases: Folder of the cases.
-        labels: By case.
+        labels: The truth of each case.
         out: File for the answers; single answers lie beside it.
         atlas: Fitted atlas.
         options: How to diagnose; what they leave out stays out.
         least: Severity from which on an effect takes part.
-        workers: Processes.
-        step: Told of every answered case.
+        workers: Number of processes.
+        step: Called with the name of every answered case.
 
     Returns:
         The document that was written.
@@ -87,42 +85,36 @@ def answer_left_out(
     Raises:
         WithheldError: No effect as severe as that, or a label whose case is not there.
     """
-    effects = left_out(labels, least)
+    effects = left_out_effects(labels, least)
     if absent := [case for case in effects if not (cases / case).is_dir()]:
         raise WithheldError(f"every label must have its case, got none for {absent[0]} in {cases}; give these cases")
     asked = {
         cases / case: replace(options, without=tuple(dict.fromkeys((*options.without, effect))))
         for case, effect in effects.items()
     }
-    return answer_each(asked, out, atlas, facts={LEAVE_OUT: {"least": least}}, workers=workers, step=step)
+    return answer_each(asked, out, atlas, leave_out=LeaveOut(least=least), workers=workers, step=step)
 
 
-def asked_of(
-    document: Mapping[str, Any], answers: Mapping[str, Answer], labels: Mapping[str, Label]
-) -> dict[str, Label]:
+def labels_to_answer(document: AnswersDocument, labels: Mapping[str, Label]) -> dict[str, Label]:
     """Labels of the cases that a document must answer: all of them, or those of leave-one-effect-out, then `unknown`.
 
     Args:
-        document: Content of the file.
-        answers: In it, by case.
-        labels: By case.
+        document: The answers.
+        labels: The truth of each case.
+
+    Returns:
+        The truth of each case that must be answered.
 
     Raises:
         WithheldError: Leave-one-effect-out of no case, or an answerer who was offered what was to be left out.
     """
-    if LEAVE_OUT not in document:
+    if document.leave_out is None:
         return dict(labels)
-    effects = left_out(labels, least_of(document))
-    for case in effects.keys() & answers.keys():
-        if effects[case] not in answers[case].without:
+    effects = left_out_effects(labels, document.leave_out.least)
+    for case in effects.keys() & document.answers.keys():
+        if effects[case] not in document.answers[case].left_out:
             raise WithheldError(
-                f"with {LEAVE_OUT} every case must be answered without its own effect, got {case} with "
+                f"with leave_out every case must be answered without its own effect, got {case} with "
                 f"{effects[case]!r} among its causes; make the answers anew by `withheld leave-out`"
             )
-    return {case: labels[case].without(frozenset({effect})) for case, effect in effects.items()}
-
-
-def least_of(document: Mapping[str, Any]) -> float:
-    """From which severity on effects were left out."""
-    found = mapping(document[LEAVE_OUT], LEAVE_OUT)
-    return number(found.get("least"), f"{LEAVE_OUT}.least")
+    return {case: labels[case].without((effect,)) for case, effect in effects.items()}

@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import as_completed
 from math import isfinite
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.evidence import Candidate
@@ -19,20 +20,41 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.format.checked_json import listed, mapping
-from cusick_bench.withheld.format.label import DETECTABLE, PAIR, SINGLE, read_labels
+from cusick_bench.withheld.format.checked_json import read_object, validated
+from cusick_bench.withheld.format.fields import Number
+from cusick_bench.withheld.format.label import DETECTABLE, PAIR, SINGLE, LabelDocument, truth_of
+
+OracleClosures = dict[str, float | None]
+"""Content of `oracle.json`: closure of each case by its true cause; None where there is no gap to close."""
+
+_CLOSURES = TypeAdapter(dict[str, Number | None])
+
+
+def read_oracle_closures(path: Path) -> OracleClosures:
+    """Reads what `oracle_closures` wrote.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The closure of each case.
+
+    Raises:
+        WithheldError: Not such a file.
+    """
+    return validated(_CLOSURES, read_object(path), str(path))
 
 
 def oracle_closures(
     cases: Path,
-    labels: Mapping[str, Any],
+    labels: Mapping[str, LabelDocument],
     out: Path,
     atlas: Path,
     draping: Draping,
     *,
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
-) -> dict[str, float | None]:
+) -> OracleClosures:
     """Closure by the true cause of every case that has one, the strongest first, or goes on with a file that was begun.
 
     Args:
@@ -41,42 +63,52 @@ def oracle_closures(
         out: File for the closures by case; null where there is no gap, or no such effect in the atlas.
         atlas: Fitted atlas.
         draping: Samples and seed of the simulations.
-        workers: Processes.
-        step: Told of every case.
+        workers: Number of processes.
+        step: Called with the name of every case that is done.
+
+    Returns:
+        The closure of each case.
     """
-    found: dict[str, float | None] = json.loads(out.read_text()) if out.exists() else {}
-    known = read_labels(labels, "labels")
+    closures = read_oracle_closures(out) if out.exists() else {}
+    truth = {case: truth_of(label) for case, label in labels.items()}
     todo = [
-        name
-        for name, label in known.items()
-        if name not in found and label.kind in (SINGLE, PAIR) and (cases / name).is_dir()
+        case
+        for case, label in truth.items()
+        if case not in closures and label.kind in (SINGLE, PAIR) and (cases / case).is_dir()
     ]
-    todo.sort(key=lambda name: (known[name].unit != DETECTABLE, -known[name].multiple))  # the strongest count most
+    todo.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
     with process_pool(workers) as pool:
-        futures = {pool.submit(oracle_closure, cases / name, labels[name], atlas, draping): name for name in todo}
+        futures = {pool.submit(oracle_closure, cases / case, labels[case], atlas, draping): case for case in todo}
         for future in as_completed(futures):
-            found[futures[future]] = future.result()
-            write_atomically(out, json.dumps(found, indent=1, sort_keys=True).encode())
+            closures[futures[future]] = future.result()
+            write_atomically(out, json.dumps(closures, indent=1, sort_keys=True).encode())
             step(futures[future])
-    return found
+    return closures
 
 
-def oracle_closure(folder: Path, label: Mapping[str, Any], atlas: Path, draping: Draping) -> float | None:
-    """Closure by the true cause of one case; None where there is no gap, or no such effect in the atlas."""
+def oracle_closure(folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> float | None:
+    """Closure by the true cause of one case.
+
+    Args:
+        folder: Folder of the case.
+        label: Its label.
+        atlas: Fitted atlas.
+        draping: Samples and seed of the simulations.
+
+    Returns:
+        The closure; None where there is no gap, or no such effect in the atlas.
+    """
     emulator, _ = load_atlas(atlas)
     known = {one.name: one for one in reversed(hypotheses(emulator))}
-    names = label["effect"] if isinstance(label["effect"], list) else [label["effect"]]
-    values = label["parameters"] if isinstance(label["parameters"], list) else [label["parameters"]]
-    if any(name not in known for name in names):
+    if any(name not in known for name in label.effects):
         return None
     causes = []
-    for name, value in zip(names, listed(values, len(names), folder.name), strict=True):
-        hypothesis = known[name]
-        given = {key: float(number) for key, number in mapping(value, folder.name).items()}
-        full = {key: float(number) for key, number in hypothesis.effect.complete(given).items()}
-        causes.append(Candidate(hypothesis, full, 0.0, 0.0, 0.0))
+    for name, value in zip(label.effects, label.parameters_of_effects, strict=True):
+        given = {key: float(number) for key, number in value.items()}
+        full = {key: float(number) for key, number in known[name].effect.complete(given).items()}
+        causes.append(Candidate(known[name], full, 0.0, 0.0, 0.0))
     try:
-        found = closure_by(case_captures(folder), emulator, tuple(causes), draping)
+        gap = closure_by(case_captures(folder), emulator, tuple(causes), draping)
     except CusickError:
         return None
-    return found.closure if found is not None and isfinite(found.closure) else None
+    return gap.closure if gap is not None and isfinite(gap.closure) else None

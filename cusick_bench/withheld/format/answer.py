@@ -1,54 +1,210 @@
-"""An answer to a withheld case: verdict, causes with their probabilities, where it lies, how far the gap shrinks."""
+"""An answer to a withheld case: verdict, causes with their probabilities, where it lies, how far the gap shrinks.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from math import isfinite, nan
-from typing import Any
+The models are the form of `answers.json`. Answers may come from anywhere: what an answer leaves out is not known, keys
+that are not listed here are kept.
+"""
+
+from functools import cached_property
+from math import nan
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator, Field, TypeAdapter, model_validator
 
-from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format import causes, location
-from cusick_bench.withheld.format.checked_json import listed, mapping, number, one_of, strings
+from cusick_bench.withheld.format.checked_json import entries, read_object, validated
+from cusick_bench.withheld.format.fields import (
+    Document,
+    Number,
+    OneOrSeveral,
+    OutcomeName,
+    Probability,
+    SetMemberName,
+    broken_rule,
+    finite_or_nan,
+    known_name,
+)
 from cusick_bench.withheld.format.location import Region
+from cusick_bench.withheld.format.place import Place
 
 VERDICTS = ("none", "effect", "ambiguous", "unknown")
 SET_LEVEL = 0.9
+LEAVE_OUT = "leave_out"
+"""Key of a document of leave-one-effect-out answers: from which severity on effects were left out."""
+
 _ROUNDING = 1e-6
 _DIRECTION = "direction"  # kind of a place that is none: of a tilt, say
+_ANSWERS = ("answers", "cases")  # keys under which they may stand in a document
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What was said of one case, blind.
+def _empty_for_null(value: Any) -> Any:
+    return {} if value is None else value
+
+
+def _listed(value: Any) -> Any:
+    """One measurement is a list of one."""
+    if isinstance(value, str | dict):
+        return [value] if value else []
+    return value if isinstance(value, list | tuple) else []
+
+
+Verdict = Annotated[str, BeforeValidator(lambda name: known_name(str(name), VERDICTS))]
+MapRow = Annotated[tuple[Number | None, ...], Field(min_length=location.SECTORS, max_length=location.SECTORS)]
+MapOfCells = Annotated[tuple[MapRow, ...], Field(min_length=location.RINGS, max_length=location.RINGS)]
+
+
+class StatedCause(Document):
+    """A cause with its probability.
 
     Attributes:
-        verdict: One of `VERDICTS`.
-        causes: Names with probabilities, the likeliest first; may hold "none" and "unknown".
-        set90: Names among which the cause is with a probability of 90 %.
-        p: p-value of the base model; NaN if not given.
-        region: Where the effect acts; None if not said.
-        peak: Where the map points; None if there is no map.
-        localisable: Whether the answer says that the effect can be localised.
-        closure: Share of the gap that the named effect closes; NaN if not given.
-        closure_interval: Its 90 % interval.
-        measurements: What to measure next.
-        without: Effects that the answerer was not offered; their cases are out of its list.
-        baselines: Answers of simpler methods to the same case.
+        effect: Name of the effect, `none` or `unknown`.
+        class_name: Class of the effect.
+        probability: Probability of the cause.
+        parameters: Its parameters, by name.
     """
 
-    verdict: str
-    causes: tuple[tuple[str, float], ...]
-    set90: tuple[str, ...]
-    p: float = nan
-    region: Region | None = None
-    peak: Region | None = None
+    effect: OutcomeName
+    class_name: str | None = Field(default=None, alias="class")
+    probability: Probability
+    parameters: dict[str, Any] = Field(default_factory=dict)
+
+
+class Gap(Document):
+    """The gap between data and simulation.
+
+    Attributes:
+        base: Gap of the base model.
+        floor: Gap that chance alone would leave.
+        p: p-value of the base model.
+    """
+
+    base: Number | None = None
+    floor: Number | None = None
+    p: Probability | None = None
+
+
+class Where(Place):
+    """Where the gap lies.
+
+    Attributes:
+        stage: Probability of each stage of the pipeline.
+        map: Weight of each cell of the cloth, rings from the plate to the rim.
+        localisable: Whether the answer says that the effect can be localised.
+    """
+
+    stage: dict[str, Number] = Field(default_factory=dict)
+    map: MapOfCells | None = None
     localisable: bool = False
-    closure: float = nan
-    closure_interval: tuple[float, float] = (nan, nan)
-    measurements: tuple[str, ...] = ()
-    without: frozenset[str] = frozenset()
-    baselines: Mapping[str, "Answer"] = field(default_factory=dict)
+
+
+class Closure(Document):
+    """How far the gap shrinks.
+
+    Attributes:
+        effect: The named effect.
+        fraction: Share of the gap that it closes.
+        ci90: 90 % interval of that share.
+    """
+
+    effect: OneOrSeveral[str] | None = None
+    fraction: Number | None = None
+    ci90: tuple[Number | None, Number | None] | None = None
+
+
+class BaselineAnswer(Document):
+    """What was said of one case, blind, by a diagnosis or by a simpler method.
+
+    Attributes:
+        verdict: One of `VERDICTS`; where none is given, `effect` if any cause is named, else `none`.
+        gap: The gap between data and simulation.
+        stated: The causes as they stand in the document.
+        stated_set: Names of the 90 % set as they stand there.
+        where: Where the gap lies.
+        closure: How far it shrinks.
+        measurements: What to measure next, names or descriptions.
+        left_out: Effects that the answerer was not offered; their cases are out of its list.
+    """
+
+    verdict: Verdict
+    gap: Annotated[Gap, BeforeValidator(_empty_for_null)] = Gap()
+    stated: Annotated[tuple[StatedCause, ...], BeforeValidator(lambda found: found or ())] = Field(
+        default=(), alias="causes"
+    )
+    stated_set: tuple[SetMemberName, ...] | None = Field(default=None, alias="set90")
+    where: Annotated[Where, BeforeValidator(_empty_for_null)] = Where()
+    closure: Annotated[Closure, BeforeValidator(_empty_for_null)] = Closure()
+    measurements: Annotated[tuple[str | dict[str, Any], ...], BeforeValidator(_listed)] = Field(
+        default=(), alias="next"
+    )
+    left_out: tuple[str, ...] = Field(default=(), alias="without")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_verdict(cls, value: Any) -> Any:
+        if isinstance(value, dict) and "verdict" not in value:
+            return {**value, "verdict": "effect" if value.get("causes") else "none"}
+        return value
+
+    @model_validator(mode="after")
+    def _check_causes(self) -> "BaselineAnswer":
+        names = [cause.effect for cause in self.stated]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise broken_rule(f"each cause must stand once, got {twice} twice; give it its total probability")
+        total = sum(cause.probability for cause in self.stated)
+        if total > 1 + 1e-3:
+            raise broken_rule(f"probabilities must sum to at most 1, got {total:.4g}; rescale")
+        if self.verdict in ("effect", "ambiguous") and not names:
+            raise broken_rule(f"a verdict of {self.verdict} must name causes, got none; answer none or unknown")
+        return self
+
+    @cached_property
+    def causes(self) -> tuple[tuple[str, float], ...]:
+        """Names with probabilities, the likeliest first; may hold "none" and "unknown"."""
+        named = [(cause.effect, float(cause.probability)) for cause in self.stated]
+        return tuple(sorted(named, key=lambda cause: -cause[1]))
+
+    @cached_property
+    def set90(self) -> tuple[str, ...]:
+        """Names among which the cause is with a probability of 90 %.
+
+        Where none are stated, the fewest causes that hold 90 %, and at least the verdict itself.
+        """
+        members = list(self.stated_set or ())
+        if self.stated_set is None:
+            total = 0.0
+            for name, p in self.causes:
+                if total >= SET_LEVEL - _ROUNDING:
+                    break
+                members.append(name)
+                total += p
+        if not members and self.verdict in (causes.NONE, causes.UNKNOWN):
+            members = [self.verdict]
+        return tuple(dict.fromkeys(members))
+
+    @property
+    def p(self) -> float:
+        """p-value of the base model; NaN if not given."""
+        return finite_or_nan(self.gap.p)
+
+    @cached_property
+    def peak(self) -> Region | None:
+        """Where the map points; None if there is no map, or a flat one."""
+        if self.where.map is None:
+            return None
+        values = np.array([[finite_or_nan(value) for value in row] for row in self.where.map])
+        return location.peak(values, self.where.kind or "")
+
+    @property
+    def localisable(self) -> bool:
+        """Whether the answer says that the effect can be localised; a direction alone is no place."""
+        return self.where.localisable and self.where.kind != _DIRECTION
+
+    @property
+    def closure_interval(self) -> tuple[float, float]:
+        """90 % interval of the closure; NaN if not given."""
+        low, high = self.closure.ci90 or (None, None)
+        return finite_or_nan(low), finite_or_nan(high)
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -68,10 +224,13 @@ class Answer:
         return dict(self.causes).get(causes.NONE, nan)
 
     def probabilities(self) -> dict[str, float]:
-        """Probability of every outcome; sums to 1.
+        """Probability of every outcome.
 
         What the stated causes leave belongs to "none" (or to "unknown", if that is the verdict), else to the other of
         the two, else to all effects not named alike.
+
+        Returns:
+            The probability by name; they sum to 1.
         """
         stated = dict(self.causes)
         rest = 1 - sum(stated.values())
@@ -84,138 +243,90 @@ class Answer:
         return {name: stated.get(name, 0.0) / total for name in causes.outcomes()}
 
 
-def read_answer(found: Any, where: str) -> Answer:
+class Answer(BaselineAnswer):
+    """The answer to one case.
+
+    Attributes:
+        stated_set: Names of the 90 % set; an answer must give them.
+        baselines: Answers of simpler methods to the same case, by method.
+        refused: Why the case could not be diagnosed; "" where it was.
+    """
+
+    stated_set: tuple[SetMemberName, ...] | None = Field(alias="set90")
+    baselines: Annotated[dict[str, BaselineAnswer], BeforeValidator(_empty_for_null)] = Field(default_factory=dict)
+    refused: str = ""
+
+    def baseline(self, method: str) -> BaselineAnswer:
+        """The answer of a simpler method, which was not offered what this one was not offered either.
+
+        Args:
+            method: Its name.
+
+        Returns:
+            The answer.
+        """
+        return self.baselines[method].model_copy(update={"left_out": self.left_out})
+
+
+class LeaveOut(Document):
+    """That every case was answered without its own effect.
+
+    Attributes:
+        least: From which severity on effects were left out.
+    """
+
+    least: Number
+
+
+class AnswersDocument(Document):
+    """Content of `answers.json`.
+
+    Attributes:
+        code_version: Version of the code that gave the answers.
+        atlas_sha256: SHA-256 of the atlas that they were given with.
+        leave_out: Given where every case was answered without its own effect.
+        answers: The answer of each case.
+    """
+
+    code_version: str | int | float | None = None
+    atlas_sha256: str | None = None
+    leave_out: LeaveOut | None = None
+    answers: dict[str, Answer]
+
+
+_ANSWER = TypeAdapter(Answer)
+_DOCUMENT = TypeAdapter(AnswersDocument)
+
+
+def read_answer(content: Any, where: str) -> Answer:
     """Checks one answer of `answers.json`.
 
     Args:
-        found: Its value in the document.
+        content: Its value in the document.
         where: File and case, for messages.
+
+    Returns:
+        The answer.
 
     Raises:
         WithheldError: What breaks the format.
     """
-    entry = mapping(found, where)
-    answer = _judgement(entry, where)
-    if "set90" not in entry:
-        raise WithheldError(f"{where}: an answer must hold set90, the names of its 90 % set; freeze the answers anew")
-    found_baselines = mapping(entry.get("baselines") or {}, f"{where}: baselines")
-    baselines = {name: _judgement(mapping(item, where), f"{where}: {name}") for name, item in found_baselines.items()}
-    return replace(answer, baselines={name: replace(item, without=answer.without) for name, item in baselines.items()})
+    return validated(_ANSWER, content, where)
 
 
-def _judgement(entry: Mapping[str, Any], where: str) -> Answer:
-    """An answer; a baseline's may lack all but its causes."""
-    named = _causes(entry.get("causes"), where)
-    verdict = one_of(entry.get("verdict", "effect" if named else "none"), VERDICTS, f"{where}: verdict")
-    if verdict in ("effect", "ambiguous") and not named:
-        raise WithheldError(f"{where}: a verdict of {verdict} must name causes, got none; answer none or unknown")
-    gap = mapping(entry.get("gap") or {}, f"{where}: gap")
-    p = number(gap.get("p"), f"{where}: gap.p")
-    if isfinite(p) and not 0 <= p <= 1:
-        raise WithheldError(f"{where}: gap.p must lie between 0 and 1, got {p:g}; it is a p-value")
-    answer = Answer(verdict, named, _members(entry.get("set90"), verdict, named, where), p)
-    closure = mapping(entry.get("closure") or {}, f"{where}: closure")
-    low, high = listed(closure.get("ci90") or [None, None], 2, f"{where}: closure.ci90")
-    return replace(
-        _with_location(answer, mapping(entry.get("where") or {}, f"{where}: where"), where),
-        closure=number(closure.get("fraction"), f"{where}: closure.fraction"),
-        closure_interval=(number(low, f"{where}: closure.ci90"), number(high, f"{where}: closure.ci90")),
-        measurements=_measurements(entry.get("next")),
-        without=frozenset(strings(entry.get("without") or [], f"{where}: without")),
-    )
+def read_answers(path: Path) -> AnswersDocument:
+    """Reads `answers.json`.
 
+    Args:
+        path: The file; the answers stand under `answers` or `cases`, or are all that it holds.
 
-def _causes(found: Any, where: str) -> tuple[tuple[str, float], ...]:
-    stated: dict[str, float] = {}
-    for item in listed(found or [], None, f"{where}: causes"):
-        cause = mapping(item, f"{where}: causes")
-        name = one_of(cause.get("effect"), causes.outcomes(), f"{where}: effect")
-        if name in stated:
-            raise WithheldError(f"{where}: each cause must stand once, got {name} twice; give it its total probability")
-        p = number(cause.get("probability"), f"{where}: probability of {name}")
-        if not 0 <= p <= 1 + _ROUNDING:
-            raise WithheldError(f"{where}: the probability of {name} must lie between 0 and 1, got {p:g}; correct it")
-        stated[name] = p
-    if sum(stated.values()) > 1 + 1e-3:
-        raise WithheldError(f"{where}: probabilities must sum to at most 1, got {sum(stated.values()):.4g}; rescale")
-    return tuple(sorted(stated.items(), key=lambda cause: -cause[1]))
-
-
-def _members(found: Any, verdict: str, named: tuple[tuple[str, float], ...], where: str) -> tuple[str, ...]:
-    """The stated set; where none is stated, the fewest causes that hold 90 %, and at least the verdict itself."""
-    allowed = (*causes.outcomes(), causes.STIFFNESS)
-    members = [one_of(name, allowed, f"{where}: set90") for name in strings(found or [], f"{where}: set90")]
-    if found is None:
-        total = 0.0
-        for name, p in named:
-            if total < SET_LEVEL - _ROUNDING:
-                members.append(name)
-                total += p
-    if not members and verdict in (causes.NONE, causes.UNKNOWN):
-        members = [verdict]
-    return tuple(dict.fromkeys(members))
-
-
-def _measurements(found: Any) -> tuple[str, ...]:
-    """Names of what to measure next; an entry may be a string or an object that describes one."""
-    entries = [found] if isinstance(found, str | dict) else found if isinstance(found, list) else []
-    return tuple(str(entry) for entry in entries if entry)
-
-
-def _with_location(answer: Answer, where: Mapping[str, Any], place: str) -> Answer:
-    kind = str(where.get("kind") or "")
-    region = read_region(where, f"{place}: where") if kind in location.KINDS else None
-    peak = None
-    if where.get("map") is not None:
-        rows = listed(where["map"], location.RINGS, f"{place}: where.map")
-        values = [
-            [number(value, f"{place}: where.map") for value in listed(row, location.SECTORS, f"{place}: where.map")]
-            for row in rows
-        ]
-        peak = location.peak(np.array(values), kind)
-    localisable = bool(where.get("localisable")) and kind != _DIRECTION
-    return replace(answer, region=region, peak=peak, localisable=localisable)
-
-
-def read_region(found: Mapping[str, Any], where: str) -> Region | None:
-    """Reads `kind`, `angle_deg` and `radius_m`: each of the two a range, or a single number for half a cell around it.
-
-    What is left out is the whole turn, or the whole width of the overhang.
+    Returns:
+        Its content.
 
     Raises:
-        WithheldError: Values that are no numbers, or a range of radii whose ends stand in the wrong order.
+        WithheldError: A file that cannot be read, or what breaks the format.
     """
-    one_of(found.get("kind"), location.KINDS, f"{where}: kind")
-    start, width = _arc(found, where)
-    inner, outer = _radii(found.get("radius_m"), f"{where}: radius_m")
-    return Region(start, width, inner, outer)
-
-
-def _arc(found: Mapping[str, Any], where: str) -> tuple[float, float]:
-    angles = found.get("angle_deg")
-    if angles is None or found["kind"] == "ring":
-        return 0.0, location.FULL_TURN
-    if isinstance(angles, list):
-        first, second = (_finite(angle, f"{where}: angle_deg") for angle in listed(angles, 2, f"{where}: angle_deg"))
-        return location.arc((first, second))
-    return location.around(_finite(angles, f"{where}: angle_deg"), location.FULL_TURN / location.SECTORS / 2)
-
-
-def _radii(found: Any, where: str) -> tuple[float, float]:
-    if found is None:
-        return location.PLATE_EDGE, location.RIM
-    if isinstance(found, list):
-        inner, outer = (_finite(radius, where) for radius in listed(found, 2, where))
-    else:
-        half = (location.RIM - location.PLATE_EDGE) / location.RINGS / 2
-        inner, outer = _finite(found, where) - half, _finite(found, where) + half
-    if outer < inner:
-        raise WithheldError(f"{where} must be [inner, outer] in metres, got [{inner:g}, {outer:g}]; swap them")
-    return inner, outer
-
-
-def _finite(found: Any, where: str) -> float:
-    value = number(found, where)
-    if not isfinite(value):
-        raise WithheldError(f"{where} must be a number, got {found!r}; leave the key out where it is not known")
-    return value
+    content = read_object(path)
+    answers = {case: read_answer(entry, f"{path}: {case}") for case, entry in entries(content, _ANSWERS).items()}
+    facts = {key: value for key, value in content.items() if key not in (*_ANSWERS, *answers)}
+    return validated(_DOCUMENT, {**facts, "answers": answers}, str(path))

@@ -5,7 +5,6 @@ package's further effects are known by their registration.
 """
 
 from collections.abc import Collection
-from functools import lru_cache
 
 from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.sim.effects import registered
@@ -39,27 +38,51 @@ EFFECTS: dict[str, str] = {
 LARGEST_SET = max(len(group.effects) for group in EQUIVALENTS)  # a set of more names than any group says nothing
 
 
-@lru_cache(maxsize=1)
 def effect_classes() -> dict[str, str]:
-    """Class of each effect that an answer or a label may name."""
-    return {name: found.kind for name, found in registered().items()} | EFFECTS
+    """Class of each effect that an answer or a label may name.
+
+    Returns:
+        The class by name.
+    """
+    return {name: effect.kind for name, effect in registered().items()} | EFFECTS
 
 
 def outcomes() -> tuple[str, ...]:
-    """Everything that probability may be given to: no effect, each effect, one outside the list."""
+    """Everything that probability may be given to.
+
+    Returns:
+        `none`, each effect, and `unknown` for an effect outside the list.
+    """
     return (NONE, *effect_classes(), UNKNOWN)
 
 
 def class_of(name: str) -> str:
-    """Class of an effect; `none` and `unknown` are classes of their own."""
-    return effect_classes().get(name, name)
+    """Class of an effect; `none` and `unknown` are classes of their own.
+
+    Args:
+        name: Name of the effect.
+
+    Returns:
+        Its class.
+    """
+    if name in EFFECTS:
+        return EFFECTS[name]
+    effect = registered().get(name)
+    return effect.kind if effect else name
 
 
-def all_that_can_be_told(effect: str, named: Collection[str]) -> bool:
-    """Whether an ambiguous set of causes says of this effect what silhouettes can tell.
+def is_equivalent_set(effect: str, named: Collection[str]) -> bool:
+    """Whether silhouettes cannot tell the causes of a set from an effect, so that naming the set is all they allow.
 
-    It does if it lies within the effect's group. The partners of an absorbed effect are parameters, not effects: there
-    the set must hold it, among few others.
+    That is so if the set lies within the effect's group of equivalents. The partners of an absorbed effect are
+    parameters, not effects: there the set must hold it, among few others.
+
+    Args:
+        effect: The true effect.
+        named: The set of causes.
+
+    Returns:
+        True for such a set.
     """
     members = frozenset(named)
     if not members or len(members) > LARGEST_SET:
@@ -70,6 +93,13 @@ def all_that_can_be_told(effect: str, named: Collection[str]) -> bool:
 
 
 def typical_severity(effect: str) -> float:
-    """Severity that is met in practice, in the effect's own unit; NaN for an effect that is not registered."""
-    found = registered().get(effect)
-    return abs(found.severity.typical) if found else float("nan")
+    """Severity that is met in practice.
+
+    Args:
+        effect: Name of the effect.
+
+    Returns:
+        The severity in the effect's own unit; NaN for an effect that is not registered.
+    """
+    known = registered().get(effect)
+    return abs(known.severity.typical) if known else float("nan")

@@ -1,19 +1,45 @@
-"""Reading of answers and labels: JSON objects whose every value is checked, with the place of what is wrong."""
+"""Reading of JSON files into models, with the file, the case and the key of what is wrong.
+
+Every document of a suite is a frozen pydantic model; this module reads the JSON text, and turns what pydantic finds
+wrong into a sentence: what the rule is, what was found, and where.
+"""
 
 import json
-from collections.abc import Collection, Mapping
-from difflib import get_close_matches
-from math import isfinite, nan
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
 
 from cusick_bench.withheld.errors import WithheldError
 
+T = TypeVar("T")
+
 _MAXIMUM_BYTES = 1 << 28
+_LONGEST_SHOWN = 60  # characters of a value in a message
+_RULES = {
+    "missing": "must be there",
+    "bool_type": "must be true or false",
+    "string_type": "must be a string",
+    "int_type": "must be a whole number",
+    "list_type": "must be a list",
+    "tuple_type": "must be a list",
+    "dict_type": "must be an object",
+    "model_type": "must be an object",
+    "model_attributes_type": "must be an object",
+    "dataclass_type": "must be an object",
+}
+"""Rules in plain words, by pydantic's name of the error."""
 
 
 def read_object(path: Path) -> dict[str, Any]:
     """Reads a JSON file that holds one object.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The object.
 
     Raises:
         WithheldError: There is no such file, it is too large, not JSON, no object, or holds a key twice.
@@ -25,22 +51,32 @@ def read_object(path: Path) -> dict[str, Any]:
             f"{path} must be below {_MAXIMUM_BYTES >> 20} MiB, got {path.stat().st_size >> 20}; split it"
         )
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once)
+        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique_keys)
     except (ValueError, RecursionError) as error:
         raise WithheldError(f"{path} must be JSON, got a file that cannot be read ({error}); write it anew") from error
-    return mapping(document, str(path))
+    if not isinstance(document, dict):
+        raise WithheldError(f"{path} must be an object, got {_shown(document)}; see the format of answers and labels")
+    return document
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
         names = [name for name, _ in pairs]
         raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!r} stands twice")
-    return found
+    return content
 
 
 def entries(document: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
-    """The cases of a document: under one of the keys, beside facts about the file, or all of it."""
+    """Finds the cases of a document: under one of the keys, beside facts about the file, or all of it.
+
+    Args:
+        document: Content of the file.
+        keys: Keys under which the cases may stand.
+
+    Returns:
+        The entry of each case.
+    """
     for key in keys:
         inner = document.get(key)
         if isinstance(inner, dict) and all(isinstance(value, dict) for value in inner.values()):
@@ -48,67 +84,52 @@ def entries(document: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any
     return {name: value for name, value in document.items() if isinstance(value, dict)}
 
 
-def mapping(found: Any, where: str) -> dict[str, Any]:
-    """A JSON object.
+def validated(kind: TypeAdapter[T], content: Any, where: str) -> T:
+    """Checks a part of a document.
+
+    Args:
+        kind: What it must be.
+        content: Its value, as `json` reads it.
+        where: File and case, for messages.
+
+    Returns:
+        The model.
 
     Raises:
-        WithheldError: Something else.
+        WithheldError: What breaks the format first.
     """
-    if not isinstance(found, dict):
-        raise WithheldError(f"{where} must be an object, got {_shown(found)}; see the format of answers and labels")
-    return found
+    try:
+        return kind.validate_python(content)
+    except ValidationError as error:
+        raise WithheldError(f"{where}: {_sentence(error)}") from error
 
 
-def listed(found: Any, length: int | None, where: str) -> list[Any]:
-    """A list, of a length if one is given.
-
-    Raises:
-        WithheldError: No list, or one of another length.
-    """
-    if not isinstance(found, list) or (length is not None and len(found) != length):
-        rule = "a list" if length is None else f"a list of {length}"
-        raise WithheldError(f"{where} must be {rule}, got {_shown(found)}; correct it")
-    return found
-
-
-def strings(found: Any, where: str) -> list[str]:
-    """A list of strings.
-
-    Raises:
-        WithheldError: Something else.
-    """
-    for item in listed(found, None, where):
-        if not isinstance(item, str):
-            raise WithheldError(f"{where} must be a list of names, got {_shown(found)}; correct it")
-    return found
+def _sentence(error: ValidationError) -> str:
+    """The first thing that is wrong: key, rule, value, remedy."""
+    first = error.errors(include_url=False)[0]
+    key = _key(first["loc"])
+    if first["type"] == "broken_rule":  # says itself what was found
+        return f"{key}: {first['msg']}" if key else first["msg"]
+    context = first.get("ctx", {})
+    length = context.get("min_length", context.get("max_length"))
+    rule = f"must be a list of {length}" if first["type"] in ("too_short", "too_long") else None
+    rule = rule or _RULES.get(first["type"], first["msg"])
+    if first["type"] == "missing":
+        return f"{key} {rule}; write the file anew"
+    return f"{key or 'it'} {rule}, got {_shown(first['input'])}; {context.get('remedy', 'correct it')}"
 
 
-def number(found: Any, where: str) -> float:
-    """A number; NaN for null.
-
-    Raises:
-        WithheldError: Something else, or an infinite number.
-    """
-    if found is None:
-        return nan
-    if isinstance(found, bool) or not isinstance(found, int | float) or not (isfinite(found) or found != found):
-        raise WithheldError(f"{where} must be a finite number or null, got {_shown(found)}; correct it")
-    return float(found)
+def _key(places: Iterable[str | int]) -> str:
+    """A place in a document as `causes[0].effect`; marks of alternatives, as `<one>`, are left out."""
+    key = ""
+    for place in places:
+        if isinstance(place, int):
+            key += f"[{place}]"
+        elif not place.startswith("<"):
+            key += f".{place}" if key else place
+    return key
 
 
-def one_of(found: Any, choices: Collection[str], where: str) -> str:
-    """A string out of some.
-
-    Raises:
-        WithheldError: Another value.
-    """
-    if not isinstance(found, str) or found not in choices:
-        near = get_close_matches(str(found), list(choices), n=1)
-        remedy = f"did you mean {near[0]!r}?" if near else f"use {', '.join(choices)}"
-        raise WithheldError(f"{where} must be a known name, got {_shown(found)}; {remedy}")
-    return found
-
-
-def _shown(found: Any) -> str:
-    text = json.dumps(found, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _shown(value: Any) -> str:
+    text = json.dumps(value, default=str)
+    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 3] + "..."

@@ -1,20 +1,118 @@
-"""The revealed label of a withheld case: what acted, how severe it was, and where."""
+"""The label of a withheld case: what acted, how severe it was, and where.
 
-from collections.abc import Mapping
+`LabelDocument` is the form of an entry of `labels.json`, which is what is sealed; `Label` is the truth that it states,
+in the terms of the scores.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, isfinite, log2, nan
+from pathlib import Path
 from typing import Any
 
-from cusick_bench.withheld.errors import WithheldError
+from pydantic import Field, TypeAdapter, field_validator, model_validator
+
 from cusick_bench.withheld.format import causes
-from cusick_bench.withheld.format.answer import read_region
-from cusick_bench.withheld.format.checked_json import entries, listed, mapping, number, one_of
-from cusick_bench.withheld.format.location import Region
+from cusick_bench.withheld.format.checked_json import entries, read_object, validated
+from cusick_bench.withheld.format.fields import (
+    Document,
+    Number,
+    OneOrSeveral,
+    OutcomeName,
+    broken_rule,
+    finite_or_nan,
+    known_name,
+)
+from cusick_bench.withheld.format.location import KINDS, Region
+from cusick_bench.withheld.format.place import Place
 
 NULL, SINGLE, PAIR, OUTSIDE = "null", "single", "pair", "unknown"
 DETECTABLE, TYPICAL = "detectable shift", "typical severity"
-LABELS = ("labels", "cases")  # keys under which they may stand in a document
+_LABELS = ("labels", "cases")  # keys under which they may stand in a document
 _LOWEST, _HIGHEST = -3, 4  # powers of two
+
+
+class LabelPlace(Place):
+    """Where a local effect acts.
+
+    Attributes:
+        kind: `sector`, `ring` or `patch`.
+    """
+
+    kind: str | None = Field()
+
+    @field_validator("kind")
+    @classmethod
+    def _known_kind(cls, kind: str | None) -> str:
+        return known_name(str(kind), KINDS)
+
+
+class LabelDocument(Document):
+    """A label as it is sealed; of a pair, effect, class, severity, parameters and location are lists.
+
+    Attributes:
+        effect: Name of the effect, `none`, or `unknown` for one outside the list.
+        class_name: Its class.
+        name: Name of an effect outside the list.
+        severity: Severity in the effect's own unit.
+        parameters: All its parameters.
+        location: Where it acts; None for nowhere in particular.
+        oracle_closure: Share of the gap that the true effect closes; None if not known.
+        kind: What the case is for.
+        reference: What the severity is a multiple of, `detectable` or `typical`.
+        multiple: Severity in detectable shifts.
+        multiple_of_typical: Severity in typical severities.
+        salt: Salt of the seal.
+        sha256: The seal.
+    """
+
+    effect: OneOrSeveral[OutcomeName]
+    class_name: OneOrSeveral[str] | None = Field(default=None, alias="class")
+    name: str | None = None
+    severity: OneOrSeveral[Number | None] = None
+    parameters: OneOrSeveral[dict[str, Number]] = Field(default_factory=dict)
+    location: OneOrSeveral[LabelPlace | None] = None
+    oracle_closure: Number | None = None
+    kind: str | None = None
+    reference: str | None = None
+    multiple: OneOrSeveral[Number | None] = None
+    multiple_of_typical: OneOrSeveral[Number | None] = None
+    salt: str | None = None
+    sha256: str | None = None
+
+    @field_validator("effect")
+    @classmethod
+    def _known_effects(cls, effect: str | tuple[str, ...]) -> str | tuple[str, ...]:
+        names = _as_tuple(effect)
+        if not names or (len(names) > 1 and set(names) & {causes.NONE, causes.UNKNOWN}):
+            raise broken_rule(f"effect must be a name or a list of effects, got {list(names)}; correct it")
+        return effect
+
+    @model_validator(mode="after")
+    def _one_value_for_each_effect(self) -> "LabelDocument":
+        for key in ("severity", "parameters", "location", "multiple", "multiple_of_typical"):
+            value = getattr(self, key)
+            if isinstance(value, tuple) and len(value) != len(self.effects):
+                raise broken_rule(f"{key} must be a list of {len(self.effects)}, got one of {len(value)}; correct it")
+        return self
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of all that acts, `none` and `unknown` included."""
+        return _as_tuple(self.effect)
+
+    @property
+    def parameters_of_effects(self) -> tuple[dict[str, float], ...]:
+        """Parameters of each effect."""
+        return _as_tuple(self.parameters)
+
+    def unsealed(self) -> dict[str, Any]:
+        """The label without its salt and seal.
+
+        Returns:
+            Its content as it stands on disk.
+        """
+        return {key: value for key, value in self.content().items() if key not in ("salt", "sha256")}
 
 
 @dataclass(frozen=True)
@@ -61,82 +159,121 @@ class Label:
             return ""
         return f"{2.0 ** min(max(floor(log2(self.multiple) + 0.5 + 1e-9), _LOWEST), _HIGHEST):g}x"
 
-    def without(self, left_out: frozenset[str]) -> "Label":
-        """The label as it is for an answerer who was not offered some effects: theirs lie outside the list."""
-        if self.kind != SINGLE or not left_out & set(self.effects):
+    def without(self, left_out: Sequence[str]) -> "Label":
+        """The label as it is for an answerer who was not offered some effects: theirs lie outside the list.
+
+        Args:
+            left_out: Names of these effects.
+
+        Returns:
+            The label.
+        """
+        if self.kind != SINGLE or not set(left_out) & set(self.effects):
             return self
         return Label((), OUTSIDE, causes.UNKNOWN, self.multiple, self.unit, hidden=f"{self.truth}, left out")
 
 
-def read_labels(document: Mapping[str, Any], where: str) -> dict[str, Label]:
-    """Checks all labels of a `labels.json`.
+_LABEL = TypeAdapter(LabelDocument)
+
+
+def read_label_documents(path: Path) -> dict[str, LabelDocument]:
+    """Reads `labels.json`.
 
     Args:
-        document: Content of the file.
-        where: Its path, for messages.
+        path: The file; the labels stand under `labels` or `cases`, or are all that it holds.
+
+    Returns:
+        The label of each case, as it is sealed.
 
     Raises:
-        WithheldError: What breaks the format.
+        WithheldError: A file that cannot be read, or what breaks the format.
     """
-    return {case: read_label(entry, f"{where}: {case}") for case, entry in entries(document, LABELS).items()}
+    found = entries(read_object(path), _LABELS)
+    return {case: validated(_LABEL, entry, f"{path}: {case}") for case, entry in found.items()}
 
 
-def read_label(found: Any, where: str) -> Label:
+def read_labels(path: Path) -> dict[str, Label]:
+    """Reads the truth of every case from `labels.json`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The truth by case.
+
+    Raises:
+        WithheldError: A file that cannot be read, or what breaks the format.
+    """
+    return {case: truth_of(label) for case, label in read_label_documents(path).items()}
+
+
+def read_label(content: Any, where: str) -> Label:
     """Checks one label of `labels.json`.
 
     Args:
-        found: Its value in the document.
+        content: Its value in the document.
         where: File and case, for messages.
+
+    Returns:
+        The truth that it states.
 
     Raises:
         WithheldError: What breaks the format.
     """
-    entry = mapping(found, where)
-    named = _named(entry.get("effect"), where)
+    return truth_of(validated(_LABEL, content, where))
+
+
+def truth_of(label: LabelDocument) -> Label:
+    """What a label says, in the terms of the scores.
+
+    Args:
+        label: The label.
+
+    Returns:
+        The truth of the case.
+    """
+    named = label.effects
     kind = {causes.NONE: NULL, causes.UNKNOWN: OUTSIDE}.get(named[0], SINGLE if len(named) == 1 else PAIR)
-    effects = tuple(named) if kind in (SINGLE, PAIR) else ()
-    multiple, unit = _severity(entry, effects, where)
-    place = _only(entry.get("location")) if kind == SINGLE else None
-    region = read_region(mapping(place, f"{where}: location"), f"{where}: location") if place else None
+    effects = named if kind in (SINGLE, PAIR) else ()
+    multiple, unit = _severity(label, effects)
+    places = _as_tuple(label.location)
+    place = places[0] if kind == SINGLE and len(places) == 1 else None
     return Label(
         effects=effects,
         kind=kind,
         class_name=causes.class_of(named[0]),
         multiple=multiple,
         unit=unit,
-        location=region,
-        location_kind=place["kind"] if place else "",
-        oracle_closure=number(entry.get("oracle_closure"), f"{where}: oracle_closure"),
-        hidden=str(entry.get("name") or entry.get("hidden") or "") if kind == OUTSIDE else "",
+        location=place.region if place else None,
+        location_kind=(place.kind or "") if place else "",
+        oracle_closure=finite_or_nan(label.oracle_closure),
+        hidden=_hidden_name(label) if kind == OUTSIDE else "",
     )
 
 
-def _named(found: Any, where: str) -> list[str]:
-    names = found if isinstance(found, list) else [found]
-    effects = [one_of(name, causes.outcomes(), f"{where}: effect") for name in names]
-    if not effects or (len(effects) > 1 and set(effects) & {causes.NONE, causes.UNKNOWN}):
-        raise WithheldError(f"{where}: effect must be a name or a list of effects, got {effects}; correct it")
-    return effects
+def _as_tuple(value: Any) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,)
 
 
-def _only(found: Any) -> Any:
-    """The one member of a list of one; anything else as it is."""
-    return found[0] if isinstance(found, list) and len(found) == 1 else found
+def _hidden_name(label: LabelDocument) -> str:
+    """Name of an effect outside the list, under either key that labels have it."""
+    return str(label.name or (label.model_extra or {}).get("hidden") or "")
 
 
-def _severity(entry: Mapping[str, Any], effects: tuple[str, ...], where: str) -> tuple[float, str]:
+def _severity(label: LabelDocument, effects: tuple[str, ...]) -> tuple[float, str]:
     """Severity of the weakest effect: as a multiple if the label has one, else in typical severities."""
     if not effects:
         return nan, ""
-    for key, unit in (("multiple", DETECTABLE), ("multiple_of_typical", TYPICAL)):
-        multiples = _numbers(entry.get(key), len(effects), f"{where}: {key}")
+    for given, unit in ((label.multiple, DETECTABLE), (label.multiple_of_typical, TYPICAL)):
+        multiples = _for_each(given, len(effects))
         if all(map(isfinite, multiples)):
             return min(map(abs, multiples)), unit
-    severities = _numbers(entry.get("severity"), len(effects), f"{where}: severity")
+    severities = _for_each(label.severity, len(effects))
     shares = [abs(value) / causes.typical_severity(name) for value, name in zip(severities, effects, strict=True)]
     return (min(shares), TYPICAL) if all(map(isfinite, shares)) else (nan, "")
 
 
-def _numbers(found: Any, length: int, where: str) -> list[float]:
-    values = listed(found, length, where) if isinstance(found, list) else [found] * length
-    return [number(value, where) for value in values]
+def _for_each(given: Any, count: int) -> list[float]:
+    """A number for each effect; one number counts for all."""
+    values = given if isinstance(given, tuple) else (given,) * count
+    return [finite_or_nan(value) for value in values]

@@ -26,9 +26,9 @@ class Region:
     """A part of an annulus.
 
     Attributes:
-        start: Direction of its first edge [deg], counter-clockwise.
+        start: Direction of its first edge, counter-clockwise [deg].
         width: Angle from there to its second edge [deg], 360 for a ring.
-        inner, outer: Radii [m].
+        inner, outer: Inner and outer radius [m].
     """
 
     start: float
@@ -45,7 +45,14 @@ class Region:
         return Region((self.start + self.width / 2) % FULL_TURN, 0.0, radius, radius)
 
     def overlaps(self, other: "Region") -> bool:
-        """Whether the two share a point, be it on their edges."""
+        """Whether the two share a point, be it on their edges.
+
+        Args:
+            other: The other region.
+
+        Returns:
+            True if they do.
+        """
         return self._overlaps_in_angle(other) and self.inner <= other.outer and other.inner <= self.outer
 
     def _overlaps_in_angle(self, other: "Region") -> bool:
@@ -54,10 +61,17 @@ class Region:
 
 
 def angular_overlap(first: Region, second: Region) -> float:
-    """Intersection over union of two ranges of directions; 0 where both have no width.
+    """Intersection over union of two ranges of directions.
 
     Two arcs may meet at both of their ends, so the second is looked at from the first's start, once as it is and
     once a turn earlier.
+
+    Args:
+        first: One region.
+        second: The other.
+
+    Returns:
+        The share, 0 where both have no width.
     """
     apart = (second.start - first.start) % FULL_TURN
     shared = sum(
@@ -68,25 +82,58 @@ def angular_overlap(first: Region, second: Region) -> float:
 
 
 def arc(angles: Sequence[float]) -> tuple[float, float]:
-    """Start and width [deg] of the arc that goes counter-clockwise from the first of two directions to the second."""
+    """The arc that goes counter-clockwise from the first of two directions to the second.
+
+    Args:
+        angles: The two directions [deg].
+
+    Returns:
+        Start and width [deg].
+    """
     first, second = angles
     width = second - first
     return first % FULL_TURN, FULL_TURN if abs(width) >= FULL_TURN else width % FULL_TURN
 
 
 def around(direction: float, half_width: float) -> tuple[float, float]:
-    """Start and width [deg] of the arc that reaches as far to both sides of a direction."""
+    """The arc that reaches as far to both sides of a direction.
+
+    Args:
+        direction: Its middle [deg].
+        half_width: How far it reaches to either side [deg].
+
+    Returns:
+        Start and width [deg].
+    """
     return (direction - half_width) % FULL_TURN, min(2 * half_width, FULL_TURN)
 
 
 def cell(ring: int, sector: int, inner: float = PLATE_EDGE, outer: float = RIM) -> Region:
-    """A cell of the map between two radii [m]."""
+    """A cell of the map.
+
+    Args:
+        ring: Number of the ring from inside, from 0.
+        sector: Number of the sector counter-clockwise, from 0.
+        inner: Inner radius of the map [m].
+        outer: Outer radius of the map [m].
+
+    Returns:
+        The region of the cell.
+    """
     step, turn = (outer - inner) / RINGS, FULL_TURN / SECTORS
     return Region(sector * turn, turn, inner + ring * step, inner + (ring + 1) * step)
 
 
 def peak(values: Float[ndarray, "rings sectors"], kind: str) -> Region | None:
-    """Where a map points: its largest cell, or for a ring the ring with the largest sum; None if it is flat."""
+    """Where a map points: its largest cell, or for a ring the ring with the largest sum.
+
+    Args:
+        values: Weight of each cell, rings from the plate to the rim.
+        kind: `ring` for an effect that acts all around.
+
+    Returns:
+        The region; None if the map is flat.
+    """
     weights = np.nan_to_num(np.abs(values))
     if np.ptp(weights) == 0:
         return None

@@ -1,5 +1,5 @@
 """Scoring of answers.
 
-revealed: opens labels; judgement: one answer; score, measures, calibration: figures with intervals;
-table, failures: text.
+labelled_answers: opens labels beside answers; judgement: one answer; subsets, figures, score: figures with intervals;
+measures: what is measured; calibration: statistics; table, failures: text.
 """

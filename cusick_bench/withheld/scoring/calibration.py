@@ -12,42 +12,65 @@ References:
 """
 
 from collections.abc import Mapping
-from math import log, nan, sqrt
+from functools import lru_cache
+from math import log, nan
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.stats import rankdata
+from scipy.stats import binomtest, mannwhitneyu
 
 BINS = 10
 PER_BIN = 15  # cases that a bin should have at least
 LEAST_PROBABILITY = 1e-4  # what a probability of 0 counts for in the logarithmic score
-_NORMAL_97_5 = 1.959963984540054
 
 
-def wilson(successes: float, cases: int) -> tuple[float, float]:
-    """Bounds of the 95 % interval of a share, which stay honest at 0 and 100 %; NaN without cases."""
+@lru_cache(maxsize=4096)
+def wilson_interval(successes: int, cases: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share, which stays honest at 0 and 100 %.
+
+    Args:
+        successes: Cases that count.
+        cases: All cases.
+
+    Returns:
+        Lower and upper bound; NaN without cases.
+    """
     if cases == 0:
         return nan, nan
-    share, z2 = successes / cases, _NORMAL_97_5**2 / cases
-    centre = (share + z2 / 2) / (1 + z2)
-    reach = sqrt(z2 * (share * (1 - share) + z2 / 4)) / (1 + z2)
-    return max(0.0, centre - reach), min(1.0, centre + reach)
+    interval = binomtest(successes, cases).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
-def separation(
+def auroc(
     positives: Float[ndarray, "*batch positives"], negatives: Float[ndarray, "*batch negatives"]
-) -> Float[ndarray, "*batch"] | float:
-    """Area under the receiver operating characteristic: how often a positive has the larger score, ties half."""
-    ranks = rankdata(np.concatenate([positives, negatives], axis=-1), axis=-1)
-    number, rest = positives.shape[-1], negatives.shape[-1]
-    return (ranks[..., :number].sum(-1) - number * (number + 1) / 2) / (number * rest)
+) -> Float[ndarray, "*batch"]:
+    """Area under the receiver operating characteristic: how often a positive has the larger score, ties half.
+
+    It is the Mann-Whitney statistic over the number of pairs.
+
+    Args:
+        positives: Scores of the positive cases.
+        negatives: Scores of the negative cases.
+
+    Returns:
+        The area, between 0 and 1; 0.5 where the scores tell nothing.
+    """
+    wins = mannwhitneyu(positives, negatives, axis=-1, method="asymptotic").statistic
+    return np.asarray(wins) / (positives.shape[-1] * negatives.shape[-1])
 
 
 def calibration_error(confidence: Float[ndarray, " cases"], right: Float[ndarray, " cases"]) -> float:
     """Expected calibration error: |confidence - share right|, averaged over bins of equal numbers of cases.
 
     Cases of one confidence stay in one bin, or the order in which they came would count.
+
+    Args:
+        confidence: Stated probability of each case.
+        right: 1 where the statement was right, else 0.
+
+    Returns:
+        The error, between 0 and 1.
     """
     bins = _bins(confidence)
     return float(np.abs(np.bincount(bins, confidence - right)).sum() / len(confidence))
@@ -56,7 +79,15 @@ def calibration_error(confidence: Float[ndarray, " cases"], right: Float[ndarray
 def reliability(
     confidence: Float[ndarray, " cases"], right: Float[ndarray, " cases"]
 ) -> list[tuple[float, float, int]]:
-    """Mean confidence, share right and cases of each bin: the points of a reliability diagram."""
+    """Points of a reliability diagram, in the bins of `calibration_error`.
+
+    Args:
+        confidence: Stated probability of each case.
+        right: 1 where the statement was right, else 0.
+
+    Returns:
+        Mean confidence, share right and number of cases of each bin.
+    """
     bins = _bins(confidence)
     return [
         (float(confidence[bins == place].mean()), float(right[bins == place].mean()), int((bins == place).sum()))
@@ -70,9 +101,12 @@ def calibration_error_by_chance(
     """Mean calibration error that answers of these confidences show if they are calibrated: 0 only for endless cases.
 
     Args:
-        confidence: Stated probabilities.
-        generator: Of the outcomes.
-        repeats: How many sets of outcomes to draw.
+        confidence: Stated probability of each case.
+        generator: Source of the random outcomes.
+        repeats: Number of sets of outcomes to draw.
+
+    Returns:
+        The mean error.
     """
     bins = _bins(confidence)
     outcomes = generator.random((repeats, len(confidence))) < confidence
@@ -87,10 +121,26 @@ def _bins(confidence: Float[ndarray, " cases"]) -> Int[ndarray, " cases"]:
 
 
 def brier_score(probabilities: Mapping[str, float], truth: str) -> float:
-    """Sum of squared differences between probabilities and what came true: 0 is perfect, 2 is sure and wrong."""
+    """Sum of squared differences between probabilities and what came true: 0 is perfect, 2 is sure and wrong.
+
+    Args:
+        probabilities: Stated probability of each outcome.
+        truth: The outcome that came true.
+
+    Returns:
+        The score.
+    """
     return sum((p - (name == truth)) ** 2 for name, p in probabilities.items())
 
 
 def log_score(probabilities: Mapping[str, float], truth: str) -> float:
-    """Surprise at the truth [nat]; a probability of 0 counts as `LEAST_PROBABILITY`."""
+    """Negative logarithm of the probability of what came true; a probability of 0 counts as `LEAST_PROBABILITY`.
+
+    Args:
+        probabilities: Stated probability of each outcome.
+        truth: The outcome that came true.
+
+    Returns:
+        The score [nat].
+    """
     return -log(max(probabilities.get(truth, 0.0), LEAST_PROBABILITY))

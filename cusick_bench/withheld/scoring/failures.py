@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.withheld.format import causes
-from cusick_bench.withheld.format.answer import Answer
+from cusick_bench.withheld.format.answer import BaselineAnswer
 from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, Label
-from cusick_bench.withheld.scoring.revealed import Revealed
+from cusick_bench.withheld.scoring.labelled_answers import LabelledAnswers
 
 CLASSES = (causes.NONE, *causes.CLASSES, "pair", causes.UNKNOWN)
 """Rows and columns of the confusion by class."""
@@ -22,7 +22,7 @@ _FAULTS = {
     "pointing": "wrong place",
     "closure_close": "closure off",
 }
-_SHOWN = 3  # causes of an answer
+_CAUSES_SHOWN = 3  # of an answer
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Failure:
     """A case in which something is wrong.
 
     Attributes:
-        case: Name.
+        case: Name of the case.
         faults: What is wrong, in words.
-        label: The truth.
-        answer: What was said.
+        label: The truth, in a few words.
+        answer: The answer, in a few words.
     """
 
     case: str
@@ -42,23 +42,27 @@ class Failure:
     answer: str
 
 
-def failures(revealed: Revealed, cases: pd.DataFrame) -> list[Failure]:
+def failures(answered: LabelledAnswers, cases: pd.DataFrame) -> list[Failure]:
     """Every case in which something is wrong: nulls first, then the most severe.
 
     Args:
-        revealed: Answers and labels.
+        answered: Answers and labels.
         cases: Their judgements, of `Scores`.
+
+    Returns:
+        The failures.
     """
     order = cases.assign(first=cases["kind"] != NULL).sort_values(
         ["first", "multiple", "case"], ascending=[True, False, True]
     )
-    found = []
+    listed = []
     for row in order.to_dict("records"):
         if faults := _faults(row):
             case = row["case"]
-            label = revealed.labels[case].without(revealed.answers[case].without)
-            found.append(Failure(case, faults, described_label(label), described_answer(revealed.answers[case])))
-    return found
+            answer = answered.answers[case]
+            label = answered.labels[case].without(answer.left_out)
+            listed.append(Failure(case, faults, described_label(label), described_answer(answer)))
+    return listed
 
 
 def _faults(row: dict[Hashable, Any]) -> tuple[str, ...]:
@@ -78,16 +82,30 @@ def _faults(row: dict[Hashable, Any]) -> tuple[str, ...]:
 
 
 def described_label(label: Label) -> str:
-    """A label in a few words."""
+    """Describes a label in a few words.
+
+    Args:
+        label: The truth.
+
+    Returns:
+        Effect and severity.
+    """
     severity = f" {label.multiple:.2g}x" if np.isfinite(label.multiple) else ""
     hint = f" ({label.hidden})" if label.kind == OUTSIDE and label.hidden else ""
     joined = " + ".join(label.effects) if label.kind == PAIR else label.truth
     return f"{joined}{severity}{hint}"
 
 
-def described_answer(answer: Answer) -> str:
-    """An answer in a few words: verdict, first causes with their probabilities, 90 % set, p-value."""
-    named = ", ".join(f"{name} {probability:.2f}" for name, probability in answer.causes[:_SHOWN])
+def described_answer(answer: BaselineAnswer) -> str:
+    """Describes an answer in a few words.
+
+    Args:
+        answer: What was said.
+
+    Returns:
+        Verdict, first causes with their probabilities, 90 % set, p-value.
+    """
+    named = ", ".join(f"{name} {probability:.2f}" for name, probability in answer.causes[:_CAUSES_SHOWN])
     parts = [f"{answer.verdict}: {named}" if named else answer.verdict, "{" + ", ".join(answer.set90) + "}"]
     if np.isfinite(answer.p):
         parts.append(f"p {answer.p:.2g}")
@@ -95,14 +113,28 @@ def described_answer(answer: Answer) -> str:
 
 
 def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
-    """How many cases of a row's class were taken for a column's; pairs have no column."""
+    """How many cases of a row's class were taken for a column's.
+
+    Args:
+        cases: Judgements, of `Scores`.
+
+    Returns:
+        The counts; pairs have no column.
+    """
     counts = pd.crosstab(cases["truth_class"], cases["said_class"])
     columns = [name for name in CLASSES if name != "pair"]
     return counts.reindex(index=list(CLASSES), columns=columns, fill_value=0)
 
 
 def confusion_by_effect(cases: pd.DataFrame) -> pd.DataFrame:
-    """The same by effect: a row for each truth that there is, a column for each answer that there is; no pairs."""
+    """How many cases of a row's effect were taken for a column's; pairs are left out.
+
+    Args:
+        cases: Judgements, of `Scores`.
+
+    Returns:
+        The counts, a row for each truth that there is, a column for each answer that there is.
+    """
     known = cases.loc[cases["kind"] != PAIR]
     counts = pd.crosstab(known["truth"], known["said"])
     order = {name: place for place, name in enumerate(causes.outcomes())}

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from math import isfinite, nan
 
 from cusick_bench.withheld.format import causes
-from cusick_bench.withheld.format.answer import Answer
+from cusick_bench.withheld.format.answer import BaselineAnswer
+from cusick_bench.withheld.format.fields import finite_or_nan
 from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, SINGLE, Label
 from cusick_bench.withheld.format.location import FULL_TURN, angular_overlap
 from cusick_bench.withheld.scoring.calibration import brier_score, log_score
@@ -17,30 +18,30 @@ class Judgement:
     """One case judged; a number is NaN where the question does not arise, a yes is 1 and a no 0.
 
     Attributes:
-        case: Name.
-        kind: Of the label: `null`, `single`, `pair`, `unknown`.
-        truth, truth_class: The label's effect and class.
+        case: Name of the case.
+        kind: Kind of the label: `null`, `single`, `pair`, `unknown`.
+        truth, truth_class: Effect and class of the label.
         multiple, level, unit: Severity, the nearest power of two to it, and what it is a multiple of.
-        unlike: What no other effect makes of its shift, in detectable ones.
-        said, said_class: What the verdict amounts to, and its class; an ambiguous set that is all that can be told
+        unlike: The part of its shift that no other effect makes, in detectable shifts.
+        said, said_class: What the verdict amounts to, and its class; an ambiguous set of equivalents of the true effect
             has the class of the truth.
-        verdict: The answer's.
+        verdict: Verdict of the answer.
         p, none: p-value, and stated probability of no effect.
         detected: Whether anything is said to be there.
         exact: Whether the first place is the true effect.
-        class_right: Whether the class is, or the set is all that can be told.
+        class_right: Whether its class is the true one, or the set is one of equivalents of the true effect.
         exact_stated, class_stated: Probabilities that the answer gives to the effect and the class in that place.
-        equivalent: Whether the set is that.
+        equivalent: Whether the set is one of equivalents of the true effect, with a measurement that tells more.
         covered, set_size: Whether the 90 % set holds the truth, and its size.
         abstained: Whether the answer to an effect of the list is `unknown`.
-        recalled: Whether that to one outside the list is.
+        recalled: Whether the answer to an effect outside the list is `unknown`.
         top_two, both: Share of a pair's effects among the first two causes, and whether both are.
         confidence, right: Largest probability, and whether it went to the truth.
         brier, surprise: Brier score and logarithmic score [nat].
         pointing, overlap: Whether a local effect was pointed at, and the angular intersection over union.
         localised_falsely: Whether an effect that acts nowhere in particular was localised.
         closure_close: Whether the closure is within `CLOSURE_TOLERANCE` of the true effect's.
-        closure_covered: Whether the latter lies in the stated interval.
+        closure_covered: Whether the true effect's closure lies in the stated interval.
     """
 
     case: str
@@ -79,9 +80,18 @@ class Judgement:
     closure_covered: float = nan
 
 
-def judge(case: str, answer: Answer, label: Label) -> Judgement:
-    """Judges the answer to a case."""
-    label = label.without(answer.without)
+def judgement_of(case: str, answer: BaselineAnswer, label: Label) -> Judgement:
+    """Judges the answer to a case.
+
+    Args:
+        case: Name of the case.
+        answer: What was said.
+        label: What is true.
+
+    Returns:
+        What is right and wrong in the answer.
+    """
+    label = label.without(answer.left_out)
     equivalent = label.kind == SINGLE and answers_with_equivalents(answer, label.effects[0])
     said_class = label.class_name if equivalent else causes.class_of(answer.leading)
     return Judgement(
@@ -108,16 +118,22 @@ def judge(case: str, answer: Answer, label: Label) -> Judgement:
     )
 
 
-def answers_with_equivalents(answer: Answer, effect: str) -> bool:
-    """Whether an answer says all that silhouettes can tell of an effect, and what would tell more."""
+def answers_with_equivalents(answer: BaselineAnswer, effect: str) -> bool:
+    """Whether an answer says all that silhouettes can tell of an effect, and what would tell more.
+
+    Args:
+        answer: What was said.
+        effect: The true effect.
+
+    Returns:
+        True for an ambiguous answer whose set is within the effect's group of equivalents, with a measurement.
+    """
     return (
-        answer.verdict == "ambiguous"
-        and bool(answer.measurements)
-        and causes.all_that_can_be_told(effect, answer.set90)
+        answer.verdict == "ambiguous" and bool(answer.measurements) and causes.is_equivalent_set(effect, answer.set90)
     )
 
 
-def _of_single(answer: Answer, label: Label, equivalent: bool) -> dict[str, float]:
+def _of_single(answer: BaselineAnswer, label: Label, equivalent: bool) -> dict[str, float]:
     leading = answer.leading
     kind = causes.class_of(leading)
     of_class = {name: p for name, p in answer.probabilities().items() if causes.class_of(name) == kind}
@@ -131,13 +147,13 @@ def _of_single(answer: Answer, label: Label, equivalent: bool) -> dict[str, floa
     }
 
 
-def _of_pair(answer: Answer, label: Label) -> dict[str, float]:
+def _of_pair(answer: BaselineAnswer, label: Label) -> dict[str, float]:
     first = answer.effects[: len(label.effects)] if answer.verdict in ("effect", "ambiguous") else ()
-    found = sum(name in first for name in label.effects) / len(label.effects)
-    return {"top_two": found, "both": float(found == 1)}
+    share = sum(name in first for name in label.effects) / len(label.effects)
+    return {"top_two": share, "both": float(share == 1)}
 
 
-def _of_probabilities(answer: Answer, label: Label) -> dict[str, float]:
+def _of_probabilities(answer: BaselineAnswer, label: Label) -> dict[str, float]:
     probabilities = answer.probabilities()
     likeliest = max(probabilities, key=lambda name: probabilities[name])
     return {
@@ -150,27 +166,29 @@ def _of_probabilities(answer: Answer, label: Label) -> dict[str, float]:
     }
 
 
-def _of_place(answer: Answer, label: Label) -> dict[str, float]:
+def _of_place(answer: BaselineAnswer, label: Label) -> dict[str, float]:
     if label.location is None:
         return {"localised_falsely": float(answer.localisable)}
-    pointed = answer.peak or (answer.region and answer.region.middle)
+    pointed = answer.peak or (answer.where.region and answer.where.region.middle)
     hit = answer.localisable and pointed is not None and pointed.overlaps(label.location)
     if label.location_kind == "ring":
         return {"pointing": float(hit)}
     hit = hit and pointed is not None and pointed.width < FULL_TURN  # a ring points in no direction
-    claimed = answer.region if answer.localisable else None
+    claimed = answer.where.region if answer.localisable else None
     return {
         "pointing": float(hit),
         "overlap": angular_overlap(claimed, label.location) if claimed else 0.0,
     }
 
 
-def _of_closure(answer: Answer, label: Label) -> dict[str, float]:
+def _of_closure(answer: BaselineAnswer, label: Label) -> dict[str, float]:
     """An answer without a closure is not close: NaN compares with nothing."""
     if not isfinite(label.oracle_closure) or label.kind in (NULL, OUTSIDE):
         return {}
     low, high = answer.closure_interval
     return {
-        "closure_close": float(abs(answer.closure - label.oracle_closure) <= CLOSURE_TOLERANCE + 1e-9),
+        "closure_close": float(
+            abs(finite_or_nan(answer.closure.fraction) - label.oracle_closure) <= CLOSURE_TOLERANCE + 1e-9
+        ),
         "closure_covered": float(low <= label.oracle_closure <= high) if isfinite(low + high) else nan,
     }

@@ -35,7 +35,15 @@ class Goal:
         return text + (f", bound <= {self.highest_bound:g}" if isfinite(self.highest_bound) else "")
 
     def reached(self, value: float, upper: float) -> bool:
-        """Whether a value with that upper bound is as good as it should be."""
+        """Whether a figure is as good as it should be.
+
+        Args:
+            value: The figure.
+            upper: Upper bound of its interval.
+
+        Returns:
+            True if it is.
+        """
         inside = self.low - 1e-9 <= value <= self.high + 1e-9
         return inside and not (isfinite(self.highest_bound) and upper > self.highest_bound)
 
@@ -45,11 +53,11 @@ class Measure:
     """A share of cases or a mean over them.
 
     Attributes:
-        name: Of the figure.
-        column: Attribute of `Judgement`.
-        kinds: Of the cases that it is taken over.
-        meaning: What it says.
-        goals: By subset of cases.
+        name: Name of the figure.
+        column: Attribute of `Judgement` that it is the mean of.
+        kinds: Kinds of the cases that it is taken over.
+        meaning: What it says, in a sentence.
+        goals: What it should be, by subset of cases.
         is_share: Whether each case is a yes or a no.
         by_severity: Whether it is also given for each level of severity.
     """

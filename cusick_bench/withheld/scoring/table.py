@@ -9,6 +9,7 @@ import pandas as pd
 from cusick_bench.withheld.format.label import SINGLE
 from cusick_bench.withheld.scoring.calibration import reliability
 from cusick_bench.withheld.scoring.failures import Failure, confusion_by_class, confusion_by_effect
+from cusick_bench.withheld.scoring.figures import Figure
 from cusick_bench.withheld.scoring.measures import (
     ALL,
     AUROC,
@@ -19,7 +20,8 @@ from cusick_bench.withheld.scoring.measures import (
     HIDDEN,
     MEASURES,
 )
-from cusick_bench.withheld.scoring.score import ANSWERS, Figure, Scores, clear
+from cusick_bench.withheld.scoring.score import ANSWERS, Scores
+from cusick_bench.withheld.scoring.subsets import are_clear
 
 _MEANINGS = {measure.name: measure.meaning for measure in MEASURES} | {
     AUROC: "how often an effect looks more like one than a null does",
@@ -31,14 +33,29 @@ _SCORES |= {CALIBRATION, CALIBRATION_BY_CHANCE, AUROC}  # written as numbers, al
 
 
 def written(name: str, value: float) -> str:
-    """A figure as it stands in the tables: shares in per cent."""
+    """Writes a figure as it stands in the tables: shares in per cent.
+
+    Args:
+        name: Name of the figure.
+        value: Its value.
+
+    Returns:
+        The text; "" for NaN.
+    """
     if not isfinite(value):
         return ""
     return f"{value:.3f}" if name in _SCORES else f"{100 * value:.1f} %"
 
 
 def with_interval(figure: Figure) -> str:
-    """A figure with its interval."""
+    """Writes a figure with its interval.
+
+    Args:
+        figure: The figure.
+
+    Returns:
+        The text.
+    """
     if not isfinite(figure.low):
         return written(figure.name, figure.value)
     low, high = (written(figure.name, bound).removesuffix(" %") for bound in (figure.low, figure.high))
@@ -47,6 +64,9 @@ def with_interval(figure: Figure) -> str:
 
 def headline(scores: Scores) -> list[list[str]]:
     """Lines of the main table: one a figure with cases that has a goal, or that is given for all cases only.
+
+    Args:
+        scores: The scores.
 
     Returns:
         Heading and lines: figure, cases, n, answers with interval, goal, reached, then each other method.
@@ -74,23 +94,26 @@ def _is_headline(figure: Figure, scores: Scores) -> bool:
 
 def _not_judged(scores: Scores) -> list[str]:
     """Figures that have no case."""
-    own = _of(scores, ANSWERS)
-    judged = {figure.name for figure in own if figure.cases}
-    return [name for name in dict.fromkeys(figure.name for figure in own) if name not in judged]
+    figures = _of(scores, ANSWERS)
+    judged = {figure.name for figure in figures if figure.cases}
+    return [name for name in dict.fromkeys(figure.name for figure in figures) if name not in judged]
 
 
 def by_severity(scores: Scores) -> list[list[str]]:
     """Lines of the power curve: one a figure that depends on severity, a column a level, cases in the last line.
 
+    Args:
+        scores: The scores.
+
     Returns:
         Heading and lines; nothing where no case has a severity.
     """
-    own = [figure for figure in _of(scores, ANSWERS) if figure.cases and figure.subset not in (ALL, CLEAR, DISTINCT)]
-    if not own:
+    figures = [f for f in _of(scores, ANSWERS) if f.cases and f.subset not in (ALL, CLEAR, DISTINCT)]
+    if not figures:
         return []
-    levels = sorted({figure.subset for figure in own}, key=_order)
-    values = {(figure.name, figure.subset): figure for figure in own}
-    names = list(dict.fromkeys(figure.name for figure in own))
+    levels = sorted({figure.subset for figure in figures}, key=_order)
+    values = {(figure.name, figure.subset): figure for figure in figures}
+    names = list(dict.fromkeys(figure.name for figure in figures))
     lines = [["figure", *levels]]
     for name in names:
         entries = [values.get((name, level)) for level in levels]
@@ -110,12 +133,15 @@ def _of(scores: Scores, method: str) -> list[Figure]:
 
 
 def markdown(scores: Scores, failed: Sequence[Failure], facts: Mapping[str, Any]) -> str:
-    """The whole table as a page, every failure at its end.
+    """Writes the whole table as a page, every failure at its end.
 
     Args:
-        scores: To be written.
-        failed: From `failures`.
+        scores: The scores.
+        failed: Cases in which something is wrong, from `failures`.
         facts: Provenance, such as the command.
+
+    Returns:
+        The page as Markdown.
     """
     origin = ", ".join(f"{name.replace('_', ' ')} `{value}`" for name, value in facts.items())
     parts = ["**Withheld cases**", "", *(f"- {note}" for note in scores.notes), f"- {origin}.", ""]
@@ -160,35 +186,38 @@ def _square(cases: pd.DataFrame) -> list[list[str]]:
 
 def _taken_for(cases: pd.DataFrame) -> list[list[str]]:
     """One line a truth: how often it was found, also where it was clear, and what else was said, most often first."""
-    strong = _nested(confusion_by_effect(cases.loc[(cases["kind"] != SINGLE) | clear(cases)]))
+    strong = _nested(confusion_by_effect(cases.loc[(cases["kind"] != SINGLE) | are_clear(cases)]))
     lines = []
     for truth, counts in _nested(confusion_by_effect(cases)).items():
         others = sorted(((n, said) for said, n in counts.items() if said != truth), key=lambda item: -item[0])
         taken = ", ".join(f"{said} {n}" for n, said in others)
-        lines.append([truth, _found(truth, counts), _found(truth, strong.get(truth, {})), taken])
+        lines.append([truth, _recognised(truth, counts), _recognised(truth, strong.get(truth, {})), taken])
     return [["truth", "found", f"found {CLEAR}", "taken for"], *lines]
 
 
-def _found(truth: str, counts: Mapping[str, int]) -> str:
+def _recognised(truth: str, counts: Mapping[str, int]) -> str:
     return f"{counts.get(truth, 0)} of {sum(counts.values())}" if counts else ""
 
 
 def rows(scores: Scores, failed: Sequence[Failure], facts: Mapping[str, Any]) -> pd.DataFrame:
-    """Rows of a CSV file: every figure of every method, both confusions, every failure.
+    """Writes rows of a CSV file: every figure of every method, both confusions, every failure.
 
     Args:
-        scores: To be written.
-        failed: From `failures`.
+        scores: The scores.
+        failed: Cases in which something is wrong, from `failures`.
         facts: Provenance that every row carries, such as the command.
+
+    Returns:
+        The rows.
     """
-    found = [{"row": "figure", **figure.record()} for figure in scores.figures]
-    found += _counts("confusion by class", confusion_by_class(scores.cases))
-    found += _counts("confusion by effect", confusion_by_effect(scores.cases))
-    found += [
+    lines = [{"row": "figure", **figure.record()} for figure in scores.figures]
+    lines += _counts("confusion by class", confusion_by_class(scores.cases))
+    lines += _counts("confusion by effect", confusion_by_effect(scores.cases))
+    lines += [
         {"row": "failure", "case": f.case, "faults": ", ".join(f.faults), "label": f.label, "answer": f.answer}
         for f in failed
     ]
-    return pd.DataFrame([{**row, **facts} for row in found])
+    return pd.DataFrame([{**row, **facts} for row in lines])
 
 
 def _counts(kind: str, table: pd.DataFrame) -> Iterable[dict[str, Any]]:
@@ -201,7 +230,16 @@ def _counts(kind: str, table: pd.DataFrame) -> Iterable[dict[str, Any]]:
 
 
 def document(scores: Scores, failed: Sequence[Failure], facts: Mapping[str, Any]) -> dict[str, Any]:
-    """One JSON document: figures, goals that were missed, confusions, failures, provenance."""
+    """Writes one JSON document.
+
+    Args:
+        scores: The scores.
+        failed: Cases in which something is wrong, from `failures`.
+        facts: Provenance, such as the command.
+
+    Returns:
+        Figures, goals that were missed, confusions, failures, provenance.
+    """
     return {
         "figures": [figure.record() for figure in scores.figures],
         "missed": [f"{f.name} ({f.subset})" for f in _of(scores, ANSWERS) if f.reached == "no"],

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.suite.detectable import Detectable
+from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.world.fabric import fabric_of
 
 Kind = Literal["null", "single", "pair", "unknown"]
@@ -32,9 +32,9 @@ class Draw:
 
     Attributes:
         severity: Name of the parameter that is 0 where the effect is absent.
-        typical: Its value that is met in practice, in its own unit.
-        most: Its largest magnitude.
-        negative: Share of cases where it is negative.
+        typical: Value of that parameter that is met in practice, in its own unit.
+        most: Largest magnitude of that parameter.
+        negative: Share of cases where that parameter is negative.
         others: Ranges of the other parameters.
     """
 
@@ -45,7 +45,15 @@ class Draw:
     others: Mapping[str, tuple[float, float]] | None = None
 
     def parameters(self, severity: float, generator: np.random.Generator) -> dict[str, float]:
-        """All parameters at a magnitude of the severity, rounded as they are written."""
+        """Draws all parameters of the effect.
+
+        Args:
+            severity: Magnitude of the severity, in the effect's own unit.
+            generator: Source of randomness.
+
+        Returns:
+            The parameters, rounded as they are written.
+        """
         sign = -1 if generator.uniform() < self.negative else 1
         drawn = {name: float(f"{generator.uniform(*ends):.4g}") for name, ends in (self.others or {}).items()}
         return {self.severity: sign * float(f"{min(severity, self.most):.4g}"), **drawn}
@@ -99,13 +107,13 @@ class Plan:
     """What a case holds.
 
     Attributes:
-        case: Its name.
-        number: From 1; with the suite's seed it decides the fabric and all chance.
-        kind: What it is for.
+        case: Name of the case.
+        number: Number of the case, from 1; with the suite's seed it decides the fabric and all chance.
+        kind: What the case is for.
         causes: Effects with their parameters.
-        multiple: Of the reference severity; 0 for a null.
+        multiple: Severity in multiples of the reference; 0 for a null.
         reference: What the severities are multiples of.
-        attempt: Which draw of its fabric is taken.
+        attempt: Number of the draw of its fabric that is taken.
     """
 
     case: str
@@ -117,13 +125,16 @@ class Plan:
     attempt: int = 0
 
 
-def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: Detectable | None = None) -> list[Plan]:
+def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: DetectableSeverities | None = None) -> list[Plan]:
     """Draws the cases of a suite, in an order that tells nothing.
 
     Args:
-        seed: Of the suite.
+        seed: Seed of the suite.
         counts: How many cases of each kind. Single effects and severities are spread evenly.
         detectable: Severities at which each effect is detected in most cases.
+
+    Returns:
+        The cases.
 
     Raises:
         WithheldError: No cases, or a detectable severity of an unknown effect.
@@ -148,14 +159,14 @@ def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: Detectable | N
 
 
 def _severities(
-    seed: tuple[int, int], names: Sequence[str], multiple: float, detectable: Detectable | None
+    seed: tuple[int, int], names: Sequence[str], multiple: float, detectable: DetectableSeverities | None
 ) -> tuple[dict[str, float], Literal["detectable", "typical"], int]:
     """Severities of a case's effects, what they are multiples of, and the fabric in which they can be so large."""
     if detectable is not None and names and all(name in detectable.severity for name in names):
         for attempt in range(_ATTEMPTS):
             stiffness = fabric_of(seed, attempt).stiffness
-            found = {name: detectable.at(name, stiffness) for name in names}
-            wanted = {name: multiple * value for name, value in found.items() if value is not None}
+            severities = {name: detectable.at(name, stiffness) for name in names}
+            wanted = {name: multiple * value for name, value in severities.items() if value is not None}
             if len(wanted) == len(names) and all(value <= EFFECTS[name].most for name, value in wanted.items()):
                 return wanted, "detectable", attempt
     return {name: multiple * _draw(name).typical for name in names}, "typical", 0
@@ -165,7 +176,7 @@ def _draw(name: str) -> Draw:
     return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
 
 
-def _check(counts: Mapping[Kind, int], detectable: Detectable | None) -> None:
+def _check(counts: Mapping[Kind, int], detectable: DetectableSeverities | None) -> None:
     if sum(counts.values()) < 1 or min(counts.values()) < 0:
         raise WithheldError(f"a suite needs at least one case, got {dict(counts)}; ask for nulls, singles or others")
     for name in detectable.severity if detectable else ():

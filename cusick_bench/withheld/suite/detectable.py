@@ -8,30 +8,43 @@ are given for several levels of
 B the bending stiffness at rest, rho the areal density, R the cloth's radius, and interpolated between them.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
-from math import exp, isfinite, log
+from math import exp, log
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, model_validator
+from pydantic.dataclasses import dataclass
 
-from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.checked_json import listed, mapping, number, read_object
+from cusick_bench.withheld.format.checked_json import read_object, validated
+from cusick_bench.withheld.format.fields import Number, broken_rule
 
 
 @dataclass(frozen=True)
-class Detectable:
-    """Detectable severities.
+class DetectableSeverities:
+    """Detectable severities; the form of a table's file.
 
     Attributes:
         stiffness: Levels l, ascending.
         severity: By effect, at each level, in its own unit; None where it is never found.
     """
 
-    stiffness: tuple[float, ...]
-    severity: Mapping[str, tuple[float | None, ...]]
+    stiffness: tuple[Number, ...]
+    severity: dict[str, tuple[Number | None, ...]]
+
+    @model_validator(mode="after")
+    def _check(self) -> "DetectableSeverities":
+        levels = list(self.stiffness)
+        if not levels or not all(a < b for a, b in pairwise(levels)):
+            raise broken_rule(f"stiffness must be levels that ascend, got {levels}; see `cusick-bench atlas power`")
+        for effect, row in self.severity.items():
+            if len(row) != len(levels):
+                raise broken_rule(f"severity of {effect} must be a list of {len(levels)}, got {list(row)}; correct it")
+            if any(value is not None and not value > 0 for value in row):
+                raise broken_rule(
+                    f"detectable severities are positive, or null where nothing is found, got {list(row)} for {effect}"
+                )
+        return self
 
     def at(self, name: str, stiffness: float) -> float | None:
         """Detectable severity of an effect in a fabric, log-linear between levels; None where it is not known.
@@ -39,6 +52,9 @@ class Detectable:
         Args:
             name: The effect.
             stiffness: The fabric's l; beyond the table its end counts.
+
+        Returns:
+            The severity in the effect's own unit.
         """
         if name not in self.severity:
             return None
@@ -54,30 +70,19 @@ class Detectable:
         return exp(total)
 
 
-def read_detectable(path: Path) -> Detectable:
+_TABLE = TypeAdapter(DetectableSeverities)
+
+
+def read_detectable(path: Path) -> DetectableSeverities:
     """Reads a table.
 
     Args:
         path: JSON `{"stiffness": [l, ...], "severity": {effect: [number or null, ...]}}`.
 
+    Returns:
+        The table.
+
     Raises:
         WithheldError: Not such a file, levels that do not ascend, or severities that are not positive.
     """
-    found = read_object(path)
-    levels = listed(found.get("stiffness"), None, f"{path}: stiffness")
-    stiffness = tuple(number(level, f"{path}: stiffness") for level in levels)
-    if not stiffness or not all(a < b for a, b in pairwise(stiffness)):
-        raise WithheldError(
-            f"{path}: stiffness must be levels that ascend, got {levels}; see `cusick-bench atlas power`"
-        )
-    table = mapping(found.get("severity"), f"{path}: severity")
-    return Detectable(
-        stiffness, {str(name): _severities(row, len(stiffness), f"{path}: {name}") for name, row in table.items()}
-    )
-
-
-def _severities(row: Any, count: int, where: str) -> tuple[float | None, ...]:
-    values = [None if value is None else number(value, where) for value in listed(row, count, where)]
-    if any(value is not None and not (isfinite(value) and value > 0) for value in values):
-        raise WithheldError(f"{where}: detectable severities are positive, or null where nothing is found, got {row}")
-    return tuple(values)
+    return validated(_TABLE, read_object(path), str(path))

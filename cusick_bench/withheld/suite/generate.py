@@ -7,26 +7,27 @@ was stopped goes on where it was. Everything follows from the seed.
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
+from pydantic.dataclasses import dataclass
 
 from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.seal import salt_of, sealed
 from cusick_bench.withheld.suite.design import Kind, Plan, plan_suite
-from cusick_bench.withheld.suite.detectable import Detectable
+from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
 from cusick_bench.withheld.world.photograph import jpeg
-from cusick_bench.withheld.world.world import CAPTURES, SAMPLES, VERTICES, World
+from cusick_bench.withheld.world.true_case import CAPTURES, SAMPLES, VERTICES, TrueCase
 
 COMMITMENT, LABELS, SUITE = "commitment.json", "labels.json", "suite.json"
 _DENSITY_ERROR = 0.01  # of the density in a case's table
@@ -34,10 +35,10 @@ _DENSITY_ERROR = 0.01  # of the density in a case's table
 
 @dataclass(frozen=True)
 class Suite:
-    """What is asked for.
+    """What is asked for; the form of `suite.json`.
 
     Attributes:
-        seed: Whoever knows it knows every label: keep it with the labels, and take a long one.
+        seed: Seed of all random choices. Whoever knows it knows every label: keep it with the labels, take a long one.
         counts: Cases of each kind.
         vertices: Mesh size of the truth.
         samples: Samples of each case.
@@ -45,31 +46,36 @@ class Suite:
     """
 
     seed: int
-    counts: Mapping[Kind, int]
+    counts: dict[Kind, int]
     vertices: int = VERTICES
     samples: int = SAMPLES
-    detectable: Detectable | None = None
+    detectable: DetectableSeverities | None = None
 
     def plans(self) -> list[Plan]:
-        """Its cases."""
+        """Plans the cases of the suite.
+
+        Returns:
+            The cases.
+        """
         return plan_suite(self.seed, self.counts, self.detectable)
+
+
+_SUITE = TypeAdapter(Suite)
 
 
 def read_suite(path: Path) -> Suite:
     """Reads the suite.json that `generate` left with the labels.
 
+    Args:
+        path: The file.
+
+    Returns:
+        The suite.
+
     Raises:
         WithheldError: There is none, as with cases that somebody else made, or it is not one.
     """
-    found = read_object(path)
-    table = found.get("detectable")
-    try:
-        known = None if table is None else Detectable(
-            tuple(table["stiffness"]), {name: tuple(row) for name, row in table["severity"].items()}
-        )  # fmt: skip
-        return Suite(int(found["seed"]), dict(found["counts"]), int(found["vertices"]), int(found["samples"]), known)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise WithheldError(f"{path} must be what `withheld generate` wrote, got no description of a suite") from error
+    return validated(_SUITE, read_object(path), f"{path} is no description of a suite by `withheld generate`")
 
 
 def generate(
@@ -81,7 +87,7 @@ def generate(
         suite: What is asked for.
         out: Folder of the cases, with the commitment to their labels; nothing else is written there.
         labels: Folder of the labels, outside of `out`.
-        workers: Processes.
+        workers: Number of processes.
         step: Called with each case's name when it is there, or was.
 
     Returns:
@@ -119,12 +125,16 @@ def _check_folders(out: Path, labels: Path) -> None:
 
 def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> None:
     """Writes labels and commitment, or checks that they are there already."""
-    found = {plan.case: sealed(label_of(plan), salt_of(suite.seed, plan.case)) for plan in plans}
+    found = {plan.case: sealed(label_of(plan).content(), salt_of(suite.seed, plan.case)) for plan in plans}
     commitment = {
         "hash": "SHA-256 of salt + label without salt and sha256, as JSON with sorted keys and no spaces, in UTF-8",
         "cases": {case: label["sha256"] for case, label in found.items()},
     }
-    documents = ((labels / SUITE, asdict(suite)), (labels / LABELS, found), (out / COMMITMENT, commitment))
+    documents = (
+        (labels / SUITE, _SUITE.dump_python(suite, mode="json")),
+        (labels / LABELS, found),
+        (out / COMMITMENT, commitment),
+    )
     for path, document in documents:
         text = json.dumps(document, indent=1) + "\n"
         if path.exists() and path.read_text() != text:
@@ -146,6 +156,11 @@ def _write_whole(path: Path, content: bytes) -> None:
 def write_case(suite: Suite, plan: Plan, out: Path) -> str:
     """Simulates a case and writes it; it appears under its name when it is complete.
 
+    Args:
+        suite: The suite that the case belongs to.
+        plan: What the case holds.
+        out: Folder of the cases.
+
     Returns:
         Its name.
 
@@ -156,23 +171,23 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
     shutil.rmtree(part, ignore_errors=True)
     folder = part / "Fabric 1" / "silhouettes"
     folder.mkdir(parents=True)
-    world = World((suite.seed, plan.number), plan.causes, suite.vertices, attempt=plan.attempt)
+    truth = TrueCase((suite.seed, plan.number), plan.causes, suite.vertices, attempt=plan.attempt)
     try:
-        for picture in world.pictures(suite.samples):
+        for picture in truth.pictures(suite.samples):
             name = f"Fabric_1_Sample_{picture.sample}_Capture_{picture.capture}.jpg"
             (folder / name).write_bytes(jpeg(picture.levels))
     except DrapeDiverged as error:
         raise WithheldError(f"{plan.case}: {error}; choose another seed") from error
-    (part / "fabrics.csv").write_text(_table(world))
+    (part / "fabrics.csv").write_text(_fabrics_table(truth))
     (part / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
     os.replace(part, out / plan.case)
     return plan.case
 
 
-def _table(world: World) -> str:
+def _fabrics_table(truth: TrueCase) -> str:
     """The nominal density, weighed with an error."""
-    error = np.random.default_rng([*world.seed, 3]).uniform(-_DENSITY_ERROR, _DENSITY_ERROR)
-    density, thickness = float(world.fabric.material.density) * (1 + error), world.fabric.thickness
+    error = np.random.default_rng([*truth.seed, 3]).uniform(-_DENSITY_ERROR, _DENSITY_ERROR)
+    density, thickness = float(truth.fabric.material.density) * (1 + error), truth.fabric.thickness
     return f"fabric,areal_density_kg_m2,thickness_m\n1,{density:.5f},{thickness:.6f}\n"
 
 
@@ -210,7 +225,9 @@ def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, 
             except WithheldError as error:
                 failures.append(str(error))
     except BrokenProcessPool as error:
-        raise WithheldError("a worker died (out of memory?); run the same command again, it goes on") from error
+        raise WithheldError(
+            "a worker was killed, probably out of memory; run the same command again with fewer --workers, it goes on"
+        ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     if failures:

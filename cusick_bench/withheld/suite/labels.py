@@ -7,25 +7,34 @@ import numpy as np
 
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.withheld.format.causes import NONE, UNKNOWN, class_of
+from cusick_bench.withheld.format.label import LabelDocument
 from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE, Plan
 
 
-def label_of(plan: Plan) -> dict[str, Any]:
-    """The label of a case, not yet sealed; of a pair, effect, class, severity, parameters and location are lists."""
-    made = [_cause(name, dict(value)) for name, value in plan.causes.items()]
-    if not made:
-        made = [{"effect": NONE, "class": NONE, "severity": 0.0, "parameters": {}, "location": None}]
-    joined = made[0] if len(made) == 1 else {key: [one[key] for one in made] for key in made[0]}
-    label = {**joined, "oracle_closure": None, "kind": plan.kind, "reference": plan.reference}
+def label_of(plan: Plan) -> LabelDocument:
+    """Writes the label of a case.
+
+    Args:
+        plan: What the case holds.
+
+    Returns:
+        The label, not yet sealed; of a pair, effect, class, severity, parameters and location are lists.
+    """
+    causes = [_cause(name, dict(value)) for name, value in plan.causes.items()]
+    if not causes:
+        causes = [{"effect": NONE, "class": NONE, "severity": 0.0, "parameters": {}, "location": None}]
+    joined = causes[0] if len(causes) == 1 else {key: [cause[key] for cause in causes] for key in causes[0]}
+    more = {"oracle_closure": None, "kind": plan.kind, "reference": plan.reference}
     if plan.kind != "null":
-        label["multiple" if plan.reference == "detectable" else "multiple_of_typical"] = plan.multiple
-    return label
+        more["multiple" if plan.reference == "detectable" else "multiple_of_typical"] = plan.multiple
+    return LabelDocument.model_validate(joined | more)
 
 
 def _cause(name: str, value: dict[str, float]) -> dict[str, Any]:
+    """The part of a label that is about one effect."""
     if name in OUTSIDE:
-        found = {"effect": UNKNOWN, "class": UNKNOWN, "name": name}
-        return {**found, "severity": value[OUTSIDE[name].severity], "parameters": value, "location": None}
+        outside = {"effect": UNKNOWN, "class": UNKNOWN, "name": name}
+        return {**outside, "severity": value[OUTSIDE[name].severity], "parameters": value, "location": None}
     return {
         "effect": name,
         "class": class_of(name),

@@ -26,14 +26,14 @@ class Variability:
 
     Attributes:
         stiffness: Standard deviation of log stiffness over the cloth.
-        stiffness_length: [m].
+        stiffness_length: Its correlation length [m].
         rest: Height of the rest shape [m].
-        rest_length: [m].
+        rest_length: Its correlation length [m].
         laying: Height in which a face is laid down [m].
-        laying_length: [m].
+        laying_length: Its correlation length [m].
         repeat: Change of that height between captures [m].
-        shift: Of the cloth under the camera [m].
-        turn: Likewise [rad].
+        shift: Standard deviation of the cloth's place under the camera [m].
+        turn: Standard deviation of its direction there [rad].
     """
 
     stiffness: float
@@ -53,8 +53,8 @@ class Fabric:
 
     Attributes:
         material: Mean tables; the density is the one that is written in the case's table, without its error.
-        thickness: [m].
-        variability: Of its samples.
+        thickness: Thickness of the cloth [m].
+        variability: Spread between its samples and their pictures.
         stiffness: ln of B / (rho g R^3), B the mean of warp and weft at rest.
     """
 
@@ -68,14 +68,24 @@ def fabric_of(seed: Sequence[int], attempt: int = 0) -> Fabric:
     """Fabric of a case.
 
     Args:
-        seed: Of the case.
+        seed: Seed of the case.
         attempt: Number of the draw: another fabric where the effect could not be seen in those before.
+
+    Returns:
+        The fabric.
     """
     return draw_fabric(np.random.default_rng([*seed, 1, *([attempt] if attempt else [])]))
 
 
 def draw_fabric(generator: np.random.Generator) -> Fabric:
-    """Draws a fabric."""
+    """Draws a fabric.
+
+    Args:
+        generator: Source of randomness.
+
+    Returns:
+        A fabric of random stiffness, anisotropy, density and variability.
+    """
     density = float(np.exp(generator.uniform(*np.log(_DENSITY))))
     ratio = float(np.exp(generator.uniform(*np.log(BENDING))))
     table = _bending(ratio * density * GRAVITY * CLOTH_RADIUS**3, generator)

@@ -29,8 +29,11 @@ def matern_field(amplitude: float, length: float, smoothness: float, generator: 
     Args:
         amplitude: Standard deviation.
         length: Correlation length [m].
-        smoothness: nu; the larger, the smoother.
+        smoothness: Smoothness nu of the covariance.
         generator: Source of randomness.
+
+    Returns:
+        The field.
     """
     waves = generator.normal(0, 1 / length, (_WAVES, 2))
     waves /= np.sqrt(generator.chisquare(2 * smoothness, (_WAVES, 1)) / (2 * smoothness))

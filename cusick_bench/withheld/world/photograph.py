@@ -14,7 +14,7 @@ from cusick_bench.sim.constants import PIXELS_PER_METRE
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.withheld.world.fabric import Variability
-from cusick_bench.withheld.world.scene import Scene, Vertices, unit
+from cusick_bench.withheld.world.scene import Scene, Vertices, unit_vector
 
 _RAMP = 0.8  # of the shades between the cut's level and the nearer of white and black that it spreads over the scale
 _NOISE = 1.2  # standard deviation of grey levels, of 255
@@ -23,10 +23,19 @@ _SMEARED = 9  # exposures over the way of a moving cloth
 
 
 def seen_from_above(x: Vertices, scene: Scene, variability: Variability) -> Vertices:
-    """From the simulated cloth to where its points seem to be, for a parallel projection [m]."""
+    """Places a simulated cloth under the camera.
+
+    Args:
+        x: Positions of the simulated cloth [m].
+        scene: The circumstances of the picture.
+        variability: How precisely a cloth is placed.
+
+    Returns:
+        Where its points seem to be in a parallel projection [m].
+    """
     seen = x * np.array([scene.up, 1.0, 1.0])
     if scene.tilt[0]:
-        east, north = unit(scene.tilt[1])
+        east, north = unit_vector(scene.tilt[1])
         seen = leaned(seen, scene.tilt[0], scene.up * float(east), float(north))
     generator = scene.random("capture", "place under the camera")
     angle, place = generator.normal(0, variability.turn), generator.normal(0, variability.shift, 2)
@@ -38,15 +47,34 @@ def seen_from_above(x: Vertices, scene: Scene, variability: Variability) -> Vert
 
 
 def leaned(x: Vertices, degrees: float, east: float, north: float) -> Vertices:
-    """Points turned about the horizontal axis through the origin that takes +z towards (east, north)."""
+    """Turns points about a horizontal axis through the origin.
+
+    Args:
+        x: Positions [m].
+        degrees: Angle of the turn [deg].
+        east: East component of the unit vector towards which +z turns.
+        north: Its north component.
+
+    Returns:
+        The turned positions [m].
+    """
     along, z = x[:, :2] @ np.array([east, north]), x[:, 2]
-    cosine, sine = unit(degrees)
+    cosine, sine = unit_vector(degrees)
     moved = along * (cosine - 1) + z * sine
     return np.column_stack([x[:, 0] + moved * east, x[:, 1] + moved * north, z * cosine - along * sine])
 
 
 def photograph(seen: Vertices, faces: ndarray, scene: Scene) -> UInt8[ndarray, "256 256"]:
-    """Grey levels, dark where the cloth is."""
+    """Takes a picture from above.
+
+    Args:
+        seen: Where the cloth's points seem to be in a parallel projection [m].
+        faces: Vertex indices, counter-clockwise seen from the camera.
+        scene: Blur, cut, motion and noise of the picture.
+
+    Returns:
+        Grey levels, dark where the cloth is.
+    """
     cover = render(torch.from_numpy(np.ascontiguousarray(seen)), faces, ParallelCamera()).numpy()
     shade = gaussian_filter(_smeared(cover, scene.smear), scene.blur)
     if scene.outwards is not None:
@@ -60,17 +88,24 @@ def _smeared(cover: Float[ndarray, "256 256"], smear: tuple[float, float]) -> Fl
     length, direction = smear
     if length == 0:
         return cover
-    east, north = unit(direction)
+    east, north = unit_vector(direction)
     ways = np.linspace(-0.5, 0.5, _SMEARED) * length
     return np.mean([shift(cover, (-way * north, way * east), order=1) for way in ways], axis=0)
 
 
 def jpeg(levels: UInt8[ndarray, "256 256"]) -> bytes:
-    """The picture as a file."""
+    """Compresses a picture.
+
+    Args:
+        levels: Grey levels.
+
+    Returns:
+        Content of a JPEG file.
+    """
     packed = io.BytesIO()
     Image.fromarray(levels).save(packed, "JPEG", quality=_QUALITY)
     return packed.getvalue()
 
 
 PIXEL = 1 / PIXELS_PER_METRE
-"""[m]."""
+"""Width of a pixel [m]."""

@@ -22,7 +22,15 @@ _EDGE = 1e-9  # [m]
 
 
 def on_plate(mesh: Mesh, plate: float) -> ndarray:
-    """Which vertices of a centred mesh lie on the plate."""
+    """Which vertices of a centred mesh lie on the plate.
+
+    Args:
+        mesh: A disc about the plate's axis.
+        plate: Radius of the plate [m].
+
+    Returns:
+        True for each vertex within that radius.
+    """
     return np.hypot(*mesh.material.T) <= plate + _EDGE
 
 
@@ -33,9 +41,9 @@ def placed(
 
     Args:
         mesh: A centred disc with vertices on the plate's edge.
-        radius: Of the cloth [m].
+        radius: Radius of the cloth [m].
         plate: Radius of the plate [m].
-        centre: Of the cloth, from the plate's axis [m].
+        centre: Centre of the cloth, from the plate's axis [m].
         outlines: Factors on the cut's radius; their product counts.
 
     Returns:

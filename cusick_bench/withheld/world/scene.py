@@ -7,7 +7,7 @@ mirror image and turned over about y for the camera. Directions of the laborator
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -27,30 +27,46 @@ Surface = Callable[[Float[ndarray, "points 2"]], Float[ndarray, "points 3"]]
 Load = Callable[[DrapeSystem, Float[ndarray, "vertices"], Vertices], Vertices]
 """From system, vertex masses [kg] and positions [m] to forces [N]."""
 
-Memory = Callable[[DrapeSystem, Parameters, "Scene"], "Remembering"]
-"""Starts a law with internal variables."""
+StartInternalVariables = Callable[[DrapeSystem, Parameters, "Scene"], "InternalVariables"]
+"""Internal variables of a material law at the beginning of a drop."""
 
 PositionMap = Callable[[Vertices], Vertices]
 
+EffectParameters = Mapping[str, float]
+"""Parameters of an effect, in the package's names and units."""
 
-class Remembering:
+Law = Callable[["Scene", EffectParameters], "Scene"]
+"""What an effect of given parameters changes in a scene."""
+
+
+class InternalVariables:
     """Internal variables of one cloth during one drop."""
 
     def advance(
         self, x: Vertices, angle: Float[ndarray, "hinges"], p: Parameters, h: float
     ) -> tuple[Parameters, Vertices | None]:
-        """Parameters and further forces for the next step.
+        """Advances the internal variables by one step.
 
         Args:
             x: Positions [m].
             angle: Dihedral angles [rad].
             p: Parameters as the laws before this one left them.
             h: Step [s].
+
+        Returns:
+            Parameters for the next step, and further forces on the vertices [N], None for no forces.
         """
         raise NotImplementedError
 
-    def end(self, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"] | None:
-        """What is kept for the sample's next picture."""
+    def carried_over(self, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"] | None:
+        """What outlasts the drop and acts on the sample's next picture.
+
+        Args:
+            angle: Dihedral angles at the end of the drop [rad].
+
+        Returns:
+            A value for each hinge, or None where the cloth forgets everything.
+        """
         return None
 
 
@@ -59,8 +75,8 @@ class Scene:
     """The true circumstances of one picture.
 
     Attributes:
-        seed: Of the case.
-        sample, capture: From 1.
+        seed: Seed of the case.
+        sample, capture: Numbers of sample and capture, from 1.
         side: Which face lies up.
         later: Whether an earlier picture of the same face lies before this one.
         log_bending, log_stretch, log_mass: Logarithms of factors over the cloth.
@@ -68,20 +84,20 @@ class Scene:
         surfaces: Further rest shapes.
         growth: Logarithms of the rest length, for a cloth that has grown in its plane.
         skew: By how much warp and weft are turned from their nominal directions [deg].
-        radius, plate_radius: [m].
-        outlines: Of the cut.
-        centre: Of the cloth, from the plate's axis [m].
+        radius, plate_radius: Radii of cloth and plate [m].
+        outlines: Factors on the radius of the cut.
+        centre: Centre of the cloth, from the plate's axis [m].
         tilt: Slope of the plate and direction downhill in the simulated frame [deg].
         laid: Height in which the cloth is laid down [m].
         loads: Further forces.
-        memories: Laws with internal variables.
+        internal_variables: Start of each law with internal variables.
         contact: Thickness within which the cloth keeps off itself [m].
         seen: Maps in the camera's frame, up to where points seem to be in a parallel projection.
-        blur: Of the picture, standard deviation [px].
+        blur: Standard deviation of the picture's blur [px].
         outwards: How far the cut between cloth and background lies outside of the edge [px]; None for a picture in
             shades.
         smear: Length and direction of the cloth's way while the picture is taken [px, deg].
-        past: What laws kept from the sample's earlier pictures.
+        carried_over: What laws with internal variables kept from the sample's earlier pictures, by name of the law.
     """
 
     seed: tuple[int, ...]
@@ -103,16 +119,23 @@ class Scene:
     tilt: tuple[float, float] = (0.0, 0.0)
     laid: tuple[Field, ...] = ()
     loads: tuple[Load, ...] = ()
-    memories: tuple[Memory, ...] = ()
+    internal_variables: tuple[StartInternalVariables, ...] = ()
     contact: float = 0.0
     seen: tuple[PositionMap, ...] = ()
     blur: float = 0.6
     outwards: float | None = None
     smear: tuple[float, float] = (0.0, 0.0)
-    past: Mapping[str, Any] = field(default_factory=dict)
+    carried_over: Mapping[str, Float[ndarray, "hinges"]] = field(default_factory=dict)
 
     def with_added(self, **added: object) -> "Scene":
-        """This scene with one more item in each of the named tuples."""
+        """Adds one more item to each of the named tuples.
+
+        Args:
+            added: The item, by the name of its tuple.
+
+        Returns:
+            The changed scene.
+        """
         return replace(self, **{name: (*getattr(self, name), item) for name, item in added.items()})
 
     @property
@@ -121,12 +144,30 @@ class Scene:
         return 1.0 if self.side == "up" else -1.0
 
     def direction(self, degrees: float) -> Float[ndarray, "2"]:
-        """Unit vector of a direction of the laboratory in the simulated frame."""
-        x, y = unit(degrees)
+        """Turns a direction of the laboratory into the simulated frame.
+
+        Args:
+            degrees: Angle counter-clockwise from +x [deg].
+
+        Returns:
+            Its unit vector.
+        """
+        x, y = unit_vector(degrees)
         return np.array([self.up * x, y])
 
     def random(self, level: Literal["case", "specimen", "face", "capture"], purpose: str) -> np.random.Generator:
-        """Randomness of a law that is the same for the whole case, or for one sample, face or picture of it."""
+        """Randomness of a law that is the same for the whole case, or for one sample, face or picture of it.
+
+        Args:
+            level: What shares the same random numbers.
+            purpose: Name of what is drawn; other purposes get independent numbers.
+
+        Returns:
+            A generator at its start.
+
+        Raises:
+            WithheldError: No such level.
+        """
         levels: dict[str, tuple[int, ...]] = {
             "case": (),
             "specimen": (self.sample,),
@@ -138,14 +179,29 @@ class Scene:
         return np.random.default_rng([*self.seed, zlib.crc32(purpose.encode()), *levels[level]])
 
 
-def unit(degrees: float) -> Float[ndarray, "2"]:
-    """The horizontal unit vector at an angle counter-clockwise from +x [deg]."""
+def unit_vector(degrees: float) -> Float[ndarray, "2"]:
+    """Horizontal unit vector of a direction.
+
+    Args:
+        degrees: Angle counter-clockwise from +x [deg].
+
+    Returns:
+        Cosine and sine.
+    """
     return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
 
 
-def total(fields: tuple[Field, ...], points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
-    """Sum of fields."""
-    found = np.zeros(len(points))
-    for item in fields:
-        found = found + item(points)
-    return found
+def sum_of_fields(fields: tuple[Field, ...], points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
+    """Sum of fields at some points.
+
+    Args:
+        fields: Fields over the cloth; none give zero.
+        points: Material points about the cloth's centre [m].
+
+    Returns:
+        The sum at each point.
+    """
+    values = np.zeros(len(points))
+    for field_of in fields:
+        values = values + field_of(points)
+    return values

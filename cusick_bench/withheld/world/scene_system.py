@@ -18,46 +18,58 @@ from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.engine.elements import Elements
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.world.placed_disc import on_plate, placed
-from cusick_bench.withheld.world.scene import Scene, total, unit
+from cusick_bench.withheld.world.scene import Scene, sum_of_fields, unit_vector
 
 _SHORTEST_DUAL = 0.3  # as a part of the edge; on equilateral triangles it is 0.58
-_SHARED = ("free", "sprung", "layout", "linear", "_tables", "_chosen")
 
 
-@dataclass(eq=False)
-class Stage:
-    """Makes the systems of one case; all with as many triangles share the analysis of their matrix.
+@dataclass(frozen=True, eq=False)
+class SceneSystems:
+    """Mechanical systems of the scenes of one case; scenes of the same radii share the analysis of their matrix.
 
     Attributes:
         vertices: Mesh size.
-        seed: Of the mesh.
+        seed: Seed of the mesh.
     """
 
     vertices: int
     seed: int
-    _templates: dict[tuple[float, float], tuple[Mesh, DrapeSystem]] = field(default_factory=dict)
+    _centred: dict[tuple[float, float], DrapeSystem] = field(default_factory=dict, init=False, repr=False)
 
-    def system(self, scene: Scene) -> DrapeSystem:
-        """The cloth of a scene on its plate; without gravity, which is a load."""
-        template, first = self._template(scene.radius, scene.plate_radius)
-        mesh = placed(template, scene.radius, scene.plate_radius, np.array(scene.centre), scene.outlines)
-        system = replace(first, mesh=mesh)
-        for name in _SHARED:
-            system.__dict__[name] = getattr(first, name)
-        elements = _grown(_turned(_dual(system.elements, mesh), mesh, scene.skew), mesh, scene)
-        object.__setattr__(system, "elements", elements)
-        return system
+    def system_of(self, scene: Scene) -> DrapeSystem:
+        """The cloth of a scene on its plate; without gravity, which is a load.
 
-    def _template(self, radius: float, plate: float) -> tuple[Mesh, DrapeSystem]:
-        if (radius, plate) not in self._templates:
+        Args:
+            scene: The circumstances of one picture.
+
+        Returns:
+            The system, with material points about the plate's axis.
+        """
+        centred = self._centred_system(scene.radius, scene.plate_radius)
+        mesh = placed(centred.mesh, scene.radius, scene.plate_radius, np.array(scene.centre), scene.outlines)
+        system = centred.with_mesh(mesh)
+        elements = _dual(system.elements, mesh)
+        return system.with_elements(_grown(_turned(elements, mesh, scene.skew), mesh, scene))
+
+    def _centred_system(self, radius: float, plate: float) -> DrapeSystem:
+        """A disc of that radius [m] in the middle of a plate of that radius [m], analysed once."""
+        if (radius, plate) not in self._centred:
             mesh = disc_mesh(self.vertices, seed=self.seed, radius=radius, plate_radius=plate)
             system = DrapeSystem(mesh, "paper", 0.0, on_plate(mesh, plate), np.zeros(mesh.vertices))
-            self._templates[radius, plate] = mesh, system
-        return self._templates[radius, plate]
+            self._centred[radius, plate] = system
+        return self._centred[radius, plate]
 
 
 def cloth_points(mesh: Mesh, scene: Scene) -> Float[ndarray, "vertices 2"]:
-    """Material points about the cloth's centre [m]."""
+    """Material points about the cloth's centre.
+
+    Args:
+        mesh: The cloth, with material points about the plate's axis.
+        scene: Where the cloth's centre lies.
+
+    Returns:
+        The points [m].
+    """
     return mesh.material - np.array(scene.centre)
 
 
@@ -82,12 +94,12 @@ def _turned(elements: Elements, mesh: Mesh, skew: tuple[float, float]) -> Elemen
     """Warp and weft of the bending tables at their own angles; the membrane's axes are turned by their mean."""
     if skew == (0.0, 0.0):
         return elements
-    warp, weft = unit(skew[0]), unit(90 + skew[1])
+    warp, weft = unit_vector(skew[0]), unit_vector(90 + skew[1])
     edge = np.diff(mesh.material[elements.hinges[:, :2]], axis=1)[:, 0]
     along = np.linalg.solve(np.column_stack([warp, weft]), edge.T)  # oblique coordinates
     direction = 4 / np.pi * np.arctan2(np.abs(along[1]), np.abs(along[0]))
     low = np.minimum(direction.astype(np.int64), 1)
-    cosine, sine = unit(sum(skew) / 2)
+    cosine, sine = unit_vector(sum(skew) / 2)
     return replace(
         elements,
         direction_low=low,
@@ -101,5 +113,5 @@ def _grown(elements: Elements, mesh: Mesh, scene: Scene) -> Elements:
     """Rest lengths longer by the scene's growth."""
     if not scene.growth:
         return elements
-    longer = np.exp(total(scene.growth, cloth_points(mesh, scene)[elements.faces].mean(1)))[:, None]
+    longer = np.exp(sum_of_fields(scene.growth, cloth_points(mesh, scene)[elements.faces].mean(1)))[:, None]
     return replace(elements, face_u=elements.face_u / longer, face_v=elements.face_v / longer)

@@ -1,54 +1,28 @@
-"""True laws: each effect's own, different from the one that the package simulates it by, and some beyond its list."""
+"""True laws: each effect's own, different from the one that the package simulates it by, and some beyond its list.
 
-from collections.abc import Callable, Mapping
+Each module has a table `LAWS`, from the name of an effect to the law that changes a scene accordingly; parameters have
+the package's names and units.
+"""
 
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.world.laws import boundary, contact, history, imaging, material, outside
-from cusick_bench.withheld.world.scene import Scene
+from cusick_bench.withheld.world.scene import Law
 
-Law = Callable[[Scene, Mapping[str, float]], Scene]
+LAWS: dict[str, Law] = material.LAWS | history.LAWS | boundary.LAWS | contact.LAWS | imaging.LAWS
+"""Laws of the package's effects, by their names."""
 
-LAWS: dict[str, Law] = {
-    "rest-curvature": material.rest_curvature,
-    "face-asymmetry": material.face_asymmetry,
-    "grain-skew": material.grain_skew,
-    "density-bias": material.density_bias,
-    "stiffness-field": material.stiffness_field,
-    "local-stiff-patch": material.local_stiff_patch,
-    "local-mass-patch": material.local_mass_patch,
-    "rim-stiffening": material.rim_stiffening,
-    "creep": history.creep,
-    "bending-friction": history.bending_friction,
-    "shear-friction": history.shear_friction,
-    "off-centre": boundary.off_centre,
-    "plate-tilt": boundary.plate_tilt,
-    "plate-radius": boundary.plate_radius,
-    "plate-slip": boundary.plate_slip,
-    "cut-size": boundary.cut_size,
-    "self-contact": contact.self_contact,
-    "camera-scale": imaging.camera_scale,
-    "camera-offset": imaging.camera_offset,
-    "camera-tilt": imaging.camera_tilt,
-    "perspective": imaging.perspective,
-    "threshold": imaging.threshold,
-}
-"""Laws of the package's effects, by their names; parameters have their names and units too."""
-
-OUTSIDE: dict[str, Law] = {
-    "draught": outside.draught,
-    "charge": outside.charge,
-    "seam": outside.seam,
-    "crease-ring": outside.crease_ring,
-    "elliptical-cut": outside.elliptical_cut,
-    "lens": outside.lens,
-    "smear": outside.smear,
-    "frilled": outside.frilled,
-}
+OUTSIDE: dict[str, Law] = outside.LAWS
 """Laws of what is not on the package's list; labels call all of them `unknown`."""
 
 
 def law(name: str) -> Law:
-    """A law by name.
+    """Finds a law by the name of its effect.
+
+    Args:
+        name: An effect of the package, or one outside of its list.
+
+    Returns:
+        The law.
 
     Raises:
         WithheldError: No such law.

@@ -4,17 +4,13 @@ Points on all faces repel each other along the mean of the cloth's normals there
 thickness across it and less than a point's own width beside each other. Points that are near on the flat cloth do not.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import KDTree
 
 from cusick_bench.sim.engine.system import DrapeSystem
-from cusick_bench.withheld.world.scene import Scene, Vertices
-
-Values = Mapping[str, float]
+from cusick_bench.withheld.world.scene import EffectParameters, Law, Scene, Vertices
 
 _CORNERS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6  # barycentric coordinates of a face's points
 _BESIDE = 0.0025  # [m]
@@ -22,7 +18,7 @@ _FLAT_DISTANCE = 0.012  # [m] on the cloth within which points do not repel each
 _STIFFNESS = 40.0  # weights of a point's cloth per thickness of overlap
 
 
-def self_contact(scene: Scene, value: Values) -> Scene:
+def _self_contact(scene: Scene, value: EffectParameters) -> Scene:
     """A cloth whose folds keep off each other."""
     thickness = value["thickness"]
     if thickness == 0:
@@ -35,7 +31,17 @@ def self_contact(scene: Scene, value: Values) -> Scene:
 
 
 def repulsion(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices, thickness: float) -> Vertices:
-    """Forces between the points of a cloth [N]."""
+    """Forces between the points of a cloth that come too close to each other.
+
+    Args:
+        system: The cloth and its support.
+        mass: Masses of the vertices [kg].
+        x: Positions of the vertices [m].
+        thickness: Distance below which points repel each other [m].
+
+    Returns:
+        Forces on the vertices [N].
+    """
     loose = system.elements.faces[~system.fixed[system.elements.faces].all(1)]
     point, flat, normal = _points(x, loose), _points(system.mesh.material, loose), _normals(x, loose)
     first, second = KDTree(point).query_pairs(float(np.hypot(thickness, _BESIDE)), output_type="ndarray").T
@@ -69,3 +75,9 @@ def _spread(force: Float[ndarray, "points 3"], faces: ndarray, vertices: int) ->
     """Forces on points, shared out to the corners of their faces."""
     corner = np.einsum("pc,fpx->fcx", _CORNERS, force.reshape(len(faces), len(_CORNERS), 3))
     return np.column_stack([np.bincount(faces.ravel(), corner[..., k].ravel(), vertices) for k in range(3)])
+
+
+LAWS: dict[str, Law] = {
+    "self-contact": _self_contact,
+}
+"""True laws of the effects of class contact."""

@@ -1,6 +1,5 @@
 """True laws of the effects of class history."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,9 +8,7 @@ from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import DrapeSystem
-from cusick_bench.withheld.world.scene import Remembering, Scene, Vertices
-
-Values = Mapping[str, float]
+from cusick_bench.withheld.world.scene import EffectParameters, InternalVariables, Law, Scene, Vertices
 
 _RETARDATION = 20.0  # [s] in which a cloth under the camera creeps
 _RECOVERY = 0.1  # of the creep is lost when a cloth is laid again with the same face up,
@@ -27,7 +24,7 @@ _SLIDES = 2.5  # multiple of these beyond which the friction's own state follows
 
 
 @dataclass(eq=False)
-class Creep(Remembering):
+class Creep(InternalVariables):
     """A standard linear solid: q follows the angle within `_RETARDATION`, moment B (angle - rest - loss q)."""
 
     loss: float
@@ -36,30 +33,31 @@ class Creep(Remembering):
     def advance(
         self, x: Vertices, angle: Float[ndarray, "hinges"], p: Parameters, h: float
     ) -> tuple[Parameters, Vertices | None]:
+        """Rest angles that follow the cloth; see `InternalVariables.advance`."""
         self.crept = self.crept + (angle - p.rest_angle - self.crept) * (1 - np.exp(-h / _RETARDATION))
         return replace(p, rest_angle=p.rest_angle + self.loss * self.crept), None
 
-    def end(self, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"] | None:
+    def carried_over(self, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"] | None:
         """After the picture the cloth stays as it is until it has crept fully."""
         return angle
 
 
-def creep(scene: Scene, value: Values) -> Scene:
+def _creep(scene: Scene, value: EffectParameters) -> Scene:
     """Creep begins under the first picture, and a part of it outlasts the turning over."""
 
-    def start(system: DrapeSystem, p: Parameters, scene: Scene) -> Remembering:
-        before = scene.past.get(Creep.__name__)
+    def start(system: DrapeSystem, p: Parameters, scene: Scene) -> InternalVariables:
+        before = scene.carried_over.get(Creep.__name__)
         if before is None:
             return Creep(value["loss"], np.zeros_like(p.rest_angle))
         kept = 1 - _RECOVERY if scene.later else -(1 - _TURNED)
         rest = p.rest_angle if scene.later else -p.rest_angle
         return Creep(value["loss"], kept * (before - rest))
 
-    return scene.with_added(memories=start)
+    return scene.with_added(internal_variables=start)
 
 
 @dataclass(eq=False)
-class _BendingFriction(Remembering):
+class _BendingFriction(InternalVariables):
     """Moment HB tanh((k - k_p) / k0), with k_p drawn along beyond `_SLIDES` k0."""
 
     system: DrapeSystem
@@ -78,17 +76,17 @@ class _BendingFriction(Remembering):
         return replace(p, bending=p.bending * (1 + more)[:, None, None], rest_angle=rest), None
 
 
-def bending_friction(scene: Scene, value: Values) -> Scene:
+def _bending_friction(scene: Scene, value: EffectParameters) -> Scene:
     """Friction that sets in gradually; each laying begins without it."""
 
-    def start(system: DrapeSystem, p: Parameters, scene: Scene) -> Remembering:
+    def start(system: DrapeSystem, p: Parameters, scene: Scene) -> InternalVariables:
         return _BendingFriction(system, value["ratio"], np.zeros_like(p.rest_angle))
 
-    return scene.with_added(memories=start)
+    return scene.with_added(internal_variables=start)
 
 
 @dataclass(eq=False)
-class _ShearFriction(Remembering):
+class _ShearFriction(InternalVariables):
     """Shear stress HG tanh((g - g_p) / g0), g the shear angle, as a secant stiffness and the stress it has too much."""
 
     system: DrapeSystem
@@ -116,15 +114,15 @@ class _ShearFriction(Remembering):
         return replace(p, stretch=stretch), _gathered(el.faces, force, len(x))
 
 
-def shear_friction(scene: Scene, value: Values) -> Scene:
+def _shear_friction(scene: Scene, value: EffectParameters) -> Scene:
     """Friction that sets in gradually; each laying begins without it."""
     if value["ratio"] == 0:
         return scene
 
-    def start(system: DrapeSystem, p: Parameters, scene: Scene) -> Remembering:
+    def start(system: DrapeSystem, p: Parameters, scene: Scene) -> InternalVariables:
         return _ShearFriction(system, float(np.radians(value["ratio"])))
 
-    return scene.with_added(memories=start)
+    return scene.with_added(internal_variables=start)
 
 
 def _secant(s: ndarray) -> ndarray:
@@ -137,3 +135,11 @@ def _gathered(faces: ndarray, force: Float[ndarray, "faces 3 3"], vertices: int)
     """Forces on corners, summed up at the vertices."""
     corner = faces.ravel()
     return np.column_stack([np.bincount(corner, force[..., k].ravel(), vertices) for k in range(3)])
+
+
+LAWS: dict[str, Law] = {
+    "creep": _creep,
+    "bending-friction": _bending_friction,
+    "shear-friction": _shear_friction,
+}
+"""True laws of the effects of class history."""

@@ -17,14 +17,15 @@ where it helps to find an effect it enlarges d too. Twins need the suite's seed,
 import json
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from pydantic import TypeAdapter, model_validator
+from pydantic.dataclasses import dataclass
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.evidence import grid_at
@@ -36,15 +37,17 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.checked_json import mapping, number, read_object
+from cusick_bench.withheld.format.checked_json import read_object, validated
+from cusick_bench.withheld.format.fields import Number, broken_rule
+from cusick_bench.withheld.format.label import LabelDocument
 from cusick_bench.withheld.suite.design import Plan
 from cusick_bench.withheld.suite.generate import Suite, write_case
 from cusick_bench.withheld.suite.labels import label_of
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What a case shows of its effect.
+class ShownShift:
+    """What the silhouettes of a case show of its effect; an entry of `twins.json`.
 
     Attributes:
         shift: |d|, in standard deviations of noise.
@@ -52,9 +55,17 @@ class Shown:
         alike: The cosine between these, at most 1.
     """
 
-    shift: float
+    shift: Number
     nearest: str
-    alike: float
+    alike: Number
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> "ShownShift":
+        if not (self.shift >= 0 and self.alike <= 1):
+            raise broken_rule(
+                f"a shift must be >= 0 and alike <= 1, got {self.shift:g} and {self.alike:g}; make the file anew"
+            )
+        return self
 
     @property
     def multiple(self) -> float:
@@ -63,94 +74,101 @@ class Shown:
 
     @property
     def unlike(self) -> float:
-        """What is left of it once `nearest` is taken off at its best strength, in detectable shifts."""
+        """What is left of the shift once `nearest` is taken off at its best strength, in detectable shifts."""
         return self.multiple * float(np.sqrt(max(1 - max(self.alike, 0.0) ** 2, 0.0)))
 
 
-def twins(
+_SHIFTS = TypeAdapter(dict[str, ShownShift])
+
+
+def measure_shown_shifts(
     suite: Suite,
     cases: Path,
-    labels: Mapping[str, Any],
+    labels: Mapping[str, LabelDocument],
     out: Path,
     atlas: Path,
     *,
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
-) -> dict[str, Shown]:
-    """What every case with an effect shows of it, or goes on with a file that was begun.
+) -> dict[str, ShownShift]:
+    """Measures what every case with an effect shows of it, or goes on with a file that was begun.
 
     Args:
-        suite: As it was generated.
+        suite: The suite as it was generated.
         cases: Folder of its cases.
         labels: Content of its labels.json.
-        out: File for what is found, by case.
+        out: File for what is measured, by case.
         atlas: Fitted atlas.
-        workers: Processes.
-        step: Told of every case.
+        workers: Number of processes.
+        step: Called with the name of every case that is done.
+
+    Returns:
+        What each case shows.
 
     Raises:
         WithheldError: Labels of another suite, or a twin that cannot be draped.
     """
-    found = read_twins(out) if out.exists() else {}
+    shifts = read_shown_shifts(out) if out.exists() else {}
     todo = [plan for plan in suite.plans() if plan.causes and (cases / plan.case).is_dir()]
     for plan in todo:
-        own = mapping(labels.get(plan.case), f"labels: {plan.case}")
-        if any(own.get(key) != value for key, value in label_of(plan).items()):
+        if plan.case not in labels or labels[plan.case].unsealed() != label_of(plan).content():
             raise WithheldError(f"{plan.case} has another label than its suite; give labels.json and suite.json of one")
-    missing = [plan for plan in todo if plan.case not in found]
-    for case in found:
+    missing = [plan for plan in todo if plan.case not in shifts]
+    for case in shifts:
         step(case)
     with process_pool(workers) as pool:
         futures = {pool.submit(_beside_twin, suite, plan, cases, atlas): plan.case for plan in missing}
         for future in as_completed(futures):
-            found[futures[future]] = future.result()
-            content = {case: asdict(shown) for case, shown in sorted(found.items())}
+            shifts[futures[future]] = future.result()
+            content = _SHIFTS.dump_python(dict(sorted(shifts.items())))
             write_atomically(out, json.dumps(content, indent=1).encode())
             step(futures[future])
-    return found
+    return shifts
 
 
-def read_twins(path: Path) -> dict[str, Shown]:
-    """Reads what `twins` wrote.
+def read_shown_shifts(path: Path) -> dict[str, ShownShift]:
+    """Reads what `measure_shown_shifts` wrote.
+
+    Args:
+        path: The file.
+
+    Returns:
+        What each case shows.
 
     Raises:
         WithheldError: Not such a file.
     """
-    found = {}
-    for case, entry in read_object(path).items():
-        given = mapping(entry, f"{path}: {case}")
-        shift, alike = (number(given.get(key), f"{path}: {case}: {key}") for key in ("shift", "alike"))
-        if not (shift >= 0 and alike <= 1):
-            raise WithheldError(f"{path}: {case} must have a shift >= 0 and an alike <= 1; make the file anew")
-        found[case] = Shown(shift, str(given.get("nearest", "")), alike)
-    return found
+    return validated(_SHIFTS, read_object(path), str(path))
 
 
-def _beside_twin(suite: Suite, plan: Plan, cases: Path, atlas: Path) -> Shown:
-    """Makes the twin of a case and compares."""
+def _beside_twin(suite: Suite, plan: Plan, cases: Path, atlas: Path) -> ShownShift:
+    """Makes the twin of a case and compares the two."""
     with TemporaryDirectory() as folder:
         write_case(suite, replace(plan, causes={}), Path(folder))
         twin = _data(Path(folder) / plan.case)
-    return compare(_data(cases / plan.case), twin, atlas, tuple(plan.causes))
+    return shown_shift(_data(cases / plan.case), twin, atlas, tuple(plan.causes))
 
 
 def _data(folder: Path) -> SampleStatistics:
     return sample_statistics(to_atlas(case_captures(folder))[0])
 
 
-def compare(case: SampleStatistics, twin: SampleStatistics, atlas: Path, acting: Collection[str]) -> Shown:
-    """What a case shows that its twin does not.
+def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, acting: Collection[str]) -> ShownShift:
+    """Measures what a case shows that its twin does not.
 
     Args:
         case: Statistics of its samples.
-        twin: The same of its twin.
+        twin: Statistics of the samples of its twin.
         atlas: Fitted atlas.
-        acting: Effects of the case, which are not compared with.
+        acting: Effects of the case; no shift is compared with theirs.
+
+    Returns:
+        The shift, and the other effect that is most like it.
     """
     emulator, calibration = load_atlas(atlas)
     scatter = scatter_of(twin.specimens)
     plain = against_base(emulator, twin.features(), scatter=scatter, drift=twin.later)
-    own = against_base(emulator, case.features(), scatter=scatter, drift=case.later, start=plain.theta)
+    refit = against_base(emulator, case.features(), scatter=scatter, drift=case.later, start=plain.theta)
     residual = inflated(plain, calibration.inflation)
     shift = _difference(residual, case, twin)
     noise = 0.0
@@ -158,7 +176,7 @@ def compare(case: SampleStatistics, twin: SampleStatistics, atlas: Path, acting:
         halves = np.array_split(np.arange(len(twin.specimens)), 2)
         first, second = (_difference(residual, case, twin, half) for half in halves)
         noise = float(((first - second) ** 2).sum()) / 4
-    refitted = float(((own.white - plain.white) ** 2).sum()) / calibration.inflation**2
+    refitted = float(((refit.white - plain.white) ** 2).sum()) / calibration.inflation**2
     size = float(np.sqrt(max(min(float(shift @ shift), refitted) - noise, 0.0)))
     nearest, alike = "", 0.0
     others = [one for one in hypotheses(emulator) if one.name not in acting] if size else []
@@ -170,7 +188,7 @@ def compare(case: SampleStatistics, twin: SampleStatistics, atlas: Path, acting:
         cosine = float((moved @ shift / np.linalg.norm(moved, axis=1)).max()) / size
         if cosine > alike:
             nearest, alike = hypothesis.name, min(cosine, 1.0)
-    return Shown(size, nearest, alike)
+    return ShownShift(shift=size, nearest=nearest, alike=alike)
 
 
 def _difference(

@@ -1,6 +1,7 @@
 """What silhouettes show of an effect: known shifts are measured, chance is not taken for one, and scores follow."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,39 +12,38 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.power import NEEDED
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, scatter_of
 from cusick_bench.diagnosis.measure.statistics import NAMES
-from cusick_bench.withheld.answers.blind import answer_suite, case_captures
-from cusick_bench.withheld.answers.twins import Shown, compare, read_twins, twins
+from cusick_bench.withheld.answers.blind import case_captures
+from cusick_bench.withheld.answers.shown_shift import (
+    ShownShift,
+    measure_shown_shifts,
+    read_shown_shifts,
+    shown_shift,
+)
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answer
-from cusick_bench.withheld.format.label import SINGLE, Label
+from cusick_bench.withheld.format.label import SINGLE, Label, LabelDocument, read_label_documents
+from cusick_bench.withheld.scoring.labelled_answers import (
+    LabelledAnswers,
+    read_labelled_answers,
+    with_measured_severities,
+)
 from cusick_bench.withheld.scoring.measures import CLEAR, DISTINCT
-from cusick_bench.withheld.scoring.revealed import Revealed, by_shown, reveal
 from cusick_bench.withheld.scoring.score import score
-from cusick_bench.withheld.suite.generate import SUITE, Suite, generate, read_suite
+from cusick_bench.withheld.suite.generate import SUITE, read_suite
 
 SIZES = {"plate-radius", "cut-size", "camera-scale", "threshold"}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A null, a listed effect and one that is on no list, small."""
-    made = tmp_path_factory.mktemp("suite")
-    counts = {"null": 1, "single": 1, "pair": 0, "unknown": 1}
-    generate(Suite(4, counts, 250, 6, None), made / "cases", made / "labels")  # pyright: ignore[reportArgumentType]
-    return made
-
-
-@pytest.fixture(scope="module")
-def plain(folder: Path) -> SampleStatistics:
-    labels = json.loads((folder / "labels" / "labels.json").read_text())
+def plain(small_suite: Path) -> SampleStatistics:
+    labels = json.loads((small_suite / "labels" / "labels.json").read_text())
     name = next(case for case, label in labels.items() if label["kind"] == "null")
-    return sample_statistics(case_captures(folder / "cases" / name))
+    return sample_statistics(case_captures(small_suite / "cases" / name))
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +67,11 @@ def scaled(plain: SampleStatistics, residual: Residual, size: float) -> SampleSt
 
 class TestCompare:
     def test_a_case_is_its_own_twin(self, plain: SampleStatistics):
-        assert compare(plain, plain, SHIPPED, ("creep",)) == Shown(0.0, "", 0.0)
+        assert shown_shift(plain, plain, SHIPPED, ("creep",)) == ShownShift(0.0, "", 0.0)
 
     @pytest.mark.parametrize("size", [4.0, 10.0])
     def test_a_known_shift_has_its_size_and_its_name(self, plain: SampleStatistics, residual: Residual, size: float):
-        found = compare(scaled(plain, residual, size), plain, SHIPPED, ())
+        found = shown_shift(scaled(plain, residual, size), plain, SHIPPED, ())
         assert found.shift == pytest.approx(size, rel=0.3)
         assert found.shift <= size + 1e-6, "base parameters may take some of it up, but add nothing"
         assert found.nearest in SIZES
@@ -80,7 +80,7 @@ class TestCompare:
         assert found.unlike < 0.35 * found.multiple
 
     def test_what_acts_is_not_compared_with(self, plain: SampleStatistics, residual: Residual):
-        found = compare(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
+        found = shown_shift(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
         assert found.nearest not in SIZES
 
     def test_chance_is_taken_off(self, plain: SampleStatistics):
@@ -89,7 +89,7 @@ class TestCompare:
         for seed in range(5):
             sign = np.random.default_rng(seed).choice([-1.0, 1.0], size=(len(plain.specimens), 2, 1))
             other = plain.specimens + 0.5 * sign * plain.specimens.std(0)
-            sizes.append(compare(SampleStatistics(other, plain.drift, plain.later), plain, SHIPPED, ()).multiple)
+            sizes.append(shown_shift(SampleStatistics(other, plain.drift, plain.later), plain, SHIPPED, ()).multiple)
         assert np.median(sizes) < 1
 
 
@@ -98,20 +98,21 @@ def invoke(*arguments: object) -> Any:
 
 
 class TestCommands:
-    def test_scores_follow_what_is_shown(self, folder: Path, tmp_path: Path, one_thread: None):
-        labels, out = folder / "labels" / "labels.json", tmp_path / "twins.json"
-        result = invoke("twins", folder / "cases", labels, "--out", out, "--workers", 1)
+    def test_scores_follow_what_is_shown(
+        self, small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None
+    ):
+        labels, out = small_suite / "labels" / "labels.json", tmp_path / "twins.json"
+        result = invoke("twins", small_suite / "cases", labels, "--out", out, "--workers", 1)
         assert result.exit_code == 0, result.output
-        shown = read_twins(out)
+        shown = read_shown_shifts(out)
         kinds = {case: label["kind"] for case, label in json.loads(labels.read_text()).items()}
         assert set(shown) == {case for case, kind in kinds.items() if kind != "null"}
-        strong = {case: Shown(3 * NEEDED, "threshold", 0.8) for case in shown}
-        out.write_text(json.dumps({case: vars(one) for case, one in strong.items()}))
-        assert twins(read_suite(folder / "labels" / SUITE), folder / "cases", json.loads(labels.read_text()), out,
-                     SHIPPED) == strong, "what is there already is kept"  # fmt: skip
-        answers = tmp_path / "answers.json"
-        answer_suite(folder / "cases", answers, SHIPPED, Options(samples=0))
-        result = invoke("score", answers, labels, "--twins", out)
+        strong = {case: ShownShift(3 * NEEDED, "threshold", 0.8) for case in shown}
+        out.write_text(json.dumps({case: asdict(one) for case, one in strong.items()}))
+        suite, documents = read_suite(small_suite / "labels" / SUITE), read_label_documents(labels)
+        again = measure_shown_shifts(suite, small_suite / "cases", documents, out, SHIPPED)
+        assert again == strong, "what is there already is kept"
+        result = invoke("score", small_answers, labels, "--twins", out)
         assert result.exit_code == 0, result.output
         found = json.loads(result.stdout)
         multiples = {case["kind"]: case["multiple"] for case in found["cases"]}
@@ -124,29 +125,31 @@ class TestCommands:
         assert any("twin" in note for note in found["notes"])
 
     @pytest.mark.parametrize(("shown", "subsets"), [
-        (Shown(3 * NEEDED, "threshold", 0.8), {CLEAR, DISTINCT}),
-        (Shown(3 * NEEDED, "threshold", 0.99), {CLEAR}),
-        (Shown(1.9 * NEEDED, "threshold", 0.1), set()),
+        (ShownShift(3 * NEEDED, "threshold", 0.8), {CLEAR, DISTINCT}),
+        (ShownShift(3 * NEEDED, "threshold", 0.99), {CLEAR}),
+        (ShownShift(1.9 * NEEDED, "threshold", 0.1), set()),
     ])  # fmt: skip
-    def test_what_others_make_is_not_distinct(self, shown: Shown, subsets: set[str]):
+    def test_what_others_make_is_not_distinct(self, shown: ShownShift, subsets: set[str]):
         """A threefold shift of which a like effect leaves 1.8 or .4, and one that is too weak to be clear."""
         label = Label(("creep",), SINGLE, "history", multiple=0.1)
         said = read_answer({"verdict": "none", "causes": [], "set90": ["none"]}, "answer")
-        revealed = by_shown(Revealed({"a": said}, {"a": label}, ()), {"a": shown}, "twins.json")
-        assert revealed.labels["a"].multiple == shown.multiple
-        found = {figure.subset for figure in score(revealed).figures if figure.cases and figure.name == "power"}
+        answered = with_measured_severities(LabelledAnswers({"a": said}, {"a": label}, ()), {"a": shown}, "twins.json")
+        assert answered.labels["a"].multiple == shown.multiple
+        found = {figure.subset for figure in score(answered).figures if figure.cases and figure.name == "power"}
         assert found & {CLEAR, DISTINCT} == subsets
 
-    def test_labels_of_another_suite_are_refused(self, folder: Path, tmp_path: Path):
-        labels = json.loads((folder / "labels" / "labels.json").read_text())
-        case = next(name for name, label in labels.items() if label["kind"] == "single")
-        labels[case]["severity"] += 1.0
+    def test_labels_of_another_suite_are_refused(self, small_suite: Path, tmp_path: Path):
+        labels = read_label_documents(small_suite / "labels" / "labels.json")
+        case, label = next((case, label) for case, label in labels.items() if label.kind == "single")
+        assert isinstance(label.severity, float)
+        labels[case] = LabelDocument.model_validate(label.content() | {"severity": label.severity + 1.0})
+        suite = read_suite(small_suite / "labels" / SUITE)
         with pytest.raises(WithheldError, match=f"{case} has another label"):
-            twins(read_suite(folder / "labels" / SUITE), folder / "cases", labels, tmp_path / "twins.json", SHIPPED)
+            measure_shown_shifts(suite, small_suite / "cases", labels, tmp_path / "twins.json", SHIPPED)
 
-    def test_cases_without_their_suite_are_refused(self, folder: Path, tmp_path: Path):
+    def test_cases_without_their_suite_are_refused(self, small_suite: Path, tmp_path: Path):
         (tmp_path / "labels.json").write_text("{}")
-        result = invoke("twins", folder / "cases", tmp_path / "labels.json")
+        result = invoke("twins", small_suite / "cases", tmp_path / "labels.json")
         assert result.exit_code == 2
         assert "suite.json" in result.output
         (tmp_path / SUITE).write_text('{"seed": 3}')
@@ -158,10 +161,10 @@ class TestCommands:
         entry = {"shift": 3.0, "nearest": "creep", "alike": 0.5} | wrong
         (tmp_path / "twins.json").write_text(json.dumps({"case_0001": entry}))
         with pytest.raises(WithheldError, match="case_0001"):
-            read_twins(tmp_path / "twins.json")
+            read_shown_shifts(tmp_path / "twins.json")
 
-    def test_every_case_with_an_effect_must_be_there(self, folder: Path, tmp_path: Path, one_thread: None):
-        answers = tmp_path / "answers.json"
-        answer_suite(folder / "cases", answers, SHIPPED, Options(samples=0))
+    def test_every_case_with_an_effect_must_be_there(self, small_suite: Path, small_answers: Path):
         with pytest.raises(WithheldError, match="lacks case_"):
-            by_shown(reveal(answers, folder / "labels" / "labels.json"), {}, "twins.json")
+            with_measured_severities(
+                read_labelled_answers(small_answers, small_suite / "labels" / "labels.json"), {}, "twins.json"
+            )

@@ -3,22 +3,23 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from cusick_bench.withheld.answers.leave_out import LEAVE_OUT, asked_of, least_of
-from cusick_bench.withheld.answers.twins import Shown
+from cusick_bench.withheld.answers.leave_out import labels_to_answer
+from cusick_bench.withheld.answers.oracle import OracleClosures
+from cusick_bench.withheld.answers.shown_shift import ShownShift
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.answer import Answer, read_answer
-from cusick_bench.withheld.format.checked_json import entries, read_object
-from cusick_bench.withheld.format.label import DETECTABLE, LABELS, NULL, Label, read_labels
+from cusick_bench.withheld.format.answer import Answer, AnswersDocument, read_answers
+from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.format.fields import finite_or_nan
+from cusick_bench.withheld.format.label import DETECTABLE, NULL, Label, LabelDocument, read_label_documents, truth_of
 from cusick_bench.withheld.format.seal import holds
 from cusick_bench.withheld.scoring.measures import DISTINCT
 
-_SHOWN = 3  # names in a message
+_NAMES_SHOWN = 3  # in a message
 
 
 @dataclass(frozen=True)
-class Revealed:
+class LabelledAnswers:
     """Answers with their labels, by case.
 
     Attributes:
@@ -32,7 +33,7 @@ class Revealed:
     notes: tuple[str, ...]
 
 
-def reveal(answers: Path, labels: Path, commitment: Path | None = None) -> Revealed:
+def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None = None) -> LabelledAnswers:
     """Reads both files and checks that they belong together.
 
     Args:
@@ -40,50 +41,79 @@ def reveal(answers: Path, labels: Path, commitment: Path | None = None) -> Revea
         labels: Labels, with salt and seal.
         commitment: The seals as they were published before any answer.
 
+    Returns:
+        Answers and labels of the same cases.
+
     Raises:
         WithheldError: A file that cannot be read, a case in one file only, or a label that is not the sealed one.
     """
-    said, true = read_object(answers), read_object(labels)
-    answered = {case: read_answer(found, f"{answers}: {case}") for case, found in entries(said, _ANSWERS).items()}
-    labelled = asked_of(said, answered, read_labels(true, str(labels)))
-    _require_same_cases(set(answered), set(labelled), answers, labels)
-    notes = [_check_seals(entries(true, LABELS), commitment)]
-    if LEAVE_OUT in said:
+    answered, labelled = read_answers(answers), read_label_documents(labels)
+    truth = labels_to_answer(answered, {case: truth_of(label) for case, label in labelled.items()})
+    _require_same_cases(set(answered.answers), set(truth), answers, labels)
+    notes = [_check_seals(labelled, commitment)]
+    if answered.leave_out is not None:
         notes.append(
-            f"Leave-one-effect-out: {len(labelled)} cases with one effect of at least {least_of(said):g} times the "
-            f"{next(iter(labelled.values())).unit}, each answered without it: the right answer is unknown."
+            f"Leave-one-effect-out: {len(truth)} cases with one effect of at least {answered.leave_out.least:g} times "
+            f"the {next(iter(truth.values())).unit}, each answered without it: the right answer is unknown."
         )
-    if facts := [f"{key} {said[key]}" for key in _FACTS if isinstance(said.get(key), str | int | float)]:
+    if facts := _provenance(answered):
         notes.append(f"Answers were frozen with {', '.join(facts)}.")
-    return Revealed(answered, labelled, tuple(notes))
+    return LabelledAnswers(answered.answers, truth, tuple(notes))
 
 
-def by_shown(revealed: Revealed, shown: Mapping[str, Shown], where: str) -> Revealed:
-    """The labels with the severities that the silhouettes do show.
+def _provenance(document: AnswersDocument) -> list[str]:
+    """Facts about the answers that their file states."""
+    stated = {"code_version": document.code_version, **(document.model_extra or {})}
+    return [f"{key} {stated[key]}" for key in _FACTS if isinstance(stated.get(key), str | int | float)]
+
+
+def with_measured_severities(
+    answered: LabelledAnswers, shifts: Mapping[str, ShownShift], where: str
+) -> LabelledAnswers:
+    """Replaces the severities of the labels by those that the silhouettes do show.
 
     Args:
-        revealed: Answers and labels.
-        shown: From `read_twins`.
-        where: Its path, for messages.
+        answered: Answers and labels.
+        shifts: What each case shows, from `read_shown_shifts`.
+        where: Path of their file, for messages.
+
+    Returns:
+        The same answers with changed labels.
 
     Raises:
-        WithheldError: A case with an effect that it lacks.
+        WithheldError: A case with an effect that the file lacks.
     """
-    labels = dict(revealed.labels)
+    labels = dict(answered.labels)
     for case, label in labels.items():
         if label.kind == NULL:
             continue
-        if case not in shown:
+        if case not in shifts:
             raise WithheldError(f"{where} lacks {case}; run `withheld twins` again, it goes on")
-        labels[case] = replace(label, multiple=shown[case].multiple, unit=DETECTABLE, unlike=shown[case].unlike)
-    return replace(revealed, labels=labels, notes=(*revealed.notes, _BY_SHOWN))
+        labels[case] = replace(label, multiple=shifts[case].multiple, unit=DETECTABLE, unlike=shifts[case].unlike)
+    return replace(answered, labels=labels, notes=(*answered.notes, _MEASURED))
 
 
-_BY_SHOWN = (
+def with_oracle_closures(answered: LabelledAnswers, closures: OracleClosures) -> LabelledAnswers:
+    """Adds the closures by the true causes to the labels; they are known only after the answers.
+
+    Args:
+        answered: Answers and labels.
+        closures: Closure of each case, from `read_oracle_closures`.
+
+    Returns:
+        The same answers with changed labels.
+    """
+    labels = {
+        case: replace(label, oracle_closure=finite_or_nan(closures[case])) if case in closures else label
+        for case, label in answered.labels.items()
+    }
+    return replace(answered, labels=labels)
+
+
+_MEASURED = (
     "Severities are measured: the shift of the case against its twin without the effect, in detectable shifts. "
     f"`{DISTINCT}`: at least one of these is left when the other effect that is most like it is taken off."
 )
-_ANSWERS = ("answers", "cases")
 _FACTS = ("code_version", "time", "frozen")
 
 
@@ -95,18 +125,18 @@ def _require_same_cases(answered: set[str], labelled: set[str], answers: Path, l
         (answered - labelled, f"{labels} lacks", "score answers with the labels of the same cases"),
     ):
         if lacking:
-            names = ", ".join(sorted(lacking)[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
+            names = ", ".join(sorted(lacking)[:_NAMES_SHOWN]) + (", ..." if len(lacking) > _NAMES_SHOWN else "")
             raise WithheldError(f"every case must have an answer and a label; {what} {len(lacking)}: {names}; {remedy}")
 
 
-def _check_seals(labels: Mapping[str, Any], commitment: Path | None) -> str:
+def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -> str:
     """What the seals prove, in a sentence.
 
     Raises:
         WithheldError: A label that is not the one whose seal was published.
     """
     if commitment is None:
-        whole = sum(holds(label, str(label.get("sha256"))) for label in labels.values())
+        whole = sum(holds(label.content(), str(label.sha256)) for label in labels.values())
         return (
             f"Seals were not compared with published ones (--commitment); {whole} of {len(labels)} labels fit the seal "
             "that they carry."
@@ -115,7 +145,7 @@ def _check_seals(labels: Mapping[str, Any], commitment: Path | None) -> str:
     for case, label in labels.items():
         if case not in published:
             raise WithheldError(f"every label must have been sealed; {commitment} lacks {case}; give these cases' own")
-        if not holds(label, published[case]):
+        if not holds(label.content(), published[case]):
             raise WithheldError(
                 f"the label of {case} must be the one that was sealed; its SHA-256 is not that of {commitment}: it was "
                 "changed, or belongs to other cases; fetch both files anew"
