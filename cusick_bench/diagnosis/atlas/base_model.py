@@ -86,6 +86,9 @@ class BaseModel:
             count: Number of samples.
             seed: Same seed, same samples: theta and effects can change under common random numbers.
             sides: Which faces are draped.
+
+        Returns:
+            The setups, sample by sample.
         """
         fabric = np.random.default_rng([*seed, 0])
         lengths = fabric.uniform(*SHAPE_LENGTHS, size=2)
@@ -98,7 +101,7 @@ class BaseModel:
         laying_length, rest_length = lengths
         laying_height = LAYING_HEIGHT * float(np.exp(theta[5]))
         rest_height = REST_HEIGHT * float(np.exp(theta[6]))
-        made = []
+        setups = []
         for sample in range(count):
             generator = np.random.default_rng([*seed, 1, sample])
             mesh = _mesh(self.vertices, self.first_mesh + int(generator.integers(self.meshes)))
@@ -106,7 +109,7 @@ class BaseModel:
             rest = smooth_field(rest_height, float(rest_length), generator)
             laying = {side: smooth_field(laying_height, float(laying_length), generator) for side in ("up", "down")}
             for side in sides:
-                made.append(
+                setups.append(
                     Setup(
                         mesh, self.settings, material, side=side, capture=1 if side == "up" else 3,
                         laying=as_field(laying[side]), rest=as_field(rest), log_bending=(as_field(bending),),
@@ -114,11 +117,18 @@ class BaseModel:
                         laying_seed=(*seed, sample, int(side == "down")),
                     )
                 )  # fmt: skip
-        return made
+        return setups
 
 
 def cloth(theta: Float[ndarray, "7"]) -> Material:
-    """The mean cloth of a fabric, at `DENSITY`."""
+    """The mean cloth of a fabric, at `DENSITY`.
+
+    Args:
+        theta: The fabric (see the module).
+
+    Returns:
+        Its material.
+    """
     weight = DENSITY * GRAVITY
     level = np.exp(theta[0]) * weight * CLOTH_RADIUS**3
     rows = level * np.exp([theta[1] / 2, theta[2], -theta[1] / 2])
@@ -144,7 +154,14 @@ def _of_another_law(material: Material, generator: np.random.Generator) -> Mater
 
 
 def as_field(smooth: SmoothField) -> Field:
-    """A random field as a function of torch points, without gradients to them."""
+    """A random field as a function of torch points, without gradients to them.
+
+    Args:
+        smooth: The field as a function of numpy points.
+
+    Returns:
+        The function.
+    """
 
     def field(points: Tensor) -> Tensor:
         return torch.from_numpy(smooth(points.detach().numpy()))

@@ -12,11 +12,25 @@ from cusick_bench.sim.setup import Setup
 
 @lru_cache(maxsize=64)
 def acts_later(effect: Effect) -> bool:
-    """Whether it is seen in later captures only."""
+    """Whether an effect is seen in later captures only.
+
+    Args:
+        effect: The effect.
+
+    Returns:
+        True if it leaves the first capture as it is.
+    """
     first = Setup(disc_mesh(60), DrapeSettings(), uniform_material(density=DENSITY, bending=1e-5))
     return effect.apply(first, {}) is first
 
 
 def in_lab(effect: Effect) -> bool:
-    """Whether its direction is the laboratory's rather than the cloth's."""
+    """Whether an effect's direction is the laboratory's rather than the cloth's.
+
+    Args:
+        effect: The effect.
+
+    Returns:
+        True for directions of boundary and camera.
+    """
     return effect.located == "direction" and effect.kind in ("boundary", "imaging")

@@ -72,19 +72,47 @@ class Emulator:
     responses: Mapping[str, Response]
 
     def mean(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
-        """Of every statistic, the same on both faces."""
+        """Mean of every statistic, the same on both faces.
+
+        Args:
+            theta: Base parameters.
+
+        Returns:
+            Means [each statistic's unit].
+        """
         return self.base(base_terms(theta[None]))[0]
 
     def spread(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "spreads"]:
-        """`Features.spread` of the base model."""
+        """`Features.spread` of the base model.
+
+        Args:
+            theta: Base parameters.
+
+        Returns:
+            The spreads.
+        """
         return self.base_spread(spread_terms(theta[None]))[0]
 
     def sd(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
-        """Between samples, of every statistic; never below what images resolve."""
+        """Standard deviation of every statistic between samples; never below what images resolve.
+
+        Args:
+            theta: Base parameters.
+
+        Returns:
+            Standard deviations [each statistic's unit].
+        """
         return np.maximum(np.exp(self.log_sd(spread_terms(theta[None]))[0]), RESOLUTION)
 
     def wrong(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics statistics"]:
-        """The discrepancy at theta."""
+        """Discrepancy of the base model's means.
+
+        Args:
+            theta: Base parameters.
+
+        Returns:
+            Its covariance, in units of sd.
+        """
         limp, stiff = _ends(theta[0])
         return limp * self.discrepancy[0] + stiff * self.discrepancy[1]
 
@@ -93,8 +121,8 @@ def _log_variance(points: Mapping[int, Point], numbers: list[int]) -> Float[ndar
     """ln of the variance between samples, free of bias, both faces pooled; never below what images resolve."""
     rows = []
     for number in numbers:
-        own = points[number].statistics
-        good = own[np.isfinite(own).all((1, 2))]
+        statistics = points[number].statistics
+        good = statistics[np.isfinite(statistics).all((1, 2))]
         freedom = 2 * (len(good) - 1)
         variance = ((good - good.mean(0)) ** 2).sum((0, 1)) / freedom
         rows.append(np.log(np.maximum(variance, (RESOLUTION / 3) ** 2)) - digamma(freedom / 2) + np.log(freedom / 2))
@@ -107,8 +135,8 @@ def _correlation(
     """Between all statistics of both faces of a sample, pooled over fabrics; faces are exchangeable."""
     total = np.zeros((2 * _COUNT, 2 * _COUNT))
     for number, scale in sd.items():
-        own = points[number].statistics
-        values = own[np.isfinite(own).all((1, 2))] / scale
+        statistics = points[number].statistics
+        values = statistics[np.isfinite(statistics).all((1, 2))] / scale
         deviation = (values - values.mean(0)).reshape(len(values), -1)
         total += deviation.T @ deviation
     other = np.roll(np.arange(2 * _COUNT), _COUNT)
@@ -187,6 +215,9 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
         design: What it was made of.
         points: What `points.read_points` returned.
 
+    Returns:
+        The atlas as smooth functions.
+
     Raises:
         DiagnosisError: Too few points.
     """
@@ -194,15 +225,15 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
     numbers = [n for n, p in base.items() if np.isfinite(p.statistics).all((1, 2)).sum() >= LEAST_SAMPLES]
     if len(numbers) < _LEAST_POINTS:
         raise DiagnosisError(f"an atlas needs at least {_LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
-    at, found = theta[numbers], [features(base[n].statistics) for n in numbers]
-    mean = np.stack([one.mean.mean(0) for one in found])
+    at, of_fabrics = theta[numbers], [features(base[n].statistics) for n in numbers]
+    mean = np.stack([one.mean.mean(0) for one in of_fabrics])
     log_sd_values = _log_variance(base, numbers) / 2
     other, twin = at * _EXCHANGED, rotated(mean, np.pi / 2)  # the same fabrics with warp and weft exchanged
     mean, twin = _only_even(mean), _only_even(twin)
     both = np.concatenate([at, other])
     level = ridge(base_terms(both), np.concatenate([mean, twin]), 1 + at.shape[1])
     log_sd = ridge(spread_terms(both), np.tile(log_sd_values, (2, 1)), 2)
-    spread = ridge(spread_terms(at), np.stack([one.spread for one in found]), 2)
+    spread = ridge(spread_terms(at), np.stack([one.spread for one in of_fabrics]), 2)
     sd = np.maximum(np.exp(log_sd(spread_terms(theta))), RESOLUTION)
     correlation = _correlation(base, {n: sd[n] for n in numbers})
     responses = {
@@ -216,6 +247,6 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
 
 def _only_even(mean: ndarray) -> ndarray:
     """Without the statistics that are 0 by symmetry."""
-    kept, own = np.zeros_like(mean), [*FREE, *EVEN]
-    kept[:, own] = mean[:, own]
+    kept, columns = np.zeros_like(mean), [*FREE, *EVEN]
+    kept[:, columns] = mean[:, columns]
     return kept

@@ -10,12 +10,26 @@ from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
 
 
 def scaled(theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows parameters"]:
-    """z: theta in units of the atlas' range, not far beyond it."""
+    """z: theta in units of the atlas' range, not far beyond it.
+
+    Args:
+        theta: Base parameters.
+
+    Returns:
+        z, between -1.3 and 1.3.
+    """
     return np.clip((2 * theta - HIGH - LOW) / (HIGH - LOW), -1.3, 1.3)
 
 
 def base_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
-    """All products of up to two z, and up to four of the bending level's with one other."""
+    """All products of up to two z, and up to four of the bending level's with one other.
+
+    Args:
+        theta: Base parameters.
+
+    Returns:
+        Terms of the means without effect.
+    """
     z = scaled(theta)
     pairs = [z[:, i] * z[:, j] for i, j in combinations_with_replacement(range(z.shape[1]), 2)]
     level = z[:, 0]
@@ -24,7 +38,14 @@ def base_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows
 
 
 def spread_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
-    """1, z, and the level's square."""
+    """1, z, and the level's square.
+
+    Args:
+        theta: Base parameters.
+
+    Returns:
+        Terms of scatter between samples.
+    """
     z = scaled(theta)
     return np.column_stack([np.ones(len(z)), z, z[:, 0] ** 2])
 
@@ -32,7 +53,16 @@ def spread_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "ro
 def gain_terms(
     theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: Float[ndarray, "rows place"]
 ) -> Float[ndarray, "rows terms"]:
-    """1, z, the level's square, cube and products; the place and its square; a severity that saturates."""
+    """1, z, the level's square, cube and products; the place and its square; a severity that saturates.
+
+    Args:
+        theta: Base parameters.
+        severity: In typical ones.
+        place: From `response.scaled_place`.
+
+    Returns:
+        Terms of ln of the gain.
+    """
     z = scaled(theta)
     level = z[:, :1]
     saturating = np.log1p(np.abs(np.asarray(severity)) / 2)
@@ -44,14 +74,23 @@ def gain_terms(
 def effect_terms(
     theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: Float[ndarray, "rows place"]
 ) -> Float[ndarray, "rows terms"]:
-    """Powers of the severity times low ones of z and of the place; all vanish with the severity."""
+    """Powers of the severity times low ones of z and of the place; all vanish with the severity.
+
+    Args:
+        theta: Base parameters.
+        severity: In typical ones.
+        place: From `response.scaled_place`.
+
+    Returns:
+        Terms of an effect's shifts over its gain.
+    """
     z, s = scaled(theta), np.asarray(severity)
     level = z[:, 0]
     linear = [np.ones(len(z)), *z.T, level**2]
     curved = [np.ones(len(z)), level, level**2]
-    for own in place.T:
-        linear += [own, own * level, own**2]
-        curved += [own]
+    for coordinate in place.T:
+        linear += [coordinate, coordinate * level, coordinate**2]
+        curved += [coordinate]
     cubic = [np.ones(len(z)), level]
     # Beyond the first order in units of three typical severities, so that all terms are of like size.
     first, second, third = s, s * np.abs(s) / 3, s**2 / 3

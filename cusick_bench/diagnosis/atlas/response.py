@@ -41,10 +41,10 @@ class Response:
     """How much one effect moves a fabric's features.
 
     Attributes:
-        effect: Which.
-        gain: ln g.
-        mean: Of every statistic over sd and gain, in the frame of the effect's direction, face up.
-        spread: Of `Features.spread`.
+        effect: Name of the effect.
+        gain: Fit of ln g.
+        mean: Fit of every statistic's shift over sd and gain, in the frame of the effect's direction, face up.
+        spread: Fit of the shift of `Features.spread`.
         later: Whether it acts on later captures, so that half of it is seen in the mean.
     """
 
@@ -63,6 +63,9 @@ class Response:
             theta: Base parameters.
             severity: In typical ones; negative where the effect acts the other way round.
             place: From `scaled_place`.
+
+        Returns:
+            Shifts and their variances.
         """
         terms, gain = effect_terms(theta, severity, place), _gain(self.gain, theta, severity, place)
         return gain * self.mean(terms), gain**2 * self.mean.variance(terms)
@@ -70,12 +73,28 @@ class Response:
     def spreads(
         self, theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"]
     ) -> Float[ndarray, "rows spreads"]:
-        """Shift of `Features.spread`."""
+        """Shift of `Features.spread`.
+
+        Args:
+            theta: Base parameters.
+            severity: In typical ones.
+
+        Returns:
+            The shifts.
+        """
         return self.spread(_scatter_terms(theta, severity))
 
 
 def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray, "rows place"]:
-    """Radius and size in the units of the regression: -1 to 1 over the atlas."""
+    """Radius and size in the units of the regression: -1 to 1 over the atlas.
+
+    Args:
+        effect: The effect.
+        value: Its parameters by name, all of one length.
+
+    Returns:
+        A column for each of radius and size that the effect has.
+    """
     columns = []
     for p in effect.parameters:
         if p.role == "radius":
@@ -108,7 +127,14 @@ class Changes:
     spread: Float[ndarray, "rows spreads"]
 
     def of(self, rows: ndarray) -> "Changes":
-        """Some of the fabrics."""
+        """Changes of some of the fabrics.
+
+        Args:
+            rows: Indices of the fabrics, or which they are.
+
+        Returns:
+            Their changes.
+        """
         return Changes(*(column[rows] for column in vars(self).values()))
 
 
@@ -116,25 +142,32 @@ def changes(
     effect: Effect,
     theta: Float[ndarray, "points parameters"],
     base: Mapping[int, Point],
-    own: Mapping[int, Point],
+    with_effect: Mapping[int, Point],
     sd: Float[ndarray, "points statistics"],
 ) -> Changes:
     """Differences under common random numbers.
 
     Args:
-        effect: Which.
-        theta: Of all fabrics of the atlas.
+        effect: The effect.
+        theta: Base parameters of all fabrics of the atlas.
         base: Their drapes.
-        own: The same with the effect, as far as they are made.
-        sd: Scatter of every statistic between samples of each fabric.
+        with_effect: The same with the effect, as far as they are made.
+        sd: Standard deviation of every statistic between samples of each fabric.
+
+    Returns:
+        The changes of all fabrics with enough good drapes.
     """
     names = [p.name for p in effect.parameters]
-    found = {n: change for n in own if n in base and (change := _difference(effect, base[n], own[n])) is not None}
-    numbers = list(found)
-    value = np.stack([own[n].value for n in numbers])
+    differences = {
+        n: difference
+        for n, point in with_effect.items()
+        if n in base and (difference := _difference(effect, base[n], point)) is not None
+    }
+    numbers = list(differences)
+    value = np.stack([with_effect[n].value for n in numbers])
     severity = value[:, names.index(effect.severity.name)] / effect.severity.typical
     allowed = np.isin(np.arange(len(NAMES)), _allowed(effect))
-    shift, noise, spread = (np.stack([found[n][k] for n in numbers]) for k in range(3))
+    shift, noise, spread = (np.stack([differences[n][k] for n in numbers]) for k in range(3))
     unit = sd[numbers][:, None]
     return Changes(
         theta[numbers],
@@ -146,18 +179,26 @@ def changes(
     )
 
 
-def response(effect: Effect, found: Changes) -> Response:
-    """Fits one effect to what it does to the atlas' fabrics."""
-    at, severity, place = found.theta, found.severity[:, 0], found.place
-    noise = found.noise.sum((1, 2))
-    gain = _fitted_gain(at, severity, place, (found.shift**2).sum((1, 2)), noise)
+def response(effect: Effect, measured: Changes) -> Response:
+    """Fits one effect to what it does to the atlas' fabrics.
+
+    Args:
+        effect: The effect.
+        measured: What it does to them.
+
+    Returns:
+        The response.
+    """
+    at, severity, place = measured.theta, measured.severity[:, 0], measured.place
+    noise = measured.noise.sum((1, 2))
+    gain = _fitted_gain(at, severity, place, (measured.shift**2).sum((1, 2)), noise)
     size = _gain(gain, at, severity, place)
     amount = np.maximum(np.abs(severity), LEAST)
     precision = 1 / (amount**2 * _OWN_ERROR + noise / size[:, 0] ** 2)
-    terms = np.concatenate([effect_terms(at, own, place) for own in found.severity.T])
-    values = np.concatenate([found.shift[:, 0] / size, found.shift[:, 1] / size])
+    terms = np.concatenate([effect_terms(at, of_face, place) for of_face in measured.severity.T])
+    values = np.concatenate([measured.shift[:, 0] / size, measured.shift[:, 1] / size])
     mean = ridge(terms, values, 1, np.tile(precision, 2))
-    spread = ridge(_scatter_terms(at, severity), found.spread, 1)
+    spread = ridge(_scatter_terms(at, severity), measured.spread, 1)
     return Response(effect.name, gain, mean, spread, acts_later(effect))
 
 
@@ -180,12 +221,12 @@ def _fitted_gain(theta: ndarray, severity: ndarray, place: ndarray, square: ndar
 
 def _difference(effect: Effect, base: Point, changed: Point) -> tuple[ndarray, ndarray, ndarray] | None:
     """By face: mean difference under common random numbers and its variance; and that of the spreads."""
-    own, plain = _in_own_frame(effect, changed), _in_own_frame(effect, Point(changed.value, base.statistics))
-    good = np.isfinite(own).all((1, 2)) & np.isfinite(plain).all((1, 2))
+    acted, plain = _in_own_frame(effect, changed), _in_own_frame(effect, Point(changed.value, base.statistics))
+    good = np.isfinite(acted).all((1, 2)) & np.isfinite(plain).all((1, 2))
     if good.sum() < LEAST_SAMPLES:
         return None
-    change = (own - plain)[good]
-    with_effect, without = features(own[good]), features(plain[good])
+    change = (acted - plain)[good]
+    with_effect, without = features(acted[good]), features(plain[good])
     return change.mean(0), change.var(0, ddof=1) / len(change), with_effect.spread - without.spread
 
 

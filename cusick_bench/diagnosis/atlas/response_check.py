@@ -33,6 +33,9 @@ def unexplained(
         design: What the atlas was made of.
         points: What `points.read_points` returned.
         emulator: Fitted to them: its scatter between samples is the unit.
+
+    Returns:
+        The shares by effect; 0 at best.
     """
     theta = design.theta()
     sd = np.stack([emulator.sd(one) for one in theta])
@@ -42,14 +45,14 @@ def unexplained(
     }
 
 
-def _of_one(effect: Effect, found: Changes) -> Float[ndarray, "3"]:
-    parts = np.random.default_rng(0).permutation(len(found.theta)) % _PARTS
-    left = found.shift.copy()
+def _of_one(effect: Effect, measured: Changes) -> Float[ndarray, "3"]:
+    parts = np.random.default_rng(0).permutation(len(measured.theta)) % _PARTS
+    left = measured.shift.copy()
     for part in range(_PARTS):
         held = parts == part
-        fitted, own = response(effect, found.of(~held)), found.of(held)
-        for face, severity in enumerate(own.severity.T):
-            left[held, face] -= fitted.shift(own.theta, severity, own.place)[0]
-    error, size = (((values**2) - found.noise).sum((1, 2)) for values in (left, found.shift))
-    third = np.digitize(found.theta[:, 0], np.quantile(found.theta[:, 0], [1 / 3, 2 / 3]))
+        fitted, held_out = response(effect, measured.of(~held)), measured.of(held)
+        for face, severity in enumerate(held_out.severity.T):
+            left[held, face] -= fitted.shift(held_out.theta, severity, held_out.place)[0]
+    error, size = (((values**2) - measured.noise).sum((1, 2)) for values in (left, measured.shift))
+    third = np.digitize(measured.theta[:, 0], np.quantile(measured.theta[:, 0], [1 / 3, 2 / 3]))
     return np.array([error[third == k].sum() / size[third == k].sum() for k in range(len(THIRDS))])

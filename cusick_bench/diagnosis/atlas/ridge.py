@@ -33,7 +33,14 @@ class Fit:
         return terms @ self.weights
 
     def variance(self, terms: Float[ndarray, "rows terms"]) -> Float[ndarray, "rows quantities"]:
-        """Of the predictions, from the finite number of points."""
+        """Variance of the predictions, from the finite number of points.
+
+        Args:
+            terms: Regressors.
+
+        Returns:
+            Variances.
+        """
         return np.einsum("ri,ij,rj->r", terms, self.covariance, terms)[:, None] * self.residual
 
 
@@ -50,6 +57,9 @@ def ridge(
         values: What to predict.
         free: The first so many terms are not shrunk.
         precision: One over the variance of every row, up to a common factor; all alike by default.
+
+    Returns:
+        The regressions.
     """
     if precision is not None:
         root = np.sqrt(precision)[:, None]

@@ -42,7 +42,13 @@ class Calibration:
 
 
 def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
-    """Writes a fitted atlas; numbers are kept to single precision."""
+    """Writes a fitted atlas; numbers are kept to single precision.
+
+    Args:
+        path: The file; its folder is created.
+        emulator: The atlas.
+        calibration: Calibration of its probabilities.
+    """
     arrays: dict[str, ndarray] = {"correlation": emulator.correlation, "discrepancy": emulator.discrepancy}
     fits = {"base": emulator.base, "base_spread": emulator.base_spread, "log_sd": emulator.log_sd}
     for name, response in emulator.responses.items():
@@ -64,7 +70,13 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
 
 
 def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
-    """Reads a fitted atlas, by default the shipped one.
+    """Reads a fitted atlas.
+
+    Args:
+        path: The file; by default the shipped one.
+
+    Returns:
+        The atlas, and the calibration of its probabilities.
 
     Raises:
         DiagnosisError: No file, damaged, or of other statistics than this version's.

@@ -76,6 +76,12 @@ class Captures:
     def select(self, rows: Bool[ndarray, " captures"] | Int[ndarray, " chosen"]) -> "Captures":
         """Some of the captures.
 
+        Args:
+            rows: Indices of the captures, or which they are.
+
+        Returns:
+            These.
+
         Raises:
             DiagnosisError: None is left.
         """
@@ -103,7 +109,12 @@ def captures_from_profiles(
         sample, side, capture: Labels of each profile.
         protocol: Nominal values; the public release's by default.
         area: Area of the silhouettes [m2]; by default that within the profile.
-        fabric, areal_density, thickness: What is known of the cloth.
+        fabric: Name of the cloth.
+        areal_density: Mass per area [kg/m2]; NaN if unknown.
+        thickness: [m]; NaN if unknown.
+
+    Returns:
+        The captures.
 
     Raises:
         DiagnosisError: Another number of angles, labels that do not fit, or radii that are no radii.
@@ -139,6 +150,9 @@ def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
     Args:
         dataset: Data.
         fabric: One of its `cloths`.
+
+    Returns:
+        The captures, with notes.
 
     Raises:
         DataError: No such fabric.

@@ -60,6 +60,9 @@ def features(
     Args:
         specimens: Means over captures; NaN where there is none.
         drift: Last minus first capture; NaN where there is none.
+
+    Returns:
+        The features.
     """
     known = np.isfinite(specimens).min(axis=2)
     count = known.sum(0)
@@ -90,9 +93,9 @@ def _order(drift: ndarray | None) -> tuple[ndarray, ndarray]:
     nothing = np.full(len(ORDERS), np.nan), np.full(len(ORDERS), np.inf)
     if drift is None:
         return nothing
-    own = drift[np.isfinite(drift).all(1)][:, list(ORDERS)]
-    if len(own) < 3:
+    known = drift[np.isfinite(drift).all(1)][:, list(ORDERS)]
+    if len(known) < 3:
         return nothing
-    freedom = len(own) - 1
+    freedom = len(known) - 1
     wider = freedom / (freedom - 2) if freedom > 2 else 3.0  # Student's t has this variance
-    return own.mean(0), wider * own.var(0, ddof=1) / len(own)
+    return known.mean(0), wider * known.var(0, ddof=1) / len(known)

@@ -36,6 +36,9 @@ def split_half_floor(
         versus: Scale the distances to those of all n samples from this number m of independent others: for equal
             distributions they go as 1/n + 1/m. By default they stay those of halves, which are larger.
 
+    Returns:
+        A distance for each split.
+
     Raises:
         DiagnosisError: Fewer than four samples.
     """
@@ -43,14 +46,14 @@ def split_half_floor(
     number = len(labels)
     if number < 4:
         raise DiagnosisError(f"split halves need at least 4 samples, got {number}; use another fabric's floor")
-    own = row < number // 2  # any two parts do: every split draws on the nodes of both
-    pooled = cluster_distances(values[own], values[~own], row[own], row[~own])
+    part = row < number // 2  # any two parts do: every split draws on the nodes of both
+    pooled = cluster_distances(values[part], values[~part], row[part], row[~part])
     first = halves_by_cluster(number, generator, splits)
-    found = pooled.distance(first, 1 - first)
+    between = pooled.distance(first, 1 - first)
     if versus is None:
-        return found
+        return between
     half = number // 2
-    return found * (1 / number + 1 / versus) / (1 / half + 1 / (number - half))
+    return between * (1 / number + 1 / versus) / (1 / half + 1 / (number - half))
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,16 @@ class RepeatFloor:
 
 
 def repeat_floor(values: Float[ndarray, "rows numbers"], samples: Int[ndarray, " rows"], sides: ndarray) -> RepeatFloor:
-    """How far captures of one specimen lie apart, beside those of other faces and samples."""
+    """How far captures of one specimen lie apart, beside those of other faces and samples.
+
+    Args:
+        values: Standardised statistics of every capture.
+        samples: Sample of each.
+        sides: Face of each; "" where it is not known.
+
+    Returns:
+        Mean distances.
+    """
     distance = cdist(values, values)
 
     def mean(where: Bool[ndarray, "rows rows"]) -> float:
@@ -96,7 +108,16 @@ class Spread:
 def spread_by_level(
     values: Float[ndarray, "rows statistics"], samples: Int[ndarray, " rows"], sides: ndarray
 ) -> Spread:
-    """Components of variance, from mean squared differences of pairs; a negative one counts as 0."""
+    """Components of variance, from mean squared differences of pairs; a negative one counts as 0.
+
+    Args:
+        values: Statistics of every capture.
+        samples: Sample of each.
+        sides: Face of each; "" where it is not known.
+
+    Returns:
+        Standard deviations [each statistic's unit].
+    """
     centred = values.copy()
     for side in np.unique(sides):
         centred[sides == side] -= values[sides == side].mean(0)

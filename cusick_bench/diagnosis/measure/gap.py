@@ -72,14 +72,30 @@ class Fold:
 def side_by_side(
     specimens: Float[ndarray, "samples 2 statistics"], sd: Float[ndarray, "statistics"], faces: Sequence[int]
 ) -> Float[ndarray, "samples numbers"]:
-    """Samples with all of these faces, their statistics in sd, scaled as `energy.Standardisation` does."""
+    """Samples with all of these faces, their statistics in sd, scaled as `energy.Standardisation` does.
+
+    Args:
+        specimens: Statistics of every sample and face.
+        sd: Unit of the statistics.
+        faces: 0 for up, 1 for down.
+
+    Returns:
+        The statistics of a sample's faces in one row.
+    """
     chosen = specimens[:, list(faces)]
     good = np.isfinite(chosen).all((1, 2))
     return (chosen[good] / sd).reshape(int(good.sum()), -1) / np.sqrt(len(faces) * specimens.shape[2])
 
 
 def faces_of(specimens: Float[ndarray, "samples 2 statistics"]) -> tuple[int, ...]:
-    """The faces to compare: both where most samples have both, else the commoner."""
+    """The faces to compare: both where most samples have both, else the commoner.
+
+    Args:
+        specimens: Statistics of every sample and face; NaN where there is none.
+
+    Returns:
+        0 for up, 1 for down.
+    """
     known = np.isfinite(specimens[..., 0])
     if known.all(1).sum() >= max(_LEAST, 0.6 * len(specimens)):
         return (0, 1)
@@ -97,10 +113,13 @@ def fit_of(
         data: Statistics of the samples and sides.
         model: Those of simulated samples.
         sd: Unit of the statistics.
+
+    Returns:
+        The squared energy distance.
     """
     faces = faces_of(data)
-    own, other = side_by_side(data, sd, faces), side_by_side(model, sd, faces)
-    return cluster_distances(own, other).observed if min(len(own), len(other)) >= 2 else inf
+    real, simulated = side_by_side(data, sd, faces), side_by_side(model, sd, faces)
+    return cluster_distances(real, simulated).observed if min(len(real), len(simulated)) >= 2 else inf
 
 
 def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.random.Generator) -> Gap | None:

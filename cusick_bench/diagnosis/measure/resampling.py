@@ -54,6 +54,9 @@ def sign_flip_test(
         generator: Of the flips.
         flips: How many at most.
 
+    Returns:
+        The test. scipy's `permutation_test` flips signs too, but gives no family-wise p-values.
+
     Raises:
         DiagnosisError: Fewer than two samples are left.
     """
@@ -68,8 +71,8 @@ def sign_flip_test(
     signs = _all_signs(count) if exact else generator.choice([-1.0, 1.0], (flips, count))
     signs = signs if exact else np.concatenate([np.ones((1, count)), signs])
     largest = (np.abs(signs @ known) / size).max(1)
-    own = np.abs(known.sum(0)) / size
-    each = (largest[:, None] >= own * (1 - _ROUNDING)).mean(0)
+    observed = np.abs(known.sum(0)) / size
+    each = (largest[:, None] >= observed * (1 - _ROUNDING)).mean(0)
     mean, error = known.mean(0), known.std(0, ddof=1) / np.sqrt(count)
     certain = np.where(mean == 0, 0.0, np.copysign(np.inf, mean))
     t = np.divide(mean, error, out=certain, where=error > 0)
@@ -88,6 +91,9 @@ def two_sample_test(distances: ClusterDistances, generator: np.random.Generator,
         generator: Of the permutations.
         permutations: How many.
 
+    Returns:
+        The p-value; never 0. The sums between samples are permuted, not the captures as scipy would.
+
     Raises:
         DiagnosisError: A set with fewer than two samples, or a sample in both sets.
     """
@@ -97,13 +103,22 @@ def two_sample_test(distances: ClusterDistances, generator: np.random.Generator,
     if min(distances.in_first.sum(), (~distances.in_first).sum()) < 2:
         raise DiagnosisError("a two-sample test needs at least 2 samples in each set")
     first = generator.permuted(np.tile(distances.in_first, (permutations, 1)), axis=1).astype(float)
-    found, observed = distances.distance(first, 1 - first), distances.observed
-    as_large = np.count_nonzero(found >= observed - _ROUNDING * abs(observed))
+    permuted, observed = distances.distance(first, 1 - first), distances.observed
+    as_large = np.count_nonzero(permuted >= observed - _ROUNDING * abs(observed))
     return (1 + as_large) / (1 + permutations)
 
 
 def bootstrap_weights(clusters: int, generator: np.random.Generator, draws: int) -> Float[ndarray, "draws clusters"]:
-    """How often each cluster is drawn when as many are drawn with replacement."""
+    """How often each cluster is drawn when as many are drawn with replacement.
+
+    Args:
+        clusters: Number of clusters.
+        generator: Generator of the draws.
+        draws: Number of draws.
+
+    Returns:
+        Counts, as floating-point weights.
+    """
     return generator.multinomial(clusters, np.full(clusters, 1 / clusters), size=draws).astype(float)
 
 
@@ -117,10 +132,13 @@ def bootstrap_distance(
         generator: Of the draws.
         draws: How many.
         both: Draw the second set's samples too; else only the first's, as when the second is a large simulated set.
+
+    Returns:
+        A distance for each draw.
     """
     weights = np.zeros((2, draws, len(distances.in_first)))
-    for part, own in zip(weights, (distances.in_first, ~distances.in_first), strict=True):
-        part[:, own] = bootstrap_weights(int(own.sum()), generator, draws)
+    for part, members in zip(weights, (distances.in_first, ~distances.in_first), strict=True):
+        part[:, members] = bootstrap_weights(int(members.sum()), generator, draws)
     weights[1] = weights[1] if both else (~distances.in_first).astype(float)
     return distances.distance(weights[0], weights[1])
 
@@ -145,6 +163,15 @@ def bootstrap_rows(
 
 
 def halves_by_cluster(clusters: int, generator: np.random.Generator, splits: int) -> Float[ndarray, "splits clusters"]:
-    """Random halves: 1 for clusters of the first half, which has one fewer where the number is odd."""
+    """Random halves of clusters.
+
+    Args:
+        clusters: Number of clusters.
+        generator: Generator of the splits.
+        splits: Number of splits.
+
+    Returns:
+        1 for clusters of the first half, which has one fewer where the number is odd, else 0.
+    """
     half = np.arange(clusters) < clusters // 2
     return generator.permuted(np.tile(half, (splits, 1)), axis=1).astype(float)

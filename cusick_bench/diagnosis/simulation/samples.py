@@ -37,6 +37,9 @@ def with_cause(setup: Setup, effect: Effect, value: dict[str, float], frame: Fra
         effect: What acts.
         value: Its parameters; the direction is that with the face up.
         frame: Frame that the direction keeps to when the cloth is turned over.
+
+    Returns:
+        The setup with the effect.
     """
     name = next((p.name for p in effect.parameters if p.role == "direction"), None)
     if name is not None and in_lab(effect) and frame == "cloth" and setup.side == "down":
@@ -64,6 +67,9 @@ def simulate(
         drift: Share of later captures in a specimen's mean, where a cause acts on these alone.
         model: The base model.
         simulators: Kept from call to call.
+
+    Returns:
+        Their statistics and profiles.
     """
     setups = (model or BaseModel()).samples(theta, samples, seed)
     first = _draped(setups, causes, simulators, later=False)
@@ -76,16 +82,16 @@ def simulate(
 def _draped(
     setups: list[Setup], causes: Sequence[Candidate], simulators: Simulators | None, *, later: bool
 ) -> Simulated:
-    made = []
+    with_causes = []
     for setup in setups:
         changed = replace(setup, later=later)
         for cause in causes:
             changed = with_cause(changed, cause.hypothesis.effect, cause.value, cause.hypothesis.frame)
-        made.append(changed)
-    positions = drape_setups(made, simulators)
-    statistics = observe(made, positions)
-    radii = np.full((len(made), ANGLES), np.nan)
+        with_causes.append(changed)
+    positions = drape_setups(with_causes, simulators)
+    statistics = observe(with_causes, positions)
+    radii = np.full((len(with_causes), ANGLES), np.nan)
     for index, where in enumerate(positions):
         if where is not None:
-            radii[index] = silhouette(made[index], where)
+            radii[index] = silhouette(with_causes[index], where)
     return Simulated(statistics.reshape(-1, 2, statistics.shape[1]), radii.reshape(-1, 2, ANGLES))
