@@ -31,8 +31,8 @@ paper_figures.register(app)
 @pytest.fixture(autouse=True)
 def _coarse_scenes(monkeypatch):
     """What the drapes look like is told by the report's tests."""
-    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SUPERSAMPLING", 1)
-    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SHADOW_SIZE", 200)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SUPERSAMPLING", 1)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SHADOW_SIZE", 200)
 
 
 @pytest.fixture(scope="module")

@@ -34,8 +34,8 @@ ANGLES = 2 * np.pi * np.arange(720) / 720
 @pytest.fixture(autouse=True)
 def _coarse_scenes(monkeypatch):
     """Most tests do not look at the drape closely."""
-    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SUPERSAMPLING", 1)
-    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SHADOW_SIZE", 300)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SUPERSAMPLING", 1)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SHADOW_SIZE", 300)
 
 
 def radii(folds: int = 7) -> np.ndarray:

@@ -78,8 +78,8 @@ def test_without_any_data_the_remedy_is_said(run, name):
 
 @pytest.mark.parametrize("command", ["figure-6", "figure-7", "figure-8"])
 def test_figures_ask_for_data_only_where_none_are_found(run, command, toy_data, tmp_path, monkeypatch):
-    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SUPERSAMPLING", 1)
-    monkeypatch.setattr("cusick_bench.report.drawing.drape_view._SHADOW_SIZE", 100)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SUPERSAMPLING", 1)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SHADOW_SIZE", 100)
     words = ["paper", command, str(run), "--out", str(tmp_path / "figures")]
     refused = CliRunner().invoke(app, words)
     assert refused.exit_code == 2

@@ -15,10 +15,10 @@ from scipy.ndimage import gaussian_filter
 
 from cusick_bench.sim.constants import PLATE_RADIUS
 
-_SUPERSAMPLING = 2
+SUPERSAMPLING = 2
 _GAMMA = 2.2
 _PEDESTAL_HEIGHT = 0.095  # [m], a little more than the longest drop of the rim
-_SHADOW_SIZE = 900  # [px] of the light's depth map
+SHADOW_SIZE = 900  # [px] of the light's depth map
 _SHADOW_BIAS = 0.0025  # [m]
 _SHADOW_REACH = 0.22  # [m], radius on the ground at which its shadow has faded, still within the picture
 _LIGHT = np.array([-0.62, -0.28, 0.85])  # towards the key light
@@ -93,7 +93,7 @@ def render_drape(
     parts = [cloth, _pedestal() if stand is None else _Part(*stand, _PEDESTAL)]
     shadow = _ShadowMap.of(parts)
     canvas = _shade(parts, shadow, view)
-    size = _SUPERSAMPLING
+    size = SUPERSAMPLING
     canvas = canvas.reshape(view.height, size, view.width, size, 4).mean((1, 3))
     colours = canvas[..., :3] / np.maximum(canvas[..., 3:], 1e-9)
     encoded = np.clip(colours, 0, 1) ** (1 / _GAMMA)
@@ -203,24 +203,24 @@ class _ShadowMap:
     def of(cls, parts: list[_Part]) -> "_ShadowMap":
         frame = _frame(-_LIGHT)
         reach = max(float(np.linalg.norm(part.vertices, axis=1).max()) for part in parts)
-        scale = _SHADOW_SIZE / (2.2 * reach)
+        scale = SHADOW_SIZE / (2.2 * reach)
         maps = []
         for part in parts:
             points = part.vertices @ frame.T
-            screen = np.column_stack([scale * points[:, :2] + _SHADOW_SIZE / 2, -points[:, 2]])
-            maps.append(_rasterise(screen, part.faces, _SHADOW_SIZE, _SHADOW_SIZE)[2])
+            screen = np.column_stack([scale * points[:, :2] + SHADOW_SIZE / 2, -points[:, 2]])
+            maps.append(_rasterise(screen, part.faces, SHADOW_SIZE, SHADOW_SIZE)[2])
         return cls(frame, scale, np.maximum.reduce(maps))
 
     def light(self, positions: ndarray, reach: int = 1) -> ndarray:
         """Share of the (2 reach + 1)^2 nearest pixels of the map that let the light through to each position."""
         points = positions @ self.frame.T
-        column, row = (np.round(self.scale * points[:, axis] + _SHADOW_SIZE / 2).astype(int) for axis in (0, 1))
+        column, row = (np.round(self.scale * points[:, axis] + SHADOW_SIZE / 2).astype(int) for axis in (0, 1))
         lit = np.zeros(len(positions))
         steps = range(-reach, reach + 1)
         for i in steps:
-            rows = np.clip(row + 2 * i, 0, _SHADOW_SIZE - 1)
+            rows = np.clip(row + 2 * i, 0, SHADOW_SIZE - 1)
             for j in steps:
-                columns = np.clip(column + 2 * j, 0, _SHADOW_SIZE - 1)
+                columns = np.clip(column + 2 * j, 0, SHADOW_SIZE - 1)
                 lit += self.closeness[rows, columns] <= _SHADOW_BIAS * (1 + reach) - points[:, 2]
         return lit / len(steps) ** 2
 
@@ -231,7 +231,7 @@ def _shade(parts: list[_Part], shadow: _ShadowMap, view: View) -> ndarray:
     ray = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
     eye = np.array([0.0, 0.0, view.target]) + view.distance * ray
     frame = _frame(-ray)
-    width, height = view.width * _SUPERSAMPLING, view.height * _SUPERSAMPLING
+    width, height = view.width * SUPERSAMPLING, view.height * SUPERSAMPLING
     focal = height / 2 / np.tan(np.radians(view.fov) / 2)
     canvas = _ground(shadow, eye, frame, focal, width, height)
     nearest = np.full((height, width), -np.inf)
