@@ -3,24 +3,12 @@
 from pathlib import Path
 
 import pytest
-from docstrings import incomplete_docstrings
+from docstrings import FOLDERS, incomplete_docstrings
 
 ROOT = Path(__file__).resolve().parents[1]
-COMPLETE = (
-    "sim",
-    "solvers",
-    "datasets",
-    "cusick_bench/problem",
-    "cusick_bench/metrics",
-    "cusick_bench/runner",
-    "cusick_bench/leaderboard",
-    "cusick_bench/benchmark",
-    "cusick_bench/report",
-)
-"""Folders in which nothing is missing."""
 
 
-@pytest.mark.parametrize("folder", COMPLETE)
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_docstrings_are_complete(folder: str):
     assert (ROOT / folder).is_dir()
     assert incomplete_docstrings(ROOT, (folder,)) == []
