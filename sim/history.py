@@ -65,8 +65,8 @@ class State(ABC):
         """System and parameters for the next step.
 
         Args:
-            system: As the laws before this one left it.
-            parameters: As they left them.
+            system: System as the laws before this one left it.
+            parameters: Parameters as the laws before this one left them.
             x: Where the cloth is [m].
             share: How much of the drop is over, in [0, 1).
 

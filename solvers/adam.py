@@ -47,7 +47,7 @@ class Adam:
         Args:
             arrays: What to move, float64, by name.
             square_decay: beta_2 of the paper: the share that the running mean of squared gradients keeps at a step.
-            memory: Of the one that has stopped.
+            memory: Memory of the one that has stopped.
         """
         self.steps = 0 if memory is None else int(memory["steps"])
         self._tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}  # the same memory

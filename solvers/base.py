@@ -99,7 +99,7 @@ class Solver(ABC):
         Args:
             problem: What to fit; it meters itself.
             generator: Source of all randomness.
-            progress: Told what goes on.
+            progress: Called to tell what goes on.
 
         Returns:
             Its answer: fit of the training image, forecasts of unseen samples, parameters.

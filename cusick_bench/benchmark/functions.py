@@ -75,7 +75,7 @@ class AnalyticFunction:
 
     Attributes:
         value: To be minimised.
-        coordinates: Of the unit cube.
+        coordinates: Coordinates of the unit cube.
         optimum: Least value.
         evaluations: As many as published comparisons spend.
     """

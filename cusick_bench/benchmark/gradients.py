@@ -54,7 +54,7 @@ class GradientCheck:
 
     Args:
         simulator: Mesh, mode and settings.
-        seed: Of cloth, target and directions.
+        seed: Seed of cloth, target and directions.
     """
 
     def __init__(self, simulator: DrapeSimulator, seed: int = 0) -> None:

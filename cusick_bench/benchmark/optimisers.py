@@ -85,10 +85,10 @@ class Plan:
     Attributes:
         function: Name in `FUNCTIONS`.
         dimension: D.
-        evaluations: Of each run; 0 for as many as published comparisons spend.
-        runs: Of each method; the coordinates that matter are drawn anew for each.
+        evaluations: Number of evaluations of each run; 0 for as many as published comparisons spend.
+        runs: Number of runs of each method; the coordinates that matter are drawn anew for each.
         methods: Names in `METHODS`.
-        seed: Of everything.
+        seed: Seed of all random choices.
     """
 
     function: str = "branin"

@@ -32,7 +32,7 @@ def specimen(seed: int) -> Specimen:
     """A random admissible cloth: density and bending stiffness log-uniform over their measured ranges, independent.
 
     Args:
-        seed: Of the draw.
+        seed: Seed of the draw.
 
     Returns:
         The cloth.

@@ -64,9 +64,9 @@ def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict
     """Times and memory on one mesh: `cases`, `phases`, `ratios`, `floor` (the fastest backend), `memory_bytes`.
 
     Args:
-        vertices: Of the mesh.
+        vertices: Number of vertices of the mesh.
         plan: What to measure.
-        done: Told of every finished case.
+        done: Called to tell of every finished case.
 
     Returns:
         Times, memory and sizes by name.
@@ -136,7 +136,7 @@ def gradient_errors(vertices: int) -> list[dict[str, Any]]:
     """Directional derivatives of the whole pipeline against central differences, in both modes.
 
     Args:
-        vertices: Of the mesh.
+        vertices: Number of vertices of the mesh.
 
     Returns:
         A row a mode and parameter, with its relative error.

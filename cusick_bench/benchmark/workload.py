@@ -30,7 +30,7 @@ def cloth(mesh: Mesh, *, spread: float = 0.0, seed: int = 0, track: bool = False
     Args:
         mesh: Its mesh.
         spread: Standard deviation of the logarithm of every number.
-        seed: Of the draw.
+        seed: Seed of the draw.
         track: Whether gradients to its numbers are wanted.
 
     Returns:
@@ -125,7 +125,7 @@ class Workload:
         """Equilibrium of a cloth whose every number differs by 10 %, from a warm start, and its gradient.
 
         Args:
-            seed: Of the cloth's change.
+            seed: Seed of the cloth's change.
 
         Returns:
             The drape.

@@ -58,7 +58,7 @@ class Diagnosis:
         fabric: Name of the fabric.
         verdict: No effect, one (or a pair), one of several, or something that is not on the list.
         p: p-value of the base model: that so much evidence for anything arises where no effect acts.
-        probability: Of `none`, every effect, pairs (`a + b`) and `unknown`.
+        probability: Probability of `none`, every effect, pairs (`a + b`) and `unknown`.
         set90: The fewest of effects, `none` and `unknown` that hold 90 % of the probability.
         best: Every effect at its best parameters, the likeliest first.
         cause: The named cause, if any (two for a pair).
@@ -115,7 +115,7 @@ def diagnose(
         calibration: Calibration of the probabilities; theory by default.
         options: How to diagnose.
         simulators: Kept from fabric to fabric.
-        progress: Told what is being done, and the share that is over.
+        progress: Called to tell what is being done, and the share that is over.
 
     Returns:
         The diagnosis.

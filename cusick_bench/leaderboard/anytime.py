@@ -62,7 +62,7 @@ def traces(table: pd.DataFrame, cost: str) -> dict[tuple[str, str], list[Steps]]
     """Traces of the cells of each (solver, variant) that has any.
 
     Args:
-        table: Of `load_cells`.
+        table: Table of cells, from `load_cells`.
         cost: One of `COSTS`.
 
     Returns:
@@ -80,7 +80,7 @@ def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
     """Anytime curves of all methods that simulate, best at the end first.
 
     Args:
-        table: Of `load_cells`.
+        table: Table of cells, from `load_cells`.
         cost: One of `COSTS`.
 
     Returns:
@@ -100,7 +100,7 @@ def loss_at_equal_time(table: pd.DataFrame) -> tuple[float, dict[tuple[str, str]
     """Mean best loss of each method once the first of them had ended.
 
     Args:
-        table: Of `load_cells`.
+        table: Table of cells, from `load_cells`.
 
     Returns:
         That wall time [s], and the losses; infinite for who had no drape by then.
@@ -117,7 +117,7 @@ def documents(table: pd.DataFrame) -> dict[str, dict[str, Mapping[str, object]]]
     """Curves over every cost as plain numbers.
 
     Args:
-        table: Of `load_cells`.
+        table: Table of cells, from `load_cells`.
 
     Returns:
         Numbers of every curve, by cost and by method.

@@ -120,7 +120,7 @@ def metric_names(table: pd.DataFrame) -> list[str]:
     """Metrics and costs in a table of cells, in its order.
 
     Args:
-        table: Of `load_cells`.
+        table: Table of cells, from `load_cells`.
 
     Returns:
         Names of columns.
@@ -136,7 +136,7 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         by: Metric to rank by, in full or short (see `metric_called`), best first: a coverage by its distance from
             what it promises.
         statistic: "mean" or "iqm" (interquartile mean), over cells.
-        seed: Of the bootstrap.
+        seed: Seed of the bootstrap.
 
     Returns:
         A board for each data set and split, its rows best first.
@@ -264,7 +264,7 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
     """Groups of comparable cells; cells of one solver under other settings or other code make another row.
 
     Args:
-        table: Of `load_cells`.
+        table: Table of cells, from `load_cells`.
 
     Returns:
         (Solver, what sets it apart from others of the same name) and its cells.

@@ -68,7 +68,7 @@ class Estimate:
         """The estimate as three columns of a table.
 
         Args:
-            name: Of the column with the value; those of the bounds end in `_low` and `_high`.
+            name: Name of the column with the value; those of the bounds end in `_low` and `_high`.
 
         Returns:
             Value and bounds by column.

@@ -113,7 +113,7 @@ def best_of(row: Row) -> str:
     """Best-of-N error of a row, with N: `.0384 /1000`.
 
     Args:
-        row: Of a leaderboard.
+        row: Row of a leaderboard.
 
     Returns:
         Text, empty where the row offers one draw.

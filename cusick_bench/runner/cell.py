@@ -131,7 +131,7 @@ def run_cell(
         dataset: Data.
         cell: What to run.
         store: Where results lie.
-        report: Told how far the cell is.
+        report: Called to tell how far the cell is.
         simulators: Kept from cell to cell; made anew by default.
 
     Returns:

@@ -37,7 +37,7 @@ def run(
         out: Results folder.
         workers: Processes; 1 runs everything here, with all threads.
         executor: Something else to run on, instead of a pool of `workers` processes. Its workers must see `out`.
-        watcher: Told how the grid gets on.
+        watcher: Called to tell how the grid gets on.
         command: Command line, for the record.
 
     Returns:

@@ -25,7 +25,7 @@ class ProblemSettings:
 
     Attributes:
         space: Parameter space.
-        vertices: Of the disc mesh.
+        vertices: Number of vertices of the disc mesh.
         drape: Simulator settings; its seed is replaced by the cell's.
         camera: "parallel" (what the data say) or "pinhole" (the published scripts').
         renderer: "coverage" or "soft".
@@ -72,7 +72,7 @@ class Cell:
     Attributes:
         solver: Registered name, with options.
         cloth: Cloth.
-        seed: Of the solver's generator and of the laid-down shape.
+        seed: Seed of the solver's generator and of the laid-down shape.
         train: Index rows of the training samples.
         test: Index rows of the held-out samples.
         settings: The problem's settings.

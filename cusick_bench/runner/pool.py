@@ -66,7 +66,7 @@ def run_on_processes(source: Source, cells: Sequence[Cell], store: Store, watche
         source: Where the data come from.
         cells: What to run.
         store: Where results lie.
-        watcher: Told how the grid gets on.
+        watcher: Called to tell how the grid gets on.
         workers: Processes.
 
     Returns:
@@ -96,7 +96,7 @@ def run_on_executor(
         source: Where the data come from.
         cells: What to run.
         store: Where results lie.
-        watcher: Told how the grid gets on.
+        watcher: Called to tell how the grid gets on.
         messages: Queue in which workers tell how far they are, None where they cannot.
 
     Returns:

@@ -35,7 +35,7 @@ class DiscModes:
     """The lowest eigenfunctions of the Laplacian on a disc with a free edge, orthonormal.
 
     Attributes:
-        radius: Of the disc [m].
+        radius: Radius of the disc [m].
         order: m of every mode.
         wave_number: k of every mode [1/m], ascending.
         sine: Whether its angular part is sin(m theta) rather than cos(m theta).
@@ -69,7 +69,7 @@ def disc_modes(count: int, radius: float = EXTENSION * CLOTH_RADIUS) -> DiscMode
 
     Args:
         count: Number of modes, >= 1.
-        radius: Of the disc [m].
+        radius: Radius of the disc [m].
 
     Returns:
         The modes, wave numbers ascending.

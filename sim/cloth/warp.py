@@ -64,7 +64,7 @@ def recut(mesh: Mesh, held: float, growth: float) -> Mesh:
     Args:
         mesh: The cloth about the plate's axis.
         held: Radius of the plate [m].
-        growth: Of the cloth's radius [m].
+        growth: Growth of the cloth's radius [m].
 
     Returns:
         The mesh, with the same faces.
@@ -84,7 +84,7 @@ def on_plate(mesh: Mesh, held: float, radius: float) -> Mesh:
     Args:
         mesh: The cloth about the plate's axis, with a ring of vertices at `held`.
         held: Radius of the plate that it was made for [m].
-        radius: Of the other plate [m].
+        radius: Radius of the other plate [m].
 
     Returns:
         The mesh with a ring of vertices at the other plate's edge, and the same faces.

@@ -122,7 +122,7 @@ def parse(text: str) -> Cause:
     """Reads `name` or `name:parameter=value,...`.
 
     Args:
-        text: As on the command line.
+        text: Effects as they are written on the command line.
 
     Returns:
         The effect with its parameters.

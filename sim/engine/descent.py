@@ -90,7 +90,7 @@ class Landscape(Protocol[S]):
         """Factor of H + mu M, or of a positive-definite stand-in for H, with mu raised until there is one.
 
         Args:
-            state: Where.
+            state: Where the cloth is.
             mu: Least regularisation [1/s2].
             residual: Net force as a fraction of the weight.
             old: Factor whose storage may be used again.
@@ -107,7 +107,7 @@ class Landscape(Protocol[S]):
         """Factor of the Hessian itself.
 
         Args:
-            state: Where.
+            state: Where the cloth is.
             old: Factor whose storage may be used again.
 
         Returns:

@@ -158,7 +158,7 @@ def equilibrium_adjoint(
         parameters: As in `equilibrium`.
         rest: A converged rest.
         g_x: Derivative to the rest positions.
-        hessian: Of other energies that act on the cloth, (3 vertices, 3 vertices) [N/m]; of contacts, for one.
+        hessian: Hessian of other energies that act on the cloth, (3 vertices, 3 vertices) [N/m]; of contacts, for one.
 
     Returns:
         Parameter gradient, and derivative to the anchors of springs and the positions of fixed vertices (zero at

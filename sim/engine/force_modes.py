@@ -23,7 +23,7 @@ def field_modes(mesh: Mesh, length: float) -> Float[ndarray, "vertices modes"]:
 
     Args:
         mesh: The cloth.
-        length: Of the covariance exp(-d^2 / (2 length^2)) [m].
+        length: Length of the covariance exp(-d^2 / (2 length^2)) [m].
 
     Returns:
         One column for each mode.

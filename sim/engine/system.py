@@ -75,7 +75,7 @@ class DrapeSystem:
         """This system with other constants of its faces and hinges; it shares the analysis of this one.
 
         Args:
-            elements: Of the same faces and hinges.
+            elements: Elements of the same faces and hinges.
 
         Returns:
             The other system.

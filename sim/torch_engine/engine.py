@@ -75,7 +75,7 @@ class TorchEngine:
     Attributes:
         system: Mesh, law and support.
         settings: How the cloths are draped.
-        name: Of the device, as `torch_device` takes it.
+        name: Name of the device, as `torch_device` takes it.
         memory_limit: Most memory of a batch [bytes]; None for most of what a GPU has left, or 4 GiB on the CPU.
 
     Raises:

@@ -164,7 +164,7 @@ def rollout(
     """Drops one group of cloths from rest.
 
     Args:
-        plan: How.
+        plan: How the batch is split into groups.
         p: Its cloths.
         anchor: Shapes in which they are laid down (members or 1, vertices, 3) [m].
         members: How many.

@@ -77,7 +77,7 @@ def local_search(
 
     Args:
         points: What is known already, in the unit cube.
-        losses: Of these points.
+        losses: Losses of these points.
         region: To start with.
         candidates: Most points to choose from.
         generator: Source of all randomness.

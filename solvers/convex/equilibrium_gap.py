@@ -154,7 +154,7 @@ def notes(found: Balance, strain: float) -> dict[str, Any]:
 
     Args:
         found: The fit.
-        strain: Of the edges.
+        strain: Strain of the edges.
 
     Returns:
         Numbers, by name.

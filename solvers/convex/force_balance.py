@@ -58,7 +58,7 @@ class Shape:
     Attributes:
         system: Mesh, law and support.
         x: Positions [m].
-        mass: Of the vertices [kg].
+        mass: Mass of the vertices [kg].
     """
 
     system: DrapeSystem
@@ -127,8 +127,8 @@ class Balance:
     Attributes:
         theta: C and B in one row [N/m, N m].
         tau: The same, whitened by the prior.
-        relative_sd: Of every entry from the data alone (c12: relative to sqrt(c11 c22)).
-        singular_values: Of the whitened map per relative change, descending.
+        relative_sd: Relative standard deviation of every entry from the data alone (c12: relative to sqrt(c11 c22)).
+        singular_values: Singular values of the whitened map per relative change, descending.
         directions: Its right singular vectors, one a row.
         misfit: Mean square of the whitened gap; about 1 where the errors are as assumed.
         correction: Root mean square of the displacements that balance needs [m].
@@ -282,7 +282,7 @@ def balance(shapes: Sequence[Shape], prior: StiffnessPrior, errors: Errors) -> B
     Args:
         shapes: Drapes of one cloth, at rest.
         prior: Where the tables lie without data.
-        errors: Of shapes and forces.
+        errors: Errors of shapes and forces.
 
     Returns:
         The fit with what it knows.

@@ -73,10 +73,10 @@ def damped_step(gradient: Vector, adjoints: Adjoints, *, weight: float, radius: 
     """The step to the lowest point of the quadratic model within a ball.
 
     Args:
-        gradient: Of J at the present point: 2 weight A^T r + z.
+        gradient: Gradient of J at the present point: 2 weight A^T r + z.
         adjoints: What is known of the Jacobian.
-        weight: Of the squared residual in J.
-        radius: Of the ball.
+        weight: Weight of the squared residual in J.
+        radius: Radius of the ball.
 
     Returns:
         The step, not longer than the radius.

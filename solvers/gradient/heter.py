@@ -87,7 +87,7 @@ class RegularisedFit:
         incumbent: Remembers the cloth of the lowest loss, whatever J.
         field: How a cloth may deviate.
         mean: tau_0.
-        weight: Of the misfit E.
+        weight: Weight of the misfit E.
     """
 
     incumbent: BlurredIncumbent
@@ -185,7 +185,7 @@ class Heter(Solver):
 
     Attributes:
         search: Most drapes for the bending level.
-        steps: Of the walk, a gradient each.
+        steps: Number of steps of the walk, a gradient each.
         radius: Longest first step [standard deviations of the prior].
         blur: Width of the blur [px].
         amplitude: Prior standard deviation of the fields [prior standard deviations of a cloth's mean].

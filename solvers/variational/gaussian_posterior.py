@@ -24,7 +24,7 @@ def standard_normal(seed: int, purpose: int, index: int, size: int) -> Float[nda
     """Numbers from N(0, 1) that depend on nothing else, so that every draw can be made again by itself.
 
     Args:
-        seed: Of the run.
+        seed: Seed of the run.
         purpose: INFERENCE or PREDICTION.
         index: Number of the draw.
         size: How many.
@@ -111,7 +111,7 @@ class Gaussian:
 
         Args:
             by_mean: Its derivatives by the mean.
-            by_scale: By the scale.
+            by_scale: Derivative of the loss by the scale.
 
         Returns:
             Derivatives by name of the array.

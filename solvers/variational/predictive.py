@@ -26,7 +26,7 @@ def predictive_draws(
         problem: Who drapes; it keeps what is done, so a killed run goes on.
         tau: Parameters of a draw, always the same for the same number.
         count: Number of draws.
-        progress: Told how far it is.
+        progress: Called to tell how far it is.
 
     Returns:
         What was seen of each draw that is at rest, by its number.

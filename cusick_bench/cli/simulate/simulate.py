@@ -105,7 +105,7 @@ class Draws:
         simulator: How they are draped.
         cloth: Their mean.
         heterogeneity: Spread of log stiffness.
-        seed: Of the first.
+        seed: Seed of the first.
         causes: What the base model leaves out.
     """
 

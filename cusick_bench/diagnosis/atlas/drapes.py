@@ -51,7 +51,7 @@ def build(
         folder: Where the atlas is made; created.
         design: What it is made of; must be that of the points that are there.
         workers: Processes.
-        progress: Told how many of how many tasks are done.
+        progress: Called to tell how many of how many tasks are done.
 
     Raises:
         DiagnosisError: The folder holds an atlas of another design.
@@ -108,7 +108,7 @@ def random_value(effect: Effect, generator: np.random.Generator) -> dict[str, fl
 
     Args:
         effect: The effect.
-        generator: Of the draw.
+        generator: Random generator of the draw.
 
     Returns:
         Its parameters by name.

@@ -55,13 +55,13 @@ class Emulator:
     """The atlas, fitted.
 
     Attributes:
-        base: Of every statistic (see the module) [its unit].
-        base_spread: Of `Features.spread`.
+        base: Fitted function of every statistic (see the module) [its unit].
+        base_spread: Fitted function of `Features.spread`.
         log_sd: ln of the standard deviation between samples of every statistic.
-        correlation: Of all statistics of both faces, between samples.
+        correlation: Correlation of all statistics of both faces, between samples.
         discrepancy: Covariance of what the base model gets wrong, in sd, the same on both faces, at the limp and at the
             stiff end of the atlas.
-        responses: By effect.
+        responses: Response of each effect, by its name.
     """
 
     base: Fit

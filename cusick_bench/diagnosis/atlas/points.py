@@ -21,7 +21,7 @@ class Point:
 
     Attributes:
         value: Parameters of the effect in its order; empty for the base.
-        statistics: Of every sample and side, in the cloth's frame; NaN where a drape failed.
+        statistics: Statistics of every sample and side, in the cloth's frame; NaN where a drape failed.
     """
 
     value: Float[ndarray, "effect_parameters"]

@@ -57,7 +57,7 @@ def gain_terms(
 
     Args:
         theta: Base parameters.
-        severity: In typical ones.
+        severity: Severity as a multiple of the typical one.
         place: From `response.scaled_place`.
 
     Returns:
@@ -78,7 +78,7 @@ def effect_terms(
 
     Args:
         theta: Base parameters.
-        severity: In typical ones.
+        severity: Severity as a multiple of the typical one.
         place: From `response.scaled_place`.
 
     Returns:

@@ -61,7 +61,7 @@ class Response:
 
         Args:
             theta: Base parameters.
-            severity: In typical ones; negative where the effect acts the other way round.
+            severity: Severity as a multiple of the typical one; negative where the effect acts the other way round.
             place: From `scaled_place`.
 
         Returns:
@@ -77,7 +77,7 @@ class Response:
 
         Args:
             theta: Base parameters.
-            severity: In typical ones.
+            severity: Severity as a multiple of the typical one.
 
         Returns:
             The shifts.
@@ -112,9 +112,9 @@ class Changes:
 
     Attributes:
         theta: Base parameters.
-        severity: By face (up, down), in typical ones.
+        severity: Severity by face (up, down), as a multiple of the typical one.
         place: From `scaled_place`.
-        shift: Of every statistic by face [sd]; 0 where symmetry forbids one.
+        shift: Shift of every statistic by face [sd]; 0 where symmetry forbids one.
         noise: Variance of these from the fabric's few samples, likewise.
         spread: Shift of `Features.spread`.
     """

@@ -20,8 +20,8 @@ class Fit:
 
     Attributes:
         weights: One column a quantity.
-        covariance: Of the weights, for unit residual variance of each quantity: (quantities, terms, terms) would be
-            large, so the average ridge's is kept.
+        covariance: Covariance of the weights, for unit residual variance of each quantity: (quantities, terms, terms)
+            would be large, so the average ridge's is kept.
         residual: Residual variance of each quantity.
     """
 

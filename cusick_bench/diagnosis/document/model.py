@@ -191,8 +191,8 @@ class Profiles(Part):
     """Outlines of data and models.
 
     Attributes:
-        data: Of the data.
-        base: Of simulated drapes of the base model.
+        data: Profiles of the data.
+        base: Profiles of simulated drapes of the base model.
         effect: The same with the named cause.
     """
 

@@ -26,7 +26,7 @@ def largest_marginal_score(
     Args:
         value: Data minus base, in sampling standard deviations, not projected.
         grids: All hypotheses.
-        shifts: Of `value`, by hypothesis.
+        shifts: Shifts of `value`, by hypothesis.
 
     Returns:
         By effect, the largest first.
@@ -51,7 +51,7 @@ def lasso_without_projection(
     Args:
         value: Data minus base, in sampling standard deviations, not projected.
         grids: All hypotheses.
-        shifts: Of `value`, by hypothesis.
+        shifts: Shifts of `value`, by hypothesis.
 
     Returns:
         By effect, the largest first.

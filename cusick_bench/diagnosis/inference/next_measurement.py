@@ -104,7 +104,7 @@ def advise(probability: Mapping[str, float], *, most: int = 3, least: float = 0.
     """The measurements that lower the entropy of the causes most.
 
     Args:
-        probability: Of every cause, `none` and `unknown` included.
+        probability: Probability of every cause, `none` and `unknown` included.
         most: How many to name.
         least: Below so many bits a measurement is not worth it.
 

@@ -44,7 +44,7 @@ def detectable(
     Args:
         emulator: The atlas.
         need: |d| that each effect needs to be found, from `needed`; `NEEDED` for those it lacks.
-        inflation: Of the noise, from calibration.
+        inflation: Inflation of the noise, from calibration.
         samples: Samples of a fabric, draped on both sides, each captured twice.
         step: Called for each of `FABRICS` fabrics at each level.
 
@@ -74,7 +74,7 @@ def detectable_at(
         emulator: The atlas.
         level: ln B / (rho g R^3).
         need: |d| that each effect needs to be found, from `needed`; `NEEDED` for those it lacks.
-        inflation: Of the noise, from calibration.
+        inflation: Inflation of the noise, from calibration.
         samples: Samples of a fabric.
         step: Called for each of `FABRICS` fabrics.
 
@@ -108,7 +108,7 @@ def needed(
 
     Args:
         emulator: The atlas.
-        generator: Of the simulation.
+        generator: Random generator of the simulation.
         draws: Fabrics without effect; shifted ones are the same with each effect at a random point of its grid.
         power: The share.
 
@@ -161,7 +161,7 @@ class _Left:
     Attributes:
         emulator: The atlas.
         expected: Features of the fabric without it.
-        residual: Of these, at the fabric's own parameters.
+        residual: Residual of these, at the fabric's own parameters.
         without: w at the parameters that fit these best.
     """
 

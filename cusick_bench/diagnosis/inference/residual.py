@@ -75,7 +75,7 @@ class Residual:
         """Turns shifts of the features into shifts of w.
 
         Args:
-            shift: Of the features, in the order of `feature_vector` [sd].
+            shift: Shift of the features, in the order of `feature_vector` [sd].
 
         Returns:
             L^-1 times the known entries.
@@ -129,7 +129,7 @@ def noise(
     Args:
         emulator: The atlas.
         theta: Base parameters.
-        features: Of the data, for their numbers of samples.
+        features: Features of the data, for their numbers of samples.
         scatter: Variances between samples in the data with their degrees of freedom in the last entry, or None.
         exact: Leave the errors of model and atlas out of the means' covariance.
 

@@ -17,7 +17,7 @@ def single_causes(probability: Mapping[str, float]) -> dict[str, float]:
     """Probabilities of single causes: a pair's is given to its likelier half, so that all still add up to 1.
 
     Args:
-        probability: Of `none`, every effect, pairs (`a + b`) and `unknown`.
+        probability: Probability of `none`, every effect, pairs (`a + b`) and `unknown`.
 
     Returns:
         Of `none`, every effect and `unknown`.
@@ -34,7 +34,7 @@ def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
     """The fewest causes that hold 90 % of the probability.
 
     Args:
-        probability: Of single causes.
+        probability: Probability of single causes.
 
     Returns:
         Their names, the likeliest first.
@@ -54,7 +54,7 @@ def verdict_of(p: float, probability: Mapping[str, float]) -> tuple[Verdict, str
 
     Args:
         p: p-value of the base model.
-        probability: Of `none`, every effect, pairs (`a + b`) and `unknown`.
+        probability: Probability of `none`, every effect, pairs (`a + b`) and `unknown`.
 
     Returns:
         The verdict; the name of the leading cause or pair, "" if there is none.
@@ -82,7 +82,7 @@ def named_cause(
     """The named cause at its best parameters.
 
     Args:
-        name: Of a cause or pair, as `verdict_of` gives it.
+        name: Name of a cause or pair, as `verdict_of` gives it.
         best: Every effect at its best.
         together: Every pair at its best.
         single: Probabilities of single causes.

@@ -34,7 +34,7 @@ class Features:
     """A fabric's features.
 
     Attributes:
-        mean: By face (up, down) and statistic; NaN where a face is missing.
+        mean: Mean by face (up, down) and statistic; NaN where a face is missing.
         samples: How many samples each face's mean is over.
         both: How many samples have both faces.
         spread: Entries as in `SPREADS`; NaN below three samples a face.

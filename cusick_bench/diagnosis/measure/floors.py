@@ -31,7 +31,7 @@ def split_half_floor(
     Args:
         values: Standardised statistics.
         clusters: Sample of each row.
-        generator: Of the splits.
+        generator: Random generator of the splits.
         splits: How many.
         versus: Scale the distances to those of all n samples from this number m of independent others: for equal
             distributions they go as 1/n + 1/m. By default they stay those of halves, which are larger.
@@ -61,9 +61,9 @@ class RepeatFloor:
     """Mean distances between single captures, in the unit of the standardised statistics.
 
     Attributes:
-        repeat: Of captures of one specimen; NaN without repeats.
-        face: Of captures of a sample's two faces; NaN without them.
-        sample: Of captures of one face of different samples; NaN without them.
+        repeat: Spread of captures of one specimen; NaN without repeats.
+        face: Spread of captures of a sample's two faces; NaN without them.
+        sample: Spread of captures of one face of different samples; NaN without them.
     """
 
     repeat: float

@@ -36,9 +36,9 @@ class Gap:
     """How far a model is from the data.
 
     Attributes:
-        base: Of the base model, held out.
-        floor: Of two halves of the data, as many samples.
-        groups: By group of statistics, of the base model.
+        base: Energy distance of the base model, held out.
+        floor: Energy distance of two halves of the data, as many samples.
+        groups: Energy distance of the base model by group of statistics.
         groups_floor: Their floors.
         closure: Share of the gap that the cause closes; NaN where there is no cause or no gap.
         closure_interval: Its 90 % interval.
@@ -128,7 +128,7 @@ def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.r
     Args:
         folds: Each held out once.
         sd: Unit of the statistics.
-        generator: Of splits and bootstrap.
+        generator: Random generator of splits and bootstrap.
 
     Returns:
         The gap, or None where a fold has fewer than two samples.

@@ -51,7 +51,7 @@ def sign_flip_test(
 
     Args:
         contrasts: As `face_odd` or `order_odd`; rows with NaN are left out.
-        generator: Of the flips.
+        generator: Random generator of the flips.
         flips: How many at most.
 
     Returns:
@@ -87,8 +87,8 @@ def two_sample_test(distances: ClusterDistances, generator: np.random.Generator,
     """p-value of equal distributions: the energy distance, permuted by sample.
 
     Args:
-        distances: Of two sets that share no sample; with one sample a row it is the usual permutation test.
-        generator: Of the permutations.
+        distances: Distances of two sets that share no sample; with one sample a row it is the usual permutation test.
+        generator: Random generator of the permutations.
         permutations: How many.
 
     Returns:
@@ -128,8 +128,8 @@ def bootstrap_distance(
     """Energy distances of sets whose samples are drawn with replacement; copies of a sample are not compared.
 
     Args:
-        distances: Of two sets that share no sample.
-        generator: Of the draws.
+        distances: Distances of two sets that share no sample.
+        generator: Random generator of the draws.
         draws: How many.
         both: Draw the second set's samples too; else only the first's, as when the second is a large simulated set.
 
@@ -150,7 +150,7 @@ def bootstrap_rows(
 
     Args:
         clusters: Label of each row.
-        generator: Of the draw.
+        generator: Random generator of the draw.
 
     Returns:
         The rows of the drawn clusters; the number of the draw of each, so that a cluster drawn twice counts as two.

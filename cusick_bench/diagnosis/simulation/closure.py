@@ -90,7 +90,7 @@ def closures(
             compares drapes, not their drift from picture to picture, which is what tells of it.
         draping: How models are simulated.
         refit: Fit the causes' parameters to each fold too, instead of keeping them.
-        progress: Told the share that is over.
+        progress: Called to tell the share that is over.
 
     Returns:
         One for each alternative.
@@ -154,9 +154,9 @@ class _Model:
         emulator: The atlas.
         samples: Statistics of all samples.
         chosen: Those that it is fitted to.
-        residual: Of all samples: where the search starts.
+        residual: Residual of all samples: where the search starts.
         draping: How it is simulated.
-        seed: Of all its simulations.
+        seed: Seed of all its simulations.
     """
 
     def __init__(

@@ -34,7 +34,7 @@ class Gate:
         metrics: Metrics to compare, of which smaller is better.
         level: Family-wise probability of a false alarm.
         minimum: Relative change below which nobody cares.
-        seed: Of permutations and resamples.
+        seed: Seed of permutations and resamples.
     """
 
     metrics: tuple[str, ...] = METRICS

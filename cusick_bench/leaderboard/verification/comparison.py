@@ -22,7 +22,7 @@ class Check:
     """One thing that was compared.
 
     Attributes:
-        name: What.
+        name: What is compared.
         difference: By how much stored and repeated differ.
         tolerance: By how much they may.
         detail: Both values, or what is wrong.

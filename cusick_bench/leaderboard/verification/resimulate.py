@@ -130,7 +130,7 @@ def repeat(
         kind: "solver", "null" or "oracle".
         dataset: Data to do it on.
         redrawn: Draws of a posterior to drape again.
-        seed: Of their choice.
+        seed: Seed of their choice.
         simulators: Kept from cell to cell; made anew by default.
 
     Returns:

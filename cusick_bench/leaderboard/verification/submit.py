@@ -46,7 +46,7 @@ def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
     """Lines for a track.
 
     Args:
-        cells: Of a results folder.
+        cells: Cells of a results folder.
         track: Such as `paper-table-1`: lower-case letters, digits and hyphens.
 
     Returns:

@@ -89,7 +89,7 @@ def verify_cell(
         folder: The cell's.
         dataset: The data that it was run on.
         redrawn: Draws of a posterior to drape again.
-        seed: Of their choice.
+        seed: Seed of their choice.
         simulators: Kept from cell to cell; made anew by default.
 
     Returns:

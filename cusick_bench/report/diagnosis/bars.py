@@ -21,7 +21,7 @@ class Bar:
     Attributes:
         name: What stands before it.
         value: Its length, None if unknown.
-        colour: Of the palette.
+        colour: Colour of the palette.
         mark: Value of a line across it, such as a floor.
     """
 

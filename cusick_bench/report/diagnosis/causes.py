@@ -17,7 +17,7 @@ class Parameter:
     """An estimated parameter of a cause.
 
     Attributes:
-        name: Of the parameter.
+        name: Name of the parameter.
         value: Its value with unit.
         meaning: What it is.
     """
@@ -32,7 +32,7 @@ class CauseCard:
     """One cause.
 
     Attributes:
-        name: Of the effect, or `none`, `unknown`.
+        name: Name of the effect, or `none`, `unknown`.
         stage: Its stage in words.
         summary: What it says happened.
         probability: That it is the cause.

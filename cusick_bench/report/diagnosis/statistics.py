@@ -18,8 +18,8 @@ class ShownStatistic:
     """One statistic, its values as text.
 
     Attributes:
-        name: In words.
-        unit: Of the values.
+        name: Name in words.
+        unit: Unit of the values.
         up: Mean of the data, face up.
         down: The same, face down.
         base: Mean of the base model.

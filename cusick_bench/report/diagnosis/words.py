@@ -148,7 +148,7 @@ def entropy_of(probabilities: Sequence[float]) -> float:
     """Entropy of the causes.
 
     Args:
-        probabilities: Of the causes; what is missing to 1 is that of one further cause.
+        probabilities: Probabilities of the causes; what is missing to 1 is that of one further cause.
 
     Returns:
         The entropy [bit].

@@ -42,8 +42,8 @@ class View:
         azimuth: Direction of the eye about z, counter-clockwise from +x [deg].
         elevation: Height of the eye above the plate's plane [deg].
         distance: From the point looked at [m].
-        width: Of the picture [px].
-        height: Of the picture [px].
+        width: Width of the picture [px].
+        height: Height of the picture [px].
         fov: Vertical field of view [deg].
         target: Height of the point looked at [m].
     """
@@ -81,7 +81,7 @@ def render_drape(
     Args:
         vertices: Positions [m], plate in the plane z = 0.
         faces: Triangles.
-        colour: Of the cloth, sRGB in [0, 1].
+        colour: Colour of the cloth, sRGB in [0, 1].
         view: Where from.
         stand: Positions [m] and triangles of what the cloth lies on; the plate's pedestal by default.
 

@@ -30,8 +30,8 @@ def page_figure(width: float, height: float) -> Figure:
     """An empty figure without background.
 
     Args:
-        width: Of the figure [px].
-        height: Of the figure [px].
+        width: Width of the figure [px].
+        height: Height of the figure [px].
 
     Returns:
         The figure; 1 point is 1 pixel in it.
@@ -48,8 +48,8 @@ def panel(figure: Figure, left: float, top: float, width: float, height: float, 
         figure: The figure.
         left: Left edge [px].
         top: Upper edge, from the top of the figure [px].
-        width: Of the axes [px].
-        height: Of the axes [px].
+        width: Width of the axes [px].
+        height: Height of the axes [px].
         polar: Whether x is an angle and y a radius.
 
     Returns:

@@ -33,7 +33,7 @@ def label_axes(axes: Axes, limits: tuple[float, float] | None = None, angle: str
 
     Args:
         axes: Where to draw.
-        limits: Of the radius [mm]; those of what is drawn by default.
+        limits: Limits of the radius [mm]; those of what is drawn by default.
         angle: Title of the angle.
     """
     axes.set(xlabel=angle, ylabel="radius [mm]", xlim=(0, 360), xticks=WHOLE_TURN)
@@ -47,7 +47,7 @@ def draw_levels(axes: Axes, *, named: bool = False, colour: str = SOFT) -> None:
     Args:
         axes: Where to draw.
         named: Whether their names stand above them.
-        colour: Of the lines.
+        colour: Colour of the lines.
     """
     low, high = axes.get_ylim()
     for radius, name in ((1e3 * PLATE_RADIUS, "plate"), (1e3 * CLOTH_RADIUS, "flat cloth")):
@@ -65,7 +65,7 @@ def draw_turn(axes: Axes, radii: Float[ndarray, " angles"], **style: Any) -> Non
     Args:
         axes: Where to draw.
         radii: At equidistant angles from 0 [m].
-        style: Of matplotlib's line.
+        style: Options of matplotlib's line.
     """
     axes.plot(np.linspace(0, 360, len(radii) + 1), 1e3 * closed(radii), solid_joinstyle="round", **style)
 
@@ -76,7 +76,7 @@ def draw_range(axes: Axes, radii: Float[ndarray, "drapes angles"], **style: Any)
     Args:
         axes: Where to draw.
         radii: At equidistant angles from 0 [m].
-        style: Of matplotlib's area.
+        style: Options of matplotlib's area.
     """
     angle = np.linspace(0, 360, radii.shape[1] + 1)
     low, high = 1e3 * closed(radii.min(0)), 1e3 * closed(radii.max(0))

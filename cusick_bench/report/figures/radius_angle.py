@@ -132,7 +132,7 @@ def radius_angle(
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         draws: Most draws of a cell to look at.
-        progress: Told what is measured.
+        progress: Called to tell what is measured.
 
     Returns:
         The figure's content.

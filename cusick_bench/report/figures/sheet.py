@@ -42,10 +42,10 @@ def empty_sheet(width: float, height: float, rows: int, columns: int, **grid: An
     """A sheet of axes that are not shown yet.
 
     Args:
-        width: Of the sheet [inch].
-        height: Of the sheet [inch].
-        rows: Of axes.
-        columns: Of axes.
+        width: Width of the sheet [inch].
+        height: Height of the sheet [inch].
+        rows: Number of rows of axes.
+        columns: Number of columns of axes.
         grid: Further options of `Figure.subplots`.
 
     Returns:

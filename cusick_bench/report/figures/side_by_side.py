@@ -55,7 +55,7 @@ class Tile:
         image: Its silhouette.
         surface: Its surface.
         ruled: Whether the surface is built from the silhouette alone.
-        mse: Of the silhouette against the real one; None for the real one itself.
+        mse: MSE of the silhouette against the real one; None for the real one itself.
         remark: Further words below it.
     """
 
@@ -97,7 +97,7 @@ def fitted(
         cells: What the run's folder holds.
         dataset: The run's data.
         solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
-        progress: Told what is read.
+        progress: Called to tell what is read.
 
     Returns:
         A strip for each real drape that is shown.
@@ -138,7 +138,7 @@ def held_out(
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         samples: Most samples of a cloth.
-        progress: Told what is read.
+        progress: Called to tell what is read.
 
     Returns:
         A strip for each real drape that is shown.

@@ -38,8 +38,8 @@ class Picture:
         source: Its bytes as a data URL.
         alt: What a reader who cannot see it is told.
         caption: Words below it.
-        width: Of the picture [px].
-        height: Of the picture [px].
+        width: Width of the picture [px].
+        height: Height of the picture [px].
         key: Colours (red, green, blue) and what they mean.
     """
 
@@ -104,7 +104,7 @@ class ClothSection:
     """All solvers on one cloth.
 
     Attributes:
-        name: Of the cloth.
+        name: Name of the cloth.
         anchor: Name of the section in links.
         cards: The solvers.
         real: The real training sample from the side, None where no cell could be read.

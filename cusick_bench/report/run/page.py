@@ -51,7 +51,7 @@ def write_report(
         out: HTML file to write.
         unseen: Radii of the unseen samples of each cloth [m]; without it the graphs have no band.
         pictures: Folder for one side-by-side PNG a cell.
-        progress: Told each cell that is drawn.
+        progress: Called to tell each cell that is drawn.
 
     Returns:
         The files written.

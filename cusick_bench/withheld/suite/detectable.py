@@ -26,7 +26,7 @@ class DetectableSeverities:
 
     Attributes:
         stiffness: Levels l, ascending.
-        severity: By effect, at each level, in its own unit; None where it is never found.
+        severity: Detectable severity by effect, at each level, in its own unit; None where it is never found.
     """
 
     stiffness: tuple[Number, ...]
