@@ -174,16 +174,16 @@ def _thread_functions() -> tuple[Any, Any] | None:
     return None
 
 
-_THREAD_FUNCTIONS = _thread_functions()
+THREAD_FUNCTIONS = _thread_functions()
 
 
 @contextmanager
 def single_threaded() -> Iterator[None]:
     """Keep OpenBLAS on one thread: kernels are parallel themselves, and its sums then have one order."""
-    if _THREAD_FUNCTIONS is None:
+    if THREAD_FUNCTIONS is None:
         yield
         return
-    set_threads, get_threads = _THREAD_FUNCTIONS
+    set_threads, get_threads = THREAD_FUNCTIONS
     before = get_threads()
     set_threads(1)
     try:

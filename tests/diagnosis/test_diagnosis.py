@@ -344,8 +344,11 @@ def test_design_makes_what_it_says() -> None:
 def test_random_values_are_within_bounds() -> None:
     generator = np.random.default_rng(0)
     for one in registered().values():
+        bounds = {parameter.name: (parameter.low, parameter.high) for parameter in one.parameters}
         for _ in range(20):
-            one.complete(random_value(one, generator))
+            values = random_value(one, generator)
+            assert values.keys() == bounds.keys()
+            assert all(low <= values[name] <= high for name, (low, high) in bounds.items())
 
 
 def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: None) -> None:

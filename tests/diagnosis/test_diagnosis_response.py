@@ -6,7 +6,7 @@ import pytest
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
 from cusick_bench.diagnosis.atlas.regression_terms import scaled
 from cusick_bench.diagnosis.atlas.response import Changes, response
-from cusick_bench.diagnosis.atlas.response_check import _of_one
+from cusick_bench.diagnosis.atlas.response_check import unexplained_shares
 from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import FREE, NAMES
 from cusick_bench.sim.effects import effect
@@ -34,14 +34,14 @@ def known(rows: int, *, odd: bool = False, seed: int = 0) -> Changes:
 def test_limp_cloth_is_fitted_as_well_as_stiff(name: str) -> None:
     """A polynomial through all fabrics is wrong by several times the limp ones' whole answer."""
     found = known(200, odd=effect(name).face_odd)
-    assert _of_one(effect(name), found) == pytest.approx(np.zeros(3), abs=0.01)
+    assert unexplained_shares(effect(name), found) == pytest.approx(np.zeros(3), abs=0.01)
 
 
 def test_what_no_fit_can_know_is_unexplained() -> None:
     """Shifts that have nothing to do with the fabric: predicting them is worse than expecting none."""
     found, generator = known(200), np.random.default_rng(1)
     found.shift[:] = np.where(found.noise > 0, generator.standard_normal(found.shift.shape), 0.0)
-    shares = _of_one(effect("camera-scale"), found)
+    shares = unexplained_shares(effect("camera-scale"), found)
     assert (shares > 0.9).all()
 
 

@@ -246,13 +246,13 @@ def test_draws_on_another_device_are_the_same_drapes(tmp_path):
 
 
 def test_diverged_draws_are_told_apart(monkeypatch: pytest.MonkeyPatch):
-    drawn = Draws._drawn
+    drawn = Draws.material_of
 
     def spoilt(self, number: int) -> Material:
         cloth = drawn(self, number)
         return Material(-1e3 * cloth.stretch, cloth.bending, cloth.density) if number in (1, 4) else cloth
 
-    monkeypatch.setattr(Draws, "_drawn", spoilt)
+    monkeypatch.setattr(Draws, "material_of", spoilt)
     for device in ("cpu", "cpu:torch"):
         result = CliRunner().invoke(app, [*ARGUMENTS, "--draws", "6", "--device", device])
         document = json.loads(result.stdout)
@@ -263,7 +263,7 @@ def test_diverged_draws_are_told_apart(monkeypatch: pytest.MonkeyPatch):
         table = CliRunner().invoke(app, [*ARGUMENTS[:-1], "--draws", "6", "--device", device])
         assert (table.exit_code, table.stdout.count("failed")) == (0, 2)
         assert "mean ± sd" in table.stdout
-    monkeypatch.setattr(Draws, "_drawn", lambda self, number: spoilt(self, 1))
+    monkeypatch.setattr(Draws, "material_of", lambda self, number: spoilt(self, 1))
     document = _document("--draws", "2", status=1)
     assert (document["failed"], document["drape_coefficient"]) == (2, None)
 

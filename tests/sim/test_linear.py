@@ -300,9 +300,9 @@ def test_factor_keeps_its_panels_only(default, pattern):
 
 
 def test_blas_is_single_threaded_inside_and_put_back_after():
-    if dense._THREAD_FUNCTIONS is None:
+    if dense.THREAD_FUNCTIONS is None:
         pytest.skip("SciPy uses a BLAS whose threads we do not set")
-    set_threads, get_threads = dense._THREAD_FUNCTIONS
+    set_threads, get_threads = dense.THREAD_FUNCTIONS
     before = get_threads()
     set_threads(2)
     with dense.single_threaded():

@@ -133,7 +133,7 @@ class Draws:
         with ThreadPoolExecutor() as pool:  # a device would wait longer for a shape than it takes to drape it
             laid = np.stack(list(pool.map(self.simulator.laid_down, seeds)))
         batch = self.simulator.drape_batch(
-            [self._drawn(number) for number in numbers],
+            [self.material_of(number) for number in numbers],
             initial=torch.from_numpy(laid),
             rest_angle=torch.stack([self.simulator.rest_angles(seed) for seed in seeds]),
         )
@@ -150,9 +150,17 @@ class Draws:
             scene, seed = self.scene(number), self.seed + number
             simulator = simulators.get(scene.warped, scene.simulated)
             laid, rest = torch.from_numpy(simulator.laid_down(seed)), simulator.rest_angles(seed)
-            yield range(number, number + 1), scene.drape(simulator, [self._drawn(number)], laid[None], rest[None])
+            yield range(number, number + 1), scene.drape(simulator, [self.material_of(number)], laid[None], rest[None])
 
-    def _drawn(self, number: int) -> Material:
+    def material_of(self, number: int) -> Material:
+        """The cloth of a draw.
+
+        Args:
+            number: Number of the draw, from 0.
+
+        Returns:
+            The cloth, uneven where a heterogeneity is asked for.
+        """
         if self.heterogeneity == 0:
             return self.cloth  # its tables are shared by all elements and all draws
         generator = np.random.default_rng([self.seed, number, 2])
