@@ -21,7 +21,6 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent))  # when run as a script
 
-from cusick_bench.withheld.world.world import World
 from toy_problem import toy_image, toy_problem
 
 from cusick_bench.benchmark import functions
@@ -48,6 +47,7 @@ from cusick_bench.sim.setup import Setup, drape_setups
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
 from cusick_bench.withheld import NUMERICS_VERSION as WITHHELD
+from cusick_bench.withheld.world.true_case import TrueCase
 
 PATH = Path(__file__).resolve().parents[1] / "golden" / "numerics.json"
 EXACT, SHORT, LIBRARY = 1e-9, 1e-6, 1e-4
@@ -257,7 +257,7 @@ def _diagnosis() -> Values:
 
 
 def _withheld() -> Values:
-    (picture, *_) = World((5, 1), {}, vertices=200, steps=4).pictures(1)
+    (picture, *_) = TrueCase((5, 1), {}, vertices=200, steps=4).pictures(1)
     return {"picture": _summary(picture.levels)}
 
 
