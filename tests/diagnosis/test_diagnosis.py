@@ -205,6 +205,7 @@ def test_limp_cloth_answers_as_its_simulation_does(emulator: Emulator) -> None:
         given = {key: np.array([number]) for key, number in value.items()}
         moved = shifts(emulator, hypothesis, theta, emulator.sd(theta), 1.0, given).features[0, : made.size]
         size = list(GROUPS["size"])
+        # The fault was a factor of several, or the sign; the mean over 8 simulated samples has noise of its own.
         assert moved.reshape(made.shape)[:, size] == pytest.approx(made[:, size], rel=0.5), name
 
 
