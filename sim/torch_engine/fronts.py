@@ -44,7 +44,7 @@ class FrontGroup:
     """Fronts that are factorised together.
 
     Attributes:
-        fronts: How many.
+        fronts: Number of fronts of the group.
         own: Own unknowns of each, padding included.
         beyond: Boundary unknowns of each, padding included.
         filled: Places of the matrix's numbers in (fronts, height, height), flattened.

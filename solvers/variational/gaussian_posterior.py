@@ -27,7 +27,7 @@ def standard_normal(seed: int, purpose: int, index: int, size: int) -> Float[nda
         seed: Seed of the run.
         purpose: INFERENCE or PREDICTION.
         index: Number of the draw.
-        size: How many.
+        size: Number of random numbers.
 
     Returns:
         The numbers.

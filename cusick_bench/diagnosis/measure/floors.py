@@ -32,7 +32,7 @@ def split_half_floor(
         values: Standardised statistics.
         clusters: Sample of each row.
         generator: Random generator of the splits.
-        splits: How many.
+        splits: Number of random splits.
         versus: Scale the distances to those of all n samples from this number m of independent others: for equal
             distributions they go as 1/n + 1/m. By default they stay those of halves, which are larger.
 

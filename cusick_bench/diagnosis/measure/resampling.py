@@ -89,7 +89,7 @@ def two_sample_test(distances: ClusterDistances, generator: np.random.Generator,
     Args:
         distances: Distances of two sets that share no sample; with one sample a row it is the usual permutation test.
         generator: Random generator of the permutations.
-        permutations: How many.
+        permutations: Number of random permutations.
 
     Returns:
         The p-value; never 0. The sums between samples are permuted, not the captures as scipy would.
@@ -130,7 +130,7 @@ def bootstrap_distance(
     Args:
         distances: Distances of two sets that share no sample.
         generator: Random generator of the draws.
-        draws: How many.
+        draws: Number of bootstrap draws.
         both: Draw the second set's samples too; else only the first's, as when the second is a large simulated set.
 
     Returns:

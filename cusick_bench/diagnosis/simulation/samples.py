@@ -62,7 +62,7 @@ def simulate(
     Args:
         theta: Base parameters.
         causes: What acts; empty for the base model.
-        samples: How many.
+        samples: Number of samples to simulate.
         seed: Same seed, same samples: models are compared under common random numbers.
         drift: Share of later captures in a specimen's mean, where a cause acts on these alone.
         model: The base model.
