@@ -167,7 +167,7 @@ def rollout(
         plan: How the batch is split into groups.
         p: Its cloths.
         anchor: Shapes in which they are laid down (members or 1, vertices, 3) [m].
-        members: Number of cloths of the batch.
+        members: Number of cloths of the group.
         keep: Number of factors to keep for the adjoint; None if there will be none, then no states are kept either.
 
     Returns:
