@@ -19,9 +19,10 @@ from torch.utils.data import Dataset
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.layout import inside_root
-from cusick_bench.datasets.files.measure import content_hash, profile_of
+from cusick_bench.datasets.files.measure import content_hash
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.profile import Profile
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.datasets.splits import Split, split_rows
@@ -289,6 +290,8 @@ class DrapeDataset(Dataset[dict[str, Any]]):
     def content_hash(self) -> str:
         """SHA-256 over the files in use and over how they are used (corrections, densities, protocol)."""
         digest = hashlib.sha256(repr(self.protocol).encode())
+        if self.protocol.projection == "pinhole":
+            digest.update(repr(self.protocol.camera_height_m).encode())
         for i in range(len(self)):
             row = self._row(i)
             files = [content_hash(inside_root(self.root, row[name])) for name in ("image", "mesh") if row[name]]

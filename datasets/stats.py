@@ -1,8 +1,8 @@
 """What a data set's drapes are like, cloth by cloth: drape coefficient, folds, spectrum, and how far drapes differ.
 
 Captures of one drape are not independent: means and spreads are over units, a unit being one face of one sample. Image
-differences are mean squared errors per pixel over all pairs of a kind, and form a ladder: the same drape captured
-again, the same sample turned over, another sample, another fabric.
+differences are mean squared errors (`Protocol.mse_scale`) over all pairs of a kind, and form a ladder: the same drape
+captured again, the same sample turned over, another sample, another fabric.
 """
 
 from collections import defaultdict
@@ -18,8 +18,8 @@ from numpy import ndarray
 from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.files.image import fit_plate
-from cusick_bench.datasets.files.measure import profile_of
-from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
+from cusick_bench.datasets.profile import amplitude_spectrum
 from cusick_bench.datasets.published import CLOTHS
 
 SPECTRUM_MODES = 16
@@ -174,15 +174,7 @@ def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
     images = {row: image for row in own if (image := _usable(dataset, row)) is not None}
     profiles = [profile_of(image, protocol) for image in images.values()]
     spectra = [amplitude_spectrum(profile, modes=SPECTRUM_MODES) for profile in profiles]
-    coefficients = [
-        drape_coefficient(
-            image,
-            pixels_per_metre=protocol.px_per_m,
-            cloth_radius=protocol.cloth_radius_m,
-            plate_radius=protocol.plate_radius_m,
-        )
-        for image in images.values()
-    ]
+    coefficients = [drape_coefficient_of(image, protocol) for image in images.values()]
     table = dataset.table.iloc[list(images)]
     pixels = [image.ravel().astype(np.float32) for image in images.values()]
     return _Cloth(
@@ -191,7 +183,7 @@ def _read(dataset: DrapeDataset, cloth: str) -> _Cloth:
         np.asarray(table["side"], dtype=str),
         np.asarray(table["observation"]),
         np.array(coefficients),
-        np.array([float(fold_count(profile)) for profile in profiles]),
+        np.array([float(fold_count_of(profile, protocol)) for profile in profiles]),
         np.mean(spectra, axis=0) if spectra else np.full(SPECTRUM_MODES + 1, nan),
         len(own) - len(images),
     )
@@ -211,7 +203,7 @@ def _describe(dataset: DrapeDataset, cloth: str, read: _Cloth, other_fabric: flo
     same_sample = read.sample[:, None] == read.sample[None, :]
     same_side = read.side[:, None] == read.side[None, :]
     known = (read.side[:, None] != "") & (read.side[None, :] != "")
-    mse = _mse_within(read.images)
+    scale, mse = dataset.protocol.mse_scale, _mse_within(read.images)
     return ClothStatistics(
         cloth=cloth,
         silhouettes=len(read.images) + read.unusable,
@@ -223,10 +215,10 @@ def _describe(dataset: DrapeDataset, cloth: str, read: _Cloth, other_fabric: flo
         folds=_centre(folds.values()),
         folds_sd=_spread(folds.values()),
         spectrum=tuple(read.spectrum.tolist()),
-        mse_repeat=_mse_of_pairs(dataset, dataset.repeat_pairs(cloth)),
-        mse_flip=_mean(mse, same_sample & ~same_side & known),
-        mse_other_sample=_mean(mse, ~same_sample & same_side),
-        mse_other_fabric=other_fabric,
+        mse_repeat=scale * _mse_of_pairs(dataset, dataset.repeat_pairs(cloth)),
+        mse_flip=scale * _mean(mse, same_sample & ~same_side & known),
+        mse_other_sample=scale * _mean(mse, ~same_sample & same_side),
+        mse_other_fabric=scale * other_fabric,
         down_minus_up=_down_minus_up(coefficients),
         drift=_drift(read),
     )

@@ -16,7 +16,8 @@ from cusick_bench.datasets.errors import BadImage, BadMesh, DataError
 from cusick_bench.datasets.files.image import Blemishes, PlateFit, blemishes, fit_plate, inspect
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import Protocol
-from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_image, profile_from_mesh
+from cusick_bench.datasets.files.silhouette import profile_of
+from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_mesh
 
 _VERSION = 2  # raise it when the meaning of a stored number changes
 
@@ -102,24 +103,6 @@ def measure_mesh(path: Path) -> MeshMeasure:
         raise BadMesh(error.what, where=error.where, remedy=error.remedy, kind=error.kind) from error
 
 
-def profile_of(image: Float[ndarray, "size size"], protocol: Protocol) -> Profile:
-    """Profile of a silhouette as its protocol says that it was taken.
-
-    Args:
-        image: Coverage, cloth = 1.
-        protocol: Gives scale, centre and orientation.
-
-    Returns:
-        The radius-angle profile.
-    """
-    return profile_from_image(
-        image,
-        pixels_per_metre=protocol.px_per_m,
-        centre=protocol.centre_px,
-        image_y=protocol.image_y,
-    )
-
-
 def measure_image(path: Path, protocol: Protocol) -> ImageMeasure:
     """Measures the profile and faults of a silhouette, or takes them from the cache.
 
@@ -135,6 +118,8 @@ def measure_image(path: Path, protocol: Protocol) -> ImageMeasure:
     """
     frame = repr((protocol.px_per_m, protocol.centre_px, protocol.image_y, protocol.foreground))
     frame += repr((protocol.image_size_px, protocol.plate_radius_m))
+    if protocol.projection == "pinhole":
+        frame += repr((protocol.camera_height_m, protocol.cloth_radius_m))
     name = hashlib.sha256(frame.encode()).hexdigest()[:16]
     try:
         key = f"image-{content_hash(path)}-{name}"

@@ -14,7 +14,15 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_
 from pydantic.dataclasses import dataclass
 
 from cusick_bench.datasets.errors import BadTable
-from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
+from cusick_bench.sim.constants import (
+    CLOTH_RADIUS,
+    GRAVITY,
+    IMAGE_CENTRE,
+    IMAGE_SIZE,
+    PIXELS_PER_METRE,
+    PLATE_RADIUS,
+)
+from cusick_bench.sim.render.camera import EYE_HEIGHT
 
 FILE = "protocol.json"
 _MAXIMUM_BYTES = 1 << 20
@@ -102,12 +110,13 @@ class Protocol:
         turn_over: How the cloth is turned to lie face down, in words.
         order: Order in which captures were taken, in words.
         extra: Keys that are not used, as found.
+        camera_height_m: Height of a pinhole camera's eye above the plate [m].
     """
 
     cloth_radius_m: _Positive = CLOTH_RADIUS
     plate_radius_m: _Positive = PLATE_RADIUS
-    gravity_m_s2: _Positive = 9.8
-    image_size_px: Annotated[int, BeforeValidator(_size)] = 256
+    gravity_m_s2: _Positive = GRAVITY
+    image_size_px: Annotated[int, BeforeValidator(_size)] = IMAGE_SIZE
     px_per_m: _Positive = PIXELS_PER_METRE
     centre_px: Annotated[tuple[float, float], BeforeValidator(_centre)] = IMAGE_CENTRE
     projection: Annotated[Literal["parallel", "pinhole"], _choice(_PROJECTIONS)] = "parallel"
@@ -119,6 +128,39 @@ class Protocol:
     turn_over: _Words = ""
     order: _Words = ""
     extra: dict[str, Any] = Field(default_factory=dict)
+    camera_height_m: _Positive = Field(default=EYE_HEIGHT, repr=False)
+
+    @property
+    def overhang_m(self) -> float:
+        """Width of the annulus of cloth that hangs over the plate's edge, R - r [m]."""
+        return self.cloth_radius_m - self.plate_radius_m
+
+    @property
+    def cloth_scale(self) -> float:
+        """Radius of the cloth, in those of the standard's."""
+        return self.cloth_radius_m / CLOTH_RADIUS
+
+    @property
+    def mse_scale(self) -> float:
+        """What takes a mean squared difference over this protocol's pixels to the benchmark's; 1 for the release's.
+
+        A mean over pixels depends on how much background the image shows. The benchmark integrates the squared
+        difference over the plane and divides by the area that an image of the release shows of a cloth of its size,
+        (256 px / 723 px/m)^2 = (354 mm)^2, times (cloth radius / 0.15 m)^2 for other cloths.
+        """
+        side = (self.image_size_px / self.px_per_m) ** 2
+        return side / ((IMAGE_SIZE / PIXELS_PER_METRE) ** 2 * self.cloth_scale**2)
+
+    def unlike_release(self) -> dict[str, Any]:
+        """What decides where a point of the cloth is seen, as far as it is not as in the public release.
+
+        Returns:
+            Value by the field's name; nothing for a protocol that has the release's.
+        """
+        names = ["cloth_radius_m", "plate_radius_m", "image_size_px", "px_per_m", "centre_px", "projection", "image_y"]
+        names += ["camera_height_m"] if self.projection == "pinhole" else []
+        values = {name: getattr(self, name) for name in names if getattr(self, name) != getattr(RELEASE, name)}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
 
     @model_validator(mode="after")
     def _plate_is_smaller(self) -> "Protocol":
@@ -126,6 +168,10 @@ class Protocol:
             sizes = f"{self.plate_radius_m} >= {self.cloth_radius_m}"
             raise ValueError(f"plate_radius_m must be below cloth_radius_m, got {sizes}")
         return self
+
+
+RELEASE = Protocol()
+"""The public release's."""
 
 
 def read_protocol(path: Path) -> Protocol:
