@@ -17,11 +17,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from pydantic import TypeAdapter
 
 from cusick_bench.benchmark.functions import FUNCTIONS, BenchmarkError
 from cusick_bench.benchmark.optimisers import METHODS, PUBLISHED, Finished, run_numerics, summary
+from cusick_bench.files import parse_json, read_text
 from cusick_bench.runner.store import write_atomically
 
+_MOST_BYTES = 64 << 20
+_FINISHED = TypeAdapter(Finished)
 _BEFORE_VERSIONS = {field.name for field in fields(Finished)} - {"numerics", "code"} | {"code_version"}
 """Keys of a run of before the numerics had versions, which counts no more."""
 
@@ -61,19 +65,21 @@ class RunFile:
         if not self.path.exists():
             return []
         names, found = {field.name for field in fields(Finished)}, []
-        *lines, last = self.path.read_text(encoding="utf-8").split("\n")
+        remedy = "delete it, or choose another --out"
+        *lines, last = read_text(self.path, most_bytes=_MOST_BYTES, remedy=remedy).split("\n")
         for number, line in enumerate(lines, start=1):
             try:
-                record = json.loads(line)
+                record = parse_json(line, self.path, remedy=remedy)
                 if set(record) == _BEFORE_VERSIONS:
                     continue
                 if set(record) != names:
                     raise ValueError(f"its keys must be {', '.join(sorted(names))}")
+                run = _FINISHED.validate_python(record, strict=True)
             except (ValueError, TypeError) as error:
                 raise BenchmarkError(
                     f"{self.path}, line {number} is no finished run ({error}); delete it, or choose another --out"
                 ) from error
-            found.append(Finished(**record))
+            found.append(run)
         if last:
             write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
         known = [run for run in found if run.method in METHODS and run.function in FUNCTIONS]

@@ -14,8 +14,6 @@ References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Section 5.1.
 """
 
-import json
-import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +23,7 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material, uniform_material
@@ -33,7 +32,6 @@ from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import Law
 
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
-_MAXIMUM_BYTES = 2**30  # of one array
 _POOL = 4096  # tables drawn from a posterior, of which every element gets one
 _COUPLING = 0.95  # most that |c12| / sqrt(c11 c22) may be: the tables stay positive definite
 
@@ -184,14 +182,9 @@ def _read_record(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
         raise GarmentError(f"no result at {folder}; give a cell's folder of a run, OUT/cells/HASH")
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise GarmentError(
-            f"cannot read {path} ({error}); give a cell's folder of a run, OUT/cells/HASH, that has finished"
-        ) from error
-    if not isinstance(record, dict):
-        raise GarmentError(f"{path} is not the record of a cell; run the cell again")
-    return record
+        return read_json_object(path, remedy="give a cell's folder of a run, OUT/cells/HASH, that has finished")
+    except BadFile as error:
+        raise GarmentError(f"cannot read {path} ({error.what}); {error.remedy}") from error
 
 
 def _read_arrays(path: Path) -> dict[str, ndarray]:
@@ -199,16 +192,13 @@ def _read_arrays(path: Path) -> dict[str, ndarray]:
     if not path.is_file():
         raise GarmentError(f"no prediction at {path}: the cell failed or has not finished; run it again")
     try:
-        with zipfile.ZipFile(path) as archive:
-            if max((entry.file_size for entry in archive.infolist()), default=0) > _MAXIMUM_BYTES:
-                raise GarmentError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
-        with np.load(path, allow_pickle=False) as archive:
-            wanted = [name for name in archive if name in (*SHAPES, "density", "faces") or name.startswith("posterior")]
-            return {name: archive[name] for name in wanted}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, GarmentError):
-            raise
-        raise GarmentError(f"cannot read {path} ({error}); run the cell again") from error
+        return read_npz(
+            path,
+            remedy="run the cell again",
+            wanted=lambda name: name in (*SHAPES, "density", "faces") or name.startswith("posterior"),
+        )
+    except BadFile as error:
+        raise GarmentError(f"cannot read {path} ({error.what}); {error.remedy}") from error
 
 
 def _checked(array: ndarray, shape: tuple[int, int], name: str) -> Float[ndarray, "tables rows columns"]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
@@ -142,12 +143,12 @@ def _number(value: Any) -> float:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
-    if path.stat().st_size > _MAXIMUM_BYTES:
-        raise ValueError(f"{path.name} is larger than {_MAXIMUM_BYTES >> 20} MiB")
-    document = json.loads(path.read_text(encoding="utf-8"))
-    if not isinstance(document, dict):
-        raise ValueError(f"{path.name} is no JSON object")
-    return document
+    if not path.exists():
+        raise FileNotFoundError(path)
+    try:
+        return read_json_object(path, remedy="", most_bytes=_MAXIMUM_BYTES)
+    except BadFile as error:
+        raise ValueError(f"{path.name} {error.what}") from error
 
 
 def _identity(path: Path) -> dict[str, Any]:

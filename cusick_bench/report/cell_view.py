@@ -1,6 +1,5 @@
 """What the report shows of one cell: the prediction, read without trusting the file, and the trace of the search."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.datasets.profile import Profile, profile_from_image
+from cusick_bench.files import BadFile, parse_json, read_text
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
 
+_MOST_BYTES = 256 << 20  # of a trace
 _MAXIMUM_DRAWS = 6  # shown
 _SHOWN_MODES = 40  # harmonics of a profile that its picture shows
 
@@ -96,6 +97,14 @@ def _view(arrays: Mapping[str, ndarray], trace: ndarray) -> CellView:
     return CellView(fit, target, shown, vertices, faces, simulated, trace)
 
 
+def _lines(path: Path) -> list[str]:
+    """Lines of a trace; none of a file that is no text or far too large."""
+    try:
+        return read_text(path, most_bytes=_MOST_BYTES, remedy="").splitlines()
+    except BadFile:
+        return []
+
+
 def read_trace(path: Path) -> Float[ndarray, "evaluations 2"]:
     """Forward-equivalents and best loss after each evaluation.
 
@@ -107,9 +116,9 @@ def read_trace(path: Path) -> Float[ndarray, "evaluations 2"]:
     """
     points: list[tuple[float, float]] = []
     if path.is_file():
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        for line in _lines(path):
             try:
-                record = json.loads(line)
+                record = parse_json(line, path, remedy="")
                 points.append((float(record["forward_equivalents"]), float(record["best_loss"])))
             except (ValueError, TypeError, KeyError):
                 continue

@@ -1,6 +1,5 @@
 """Reading `prediction.npz` of a finished cell without trusting it."""
 
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -8,9 +7,8 @@ from typing import TypeVar
 import numpy as np
 from numpy import ndarray
 
+from cusick_bench.files import BadFile, read_npz
 from cusick_bench.report.errors import ReportError
-
-_MAXIMUM_BYTES = 2**30  # of one array; a thousand draws have 65 MB
 
 T = TypeVar("T")
 
@@ -29,16 +27,13 @@ def read_prediction(folder: Path, understand: Callable[[Mapping[str, ndarray]], 
     Raises:
         ReportError: The file is missing, damaged or oversized; the message says which it is and what to do.
     """
-    path = folder / "prediction.npz"
+    path, remedy = folder / "prediction.npz", "delete the cell's folder and run it again"
     try:
-        with zipfile.ZipFile(path) as archive:
-            largest = max(entry.file_size for entry in archive.infolist())
-        if largest <= _MAXIMUM_BYTES:
-            with np.load(path, allow_pickle=False) as arrays:
-                return understand(arrays)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise ReportError(f"cannot read {path} ({error}); delete the cell's folder and run it again") from error
-    raise ReportError(f"{path} holds an array of more than 1 GiB; is it a prediction?")
+        return understand(read_npz(path, remedy=remedy))
+    except BadFile as error:
+        raise ReportError(f"cannot read {path} ({error.what}); {remedy}") from error
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise ReportError(f"cannot read {path} ({error}); {remedy}") from error
 
 
 def check_mesh(vertices: ndarray, faces: ndarray | None) -> None:

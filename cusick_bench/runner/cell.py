@@ -1,6 +1,5 @@
 """One cell: build the problem, solve, score, write. Whatever goes wrong inside becomes the cell's result."""
 
-import json
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +12,7 @@ import torch
 from cusick_bench.datasets import DrapeDataset, DrapeSample
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
+from cusick_bench.files import read_json_object, read_npz
 from cusick_bench.metrics import score, to_levels
 from cusick_bench.problem import (
     SPACES,
@@ -251,8 +251,7 @@ def load_prediction(folder: Path) -> dict[str, np.ndarray]:
     Returns:
         Arrays by name: `train_image`, `train_target`, `draws`, and what else the solver answered.
     """
-    with np.load(folder / "prediction.npz", allow_pickle=False) as archive:
-        return dict(archive)
+    return read_npz(folder / "prediction.npz", remedy="delete the cell's folder and run it again")
 
 
 def load_cell(folder: Path) -> dict[str, Any]:
@@ -264,4 +263,4 @@ def load_cell(folder: Path) -> dict[str, Any]:
     Returns:
         What was asked.
     """
-    return json.loads((folder / "cell.json").read_text(encoding="utf-8"))
+    return read_json_object(folder / "cell.json", remedy="delete the cell's folder and run it again")

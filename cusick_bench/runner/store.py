@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.runner.errors import RunnerError
 
 try:
@@ -103,9 +104,9 @@ def read_json(path: Path) -> dict[str, Any]:
         RunnerError: It is damaged.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise RunnerError(f"{path} is damaged ({error}); delete its folder and run the cell again") from error
+        return read_json_object(path, remedy="delete its folder and run the cell again")
+    except BadFile as error:
+        raise RunnerError(f"{path} is damaged ({error.what}); {error.remedy}") from error
 
 
 @dataclass(frozen=True)

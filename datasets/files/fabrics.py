@@ -1,14 +1,15 @@
 """Areal density and thickness of fabrics: a table that the user supplies, and the five values that are published."""
 
-import csv
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from cusick_bench.datasets.errors import BadTable
+from cusick_bench.files import BadFile, read_csv
 
 FILE = "fabrics.csv"
 _MAXIMUM_BYTES = 1 << 20
+_REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
 _HEAVIEST = 5.0  # [kg/m2]; ten times a heavy denim: beyond it the value is in g/m2
 _THICKEST = 0.02  # [m]; beyond it the value is in mm
@@ -58,24 +59,11 @@ def read_fabrics(path: Path) -> dict[str, Fabric]:
             clearly in another unit; file and line are named.
     """
     try:
-        if path.stat().st_size > _MAXIMUM_BYTES:
-            raise _bad(path, f"larger than {_MAXIMUM_BYTES} bytes", "keep one line per fabric")
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        rows = list(csv.reader(lines, strict=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise _bad(path, f"cannot be read as CSV ({error})", "write it as UTF-8 with commas") from error
-    header = [name.strip() for name in rows[0]] if rows else []
-    if not {"fabric", "areal_density_kg_m2"} <= set(header):
-        raise _bad(
-            path, f"needs the columns fabric and areal_density_kg_m2, got {header}", "name them in the first line"
-        )
+        found = read_csv(path, remedy="write it as UTF-8 with commas", required=_REQUIRED, most_bytes=_MAXIMUM_BYTES)
+    except BadFile as error:
+        raise _bad(error.where, error.what, error.remedy) from error
     table: dict[str, Fabric] = {}
-    for number, row in enumerate(rows[1:], 2):
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) > len(header):
-            raise _bad(f"{path}, line {number}", f"has {len(row)} fields for {len(header)} columns", "correct it")
-        cells = dict(zip(header, (cell.strip() for cell in row), strict=False))
+    for number, cells in found.rows:
         key = fabric_key(cells["fabric"])
         if not key or key in table:
             raise _bad(f"{path}, line {number}", f"fabric {cells['fabric']!r} is empty or given twice", "correct it")

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_
 from pydantic.dataclasses import dataclass
 
 from cusick_bench.datasets.errors import BadTable
+from cusick_bench.datasets.files.object_file import read_object
 from cusick_bench.sim.constants import (
     CLOTH_RADIUS,
     GRAVITY,
@@ -25,7 +26,6 @@ from cusick_bench.sim.constants import (
 from cusick_bench.sim.render.camera import EYE_HEIGHT
 
 FILE = "protocol.json"
-_MAXIMUM_BYTES = 1 << 20
 _MAXIMUM_SIZE = 8192  # [px]
 _PROJECTIONS = {"parallel": ("parallel", "orthographic", "orthogonal"), "pinhole": ("pinhole", "perspective")}
 _DIRECTIONS = {"up": ("up",), "down": ("down",)}
@@ -186,7 +186,7 @@ def read_protocol(path: Path) -> Protocol:
     Raises:
         BadTable: Not a JSON object, or a value that breaks its rule.
     """
-    document = read_json_object(path, "protocol-invalid")
+    document = read_object(path, "protocol-invalid")
     known = {item.name for item in fields(Protocol)} - {"extra"}
     values = {key: value for key, value in document.items() if key in known}
     extra = {key: value for key, value in document.items() if key not in known}
@@ -201,31 +201,3 @@ def _first_fault(error: ValidationError) -> str:
     fault = error.errors()[0]
     rule = str(fault.get("ctx", {}).get("error", fault["msg"]))
     return f"{fault['loc'][0]} {rule}, got {json.dumps(fault['input'])[:80]}" if fault["loc"] else rule
-
-
-def read_json_object(path: Path, kind: str) -> dict[str, Any]:
-    """Reads a JSON file that must hold one object.
-
-    Args:
-        path: The file.
-        kind: Kind of the error, as an audit lists it.
-
-    Returns:
-        The object.
-
-    Raises:
-        BadTable: Too large, not JSON, or no object.
-    """
-    try:
-        if path.stat().st_size > _MAXIMUM_BYTES:
-            raise BadTable(
-                f"larger than {_MAXIMUM_BYTES} bytes", where=path, remedy="keep only the nominal values", kind=kind
-            )
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
-        if isinstance(error, BadTable):
-            raise
-        raise BadTable(f"cannot be read as JSON ({error})", where=path, remedy="correct it", kind=kind) from error
-    if not isinstance(document, dict):
-        raise BadTable("must hold one JSON object", where=path, remedy='write {"key": value, ...}', kind=kind)
-    return document

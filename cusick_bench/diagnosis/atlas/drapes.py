@@ -30,7 +30,7 @@ from cusick_bench.diagnosis.atlas.design import (
     Design,
 )
 from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
-from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, Point, point_file, write_point
+from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, Point, point_file, read_design, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.sim.effects import Effect, registered
@@ -130,12 +130,12 @@ def random_value(effect: Effect, generator: np.random.Generator) -> dict[str, fl
 
 
 def _check_design(folder: Path, design: Design) -> None:
-    path, text = folder / DESIGN_FILE, json.dumps(asdict(design))
-    if path.exists() and json.loads(path.read_text()) != json.loads(text):
+    path = folder / DESIGN_FILE
+    if path.exists() and (known := read_design(path)) != design:
         raise DiagnosisError(
-            f"{folder} holds an atlas of another design, {path.read_text()}; give another --out, or the same options"
+            f"{folder} holds an atlas of another design, {known}; give another --out, or the same options"
         )
-    path.write_text(text)
+    path.write_text(json.dumps(asdict(design)))
 
 
 def _make_all(folder: Path, design: Design, fabrics: list[tuple[int, list[str]]], workers: int) -> Iterator[int]:

@@ -1,8 +1,7 @@
 """Points of an atlas: one file for the drapes of one fabric with one effect, and all of them read together."""
 
-import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,11 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.design import Design
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.files import BadFile, read_json_object, read_npz
 
 DESIGN_FILE = "design.json"
+_MOST = 1_000_000
+"""Largest number of a design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +66,39 @@ def read_point(path: Path) -> Point:
 
     Returns:
         The point.
+
+    Raises:
+        BadFile: It is damaged.
     """
-    with np.load(path, allow_pickle=False) as arrays:
-        return Point(arrays["value"], arrays["statistics"])
+    remedy = "delete it and repeat `cusick-bench atlas build`"
+    arrays = read_npz(path, remedy=remedy)
+    shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "statistics")]
+    if shapes != [1, 3]:
+        raise BadFile(path, "must hold `value`, a row, and `statistics`, of three dimensions", remedy)
+    return Point(arrays["value"], arrays["statistics"])
+
+
+def read_design(path: Path) -> Design:
+    """Reads what an atlas is made of.
+
+    Args:
+        path: Its `design.json`.
+
+    Returns:
+        The design.
+
+    Raises:
+        BadFile: It is damaged.
+    """
+    remedy = "give a folder that `cusick-bench atlas build` has filled"
+    document, names = read_json_object(path, remedy=remedy), [field.name for field in fields(Design)]
+    wrong = [name for name, value in document.items() if name not in names or type(value) is not int]
+    wrong += [name for name, value in document.items() if not wrong and not 0 <= value <= _MOST]
+    if wrong:
+        raise BadFile(
+            path, f"must hold whole numbers from 0 to {_MOST} under {', '.join(names)}; {wrong[0]!r} is none", remedy
+        )
+    return Design(**document)
 
 
 def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
@@ -84,7 +116,7 @@ def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
     path = folder / DESIGN_FILE
     if not path.exists():
         raise DiagnosisError(f"no atlas in {folder}; make one with `cusick-bench atlas build --out {folder}`")
-    design = Design(**json.loads(path.read_text()))
+    design = read_design(path)
     points: dict[str, dict[int, Point]] = {}
     for number, name in design.tasks():
         file = point_file(folder, number, name)

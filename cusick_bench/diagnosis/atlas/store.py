@@ -4,9 +4,7 @@ emulator, calibration = load()            # the shipped one
 save(path, fit(*read_points(folder)), Calibration())
 """
 
-import io
 import json
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from cusick_bench.diagnosis.atlas.ridge import Fit
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.files import BadFile, parse_json, read_npz
 
 SHIPPED = Path(__file__).with_name("atlas.npz")
 _LARGEST = 1 << 26  # [bytes]
@@ -83,11 +82,10 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
     """
     remedy = "make one with `cusick-bench atlas build` and `cusick-bench atlas fit`"
     try:
-        if path.stat().st_size > _LARGEST:
-            raise ValueError(f"larger than {_LARGEST} bytes")
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            arrays = {name: np.asarray(file[name]) for name in file.files}
-        about = json.loads(str(arrays.pop("about")))
+        arrays = read_npz(path, remedy=remedy, most_bytes=_LARGEST)
+        about = parse_json(str(arrays.pop("about")), path, remedy=remedy)
+        if unsound := [name for name, value in arrays.items() if value.dtype.kind != "f" or not _finite(value)]:
+            raise ValueError(f"{unsound[0]} must hold finite numbers")
         arrays = {name: value.astype(np.float64) for name, value in arrays.items()}
         if about["statistics"] != list(NAMES) or about["spreads"] != [name for name, _ in SPREADS]:
             raise ValueError("it holds other statistics than this version's")
@@ -103,5 +101,11 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
             fit("base"), fit("base_spread"), fit("log_sd"), arrays["correlation"], arrays["discrepancy"], responses
         )
         return emulator, Calibration(**about["calibration"])
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except BadFile:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error}); {remedy}") from error
+
+
+def _finite(value: ndarray) -> bool:
+    return bool(np.isfinite(value).all())

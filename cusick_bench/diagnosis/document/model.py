@@ -15,7 +15,10 @@ from cusick_bench.diagnosis.document.answer import Baseline, Closure, Location, 
 from cusick_bench.diagnosis.document.part import Interval, Part, Probability
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.verdict import Verdict
+from cusick_bench.files import BadFile, parse_json, read_text
 from cusick_bench.runner.store import write_atomically
+
+_MOST_BYTES = 16 << 20
 
 
 class ParameterValue(Part):
@@ -295,7 +298,8 @@ class DiagnosisDocument(Part):
                 its place.
         """
         try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise DiagnosisError(f"cannot read {path} ({error.strerror}); give a diagnosis.json") from error
+            content = read_text(path, most_bytes=_MOST_BYTES, remedy="give a diagnosis.json")
+            parse_json(content, path, remedy="make it anew with `cusick-bench diagnose`")  # no key twice, none too deep
+        except BadFile as error:
+            raise DiagnosisError(str(error)) from error
         return cls.parse(content, str(path))

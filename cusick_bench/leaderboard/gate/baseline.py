@@ -6,7 +6,6 @@ JSON, `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}
 """
 
 import hashlib
-import json
 from collections.abc import Iterable
 from io import StringIO
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 
+from cusick_bench.files import read_csv, read_json, read_text
 from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -24,6 +24,7 @@ KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_prof
 """Metrics that a baseline keeps; `check` compares some of them."""
 
 _PROBLEM = ("status", "settings", "dataset_hash", "code_version")
+_MOST_BYTES = 64 << 20
 _DIGITS = 8  # significant, of a baseline's numbers
 
 
@@ -107,8 +108,12 @@ def _of_run(cells: Cells) -> pd.DataFrame:
 
 def _of_file(path: Path) -> pd.DataFrame:
     try:
-        text = path.read_text(encoding="utf-8")
-        table = _of_json(text) if path.suffix == ".json" else pd.read_csv(StringIO(text), comment="#")
+        if path.suffix == ".json":
+            table = _of_json(read_json(path, remedy=""))
+        else:
+            read_csv(path, remedy="", comment="#")  # no column twice, no line too long
+            text = read_text(path, remedy="", most_bytes=_MOST_BYTES)
+            table = pd.read_csv(StringIO(text), comment="#")
     except (ValueError, pd.errors.ParserError) as error:
         raise LeaderboardError(f"{path} is no table of cells ({error}); make it anew with `check --write`") from error
     missing = [name for name in IDENTITY if name not in table]
@@ -124,8 +129,7 @@ def _of_file(path: Path) -> pd.DataFrame:
     return table.assign(status=status).astype(names).sort_values(list(IDENTITY), ignore_index=True)
 
 
-def _of_json(text: str) -> pd.DataFrame:
-    document: Any = json.loads(text)
+def _of_json(document: Any) -> pd.DataFrame:
     cells = document.get("cells") if isinstance(document, dict) else document
     if not isinstance(cells, list) or not all(isinstance(cell, dict) for cell in cells):
         raise ValueError('it must hold {"cells": [{"solver": ..., "cloth": ..., "seed": ..., metrics}]}')

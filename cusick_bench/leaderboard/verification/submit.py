@@ -19,6 +19,7 @@ from typing import Any
 
 import pandas as pd
 
+from cusick_bench.files import BadFile, read_csv
 from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, variants
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -142,9 +143,10 @@ def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
 
 def _read_table(path: Path) -> pd.DataFrame:
     try:
-        return pd.read_csv(path, dtype=str, keep_default_na=False)
-    except (ValueError, pd.errors.ParserError) as error:
-        raise LeaderboardError(f"{path} is no table ({error}); restore it, or choose another --out") from error
+        found = read_csv(path, remedy="restore it, or choose another --out")
+    except BadFile as error:
+        raise LeaderboardError(f"{error.where} is no table ({error.what}); {error.remedy}") from error
+    return pd.DataFrame([cells for _, cells in found.rows], columns=list(found.header), dtype=str)
 
 
 def _lines_in(path: Path, rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -4,19 +4,19 @@ Every document of a suite is a frozen pydantic model; this module reads the JSON
 wrong into a sentence: what the rule is, what was found, and where.
 """
 
-import json
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.json_file import shown
 from cusick_bench.withheld.errors import WithheldError
 
 T = TypeVar("T")
 
 _MAXIMUM_BYTES = 1 << 28
-_LONGEST_SHOWN = 60  # characters of a value in a message
 _RULES = {
     "missing": "must be there",
     "bool_type": "must be true or false",
@@ -44,27 +44,12 @@ def read_object(path: Path) -> dict[str, Any]:
     Raises:
         WithheldError: There is no such file, it is too large, not JSON, no object, or holds a key twice.
     """
-    if not path.is_file():
+    if not path.exists():
         raise WithheldError(f"no file at {path}; give answers.json and labels.json as they were written")
-    if path.stat().st_size > _MAXIMUM_BYTES:
-        raise WithheldError(
-            f"{path} must be below {_MAXIMUM_BYTES >> 20} MiB, got {path.stat().st_size >> 20}; split it"
-        )
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique_keys)
-    except (ValueError, RecursionError) as error:
-        raise WithheldError(f"{path} must be JSON, got a file that cannot be read ({error}); write it anew") from error
-    if not isinstance(document, dict):
-        raise WithheldError(f"{path} must be an object, got {_shown(document)}; see the format of answers and labels")
-    return document
-
-
-def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!r} stands twice")
-    return content
+        return read_json_object(path, remedy="write it anew", most_bytes=_MAXIMUM_BYTES)
+    except BadFile as error:
+        raise WithheldError(str(error)) from error
 
 
 def entries(document: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
@@ -116,7 +101,7 @@ def _sentence(error: ValidationError) -> str:
     rule = rule or _RULES.get(first["type"], first["msg"])
     if first["type"] == "missing":
         return f"{key} {rule}; write the file anew"
-    return f"{key or 'it'} {rule}, got {_shown(first['input'])}; {context.get('remedy', 'correct it')}"
+    return f"{key or 'it'} {rule}, got {shown(first['input'])}; {context.get('remedy', 'correct it')}"
 
 
 def _key(places: Iterable[str | int]) -> str:
@@ -128,8 +113,3 @@ def _key(places: Iterable[str | int]) -> str:
         elif not place.startswith("<"):
             key += f".{place}" if key else place
     return key
-
-
-def _shown(value: Any) -> str:
-    text = json.dumps(value, default=str)
-    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 3] + "..."

@@ -1,0 +1,23 @@
+"""Reading of files that others wrote, within limits: nothing is unpickled, and sizes are looked at before content.
+
+json_file: one JSON object; npz_file: arrays; csv_file: tables. All raise `BadFile`: the file, what is wrong with it,
+and the remedy.
+"""
+
+from cusick_bench.files.csv_file import CsvTable, read_csv
+from cusick_bench.files.errors import BadFile
+from cusick_bench.files.json_file import parse_json, read_json, read_json_object
+from cusick_bench.files.npz_file import read_npz
+from cusick_bench.files.regular_file import read_bytes, read_text
+
+__all__ = [
+    "BadFile",
+    "CsvTable",
+    "parse_json",
+    "read_bytes",
+    "read_csv",
+    "read_json",
+    "read_json_object",
+    "read_npz",
+    "read_text",
+]

@@ -1,0 +1,75 @@
+"""CSV tables that others wrote: every line has the columns of the first, and no column stands twice."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from cusick_bench.files.errors import BadFile
+from cusick_bench.files.regular_file import read_text
+
+_MOST_BYTES = 64 << 20
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """A table as it is in its file, cells as text.
+
+    Attributes:
+        header: Names of the columns.
+        rows: Number of the line, and its cells by column; cells that a short line lacks are empty.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[int, dict[str, str]], ...]
+
+
+def read_csv(
+    path: Path,
+    *,
+    remedy: str,
+    required: tuple[str, ...] = (),
+    comment: str | None = None,
+    most_bytes: int = _MOST_BYTES,
+) -> CsvTable:
+    """Reads a table; blank lines are left out, blanks around cells too.
+
+    Args:
+        path: The file.
+        remedy: What the user can do where it cannot be read.
+        required: Columns that it must have.
+        comment: Mark of lines, at their beginning, that are left out.
+        most_bytes: Size that it may have at most [bytes].
+
+    Returns:
+        The table.
+
+    Raises:
+        BadFile: See `read_text`; or it is no CSV, lacks a column or has one twice, or a line has too many cells.
+    """
+    lines = read_text(path, most_bytes=most_bytes, remedy=remedy).splitlines()
+    if comment is not None:
+        lines = ["" if line.startswith(comment) else line for line in lines]
+    reader, rows = csv.reader(lines, strict=True), []
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                rows.append((reader.line_num, [cell.strip() for cell in cells]))
+    except csv.Error as error:
+        raise BadFile(f"{path}, line {reader.line_num}", f"cannot be read as CSV ({error})", remedy) from error
+    header = tuple(rows[0][1]) if rows else ()
+    if not set(required) <= set(header):
+        what = f"needs the columns {' and '.join(required)}, got {_shown(header)}"
+        raise BadFile(path, what, "name them in the first line")
+    if twice := sorted({name for name in header if name and header.count(name) > 1}):
+        raise BadFile(path, f"has the column {twice[0][:60]!r} twice", "keep one of them")
+    for number, cells in rows[1:]:
+        if len(cells) > len(header):
+            what = f"has {len(cells)} fields for {len(header)} columns"
+            raise BadFile(f"{path}, line {number}", what, "correct it")
+    padded = ((number, cells + [""] * (len(header) - len(cells))) for number, cells in rows[1:])
+    return CsvTable(header, tuple((number, dict(zip(header, cells, strict=True))) for number, cells in padded))
+
+
+def _shown(header: tuple[str, ...]) -> str:
+    text = ", ".join(header) or "none"
+    return text if len(text) <= 80 else text[:77] + "..."
