@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.sim.errors import CusickError
 
-Images = Float[np.ndarray, "images 256 256"]
+Images = Float[np.ndarray, "images size size"]
 
 # Tells what a solver does and how much of it is done, in [0, 1], where that is not just the budget spent.
 Progress = Callable[[str, float], None]
@@ -52,7 +52,7 @@ class Prediction:
         posterior: What a distribution over parameters is made of, with which `Solver.redraw` makes each draw again.
     """
 
-    train_image: Float[np.ndarray, "256 256"]
+    train_image: Float[np.ndarray, "size size"]
     draws: Images
     tau: Float[np.ndarray, " dimension"] | None = None
     vertices: Float[np.ndarray, "vertices 3"] | None = None
@@ -64,10 +64,14 @@ class Prediction:
     posterior: dict[str, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
-        if np.shape(self.train_image) != (256, 256):
-            raise SolverError(f"train_image must be 256 x 256 pixels, got {np.shape(self.train_image)}")
-        if np.ndim(self.draws) != 3 or np.shape(self.draws)[1:] != (256, 256) or len(self.draws) == 0:
-            raise SolverError(f"draws must be at least one image of 256 x 256, got {np.shape(self.draws)}")
+        size = np.shape(self.train_image)
+        if len(size) != 2 or size[0] != size[1]:
+            raise SolverError(f"train_image must be a square image, got {size}")
+        if np.ndim(self.draws) != 3 or np.shape(self.draws)[1:] != size or len(self.draws) == 0:
+            raise SolverError(
+                f"draws must be at least one image of {size[0]} x {size[1]} pixels, as train_image, "
+                f"got {np.shape(self.draws)}"
+            )
         for name in ("train_image", "draws"):
             image = getattr(self, name)
             if not (np.isfinite(image).all() and image.min() >= -1e-9 and image.max() <= 1 + 1e-9):
@@ -128,7 +132,14 @@ class Solver(ABC):
                 f"{self.name} works in the space {self.space!r}, and the problem is posed in {problem.space.name!r}; "
                 f"pose it with space={self.space!r}"
             )
-        return self._solve(problem, generator, progress)
+        answer = self._solve(problem, generator, progress)
+        if np.shape(answer.train_image) != np.shape(problem.train_image):
+            size = problem.protocol.image_size_px
+            raise SolverError(
+                f"{self.name} must answer with images of {size} x {size} pixels, as the problem's protocol says, "
+                f"got {np.shape(answer.train_image)}"
+            )
+        return answer
 
     def redraw(
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int

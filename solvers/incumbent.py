@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.datasets.profile import drape_coefficient
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 from cusick_bench.problem import DrapeProblem, Observation
 
 # What an optimiser is told instead of infinity where a drape fails: worse than any loss of a silhouette (MSE
@@ -105,4 +105,4 @@ class Incumbent:
         Raises:
             DrapeDiverged: The drape fails.
         """
-        return drape_coefficient(self.observe(tau).image)
+        return drape_coefficient_of(self.observe(tau).image, self.problem.protocol)

@@ -10,7 +10,7 @@ References:
 
 import math
 
-from cusick_bench.datasets.profile import drape_coefficient
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.incumbent import Incumbent
 
@@ -29,7 +29,7 @@ def match_bending_level(incumbent: Incumbent, drapes: int) -> float:
     Returns:
         Log factor of the best match.
     """
-    target = drape_coefficient(incumbent.problem.train_image)
+    target = drape_coefficient_of(incumbent.problem.train_image, incumbent.problem.protocol)
     below: tuple[float, float] | None = None  # (log factor, drape coefficient - target)
     above: tuple[float, float] | None = None
     best, level = (math.inf, 0.0), 0.0

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.metrics.calibration import coverage, fold_test, ranks
 from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
 from cusick_bench.metrics.shape import Shape
@@ -60,9 +61,9 @@ def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paire
     radii = np.stack([drape.profile.radii for drape in draws])
     targets = np.stack([drape.profile.radii for drape in tests])
     scores = {
-        "test_energy_distance": _distance(drawn, seen, STATISTICS),
-        "test_energy_distance_phase_free": _distance(drawn, seen, PHASE_FREE),
-        "test_energy_distance_locked": _distance(drawn, seen, LOCKED),
+        "test_energy_distance": _distance(drawn, seen, STATISTICS, tests[0].protocol),
+        "test_energy_distance_phase_free": _distance(drawn, seen, PHASE_FREE, tests[0].protocol),
+        "test_energy_distance_locked": _distance(drawn, seen, LOCKED, tests[0].protocol),
         "test_fold_p": fold_test(drawn[:, folds], seen[:, folds], np.random.default_rng(_SEED)),
     }
     pairs = [(slice(i, i + 1), slice(i, i + 1)) for i in range(len(tests))] if paired else [(slice(None), slice(None))]
@@ -73,8 +74,8 @@ def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paire
     return {name: scores[name] for name in DISTRIBUTION_METRICS}
 
 
-def _distance(drawn: ndarray, seen: ndarray, names: Sequence[str]) -> float:
-    return energy_distance_of_draws(standardised(drawn, names), standardised(seen, names))
+def _distance(drawn: ndarray, seen: ndarray, names: Sequence[str], protocol: Protocol) -> float:
+    return energy_distance_of_draws(standardised(drawn, names, protocol), standardised(seen, names, protocol))
 
 
 def _sample_scores(radii: ndarray, targets: ndarray, drawn: ndarray, seen: ndarray) -> dict[str, float]:

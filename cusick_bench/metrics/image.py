@@ -1,5 +1,10 @@
 """Pixel metrics of silhouettes: mean squared error and intersection over union, for all pairs of two stacks.
 
+A mean over pixels depends on how much background an image shows. The mean squared error here is the squared difference,
+integrated over the plane of the plate, divided by the area that an image of the public release shows of a cloth of this
+size: (256 px / 723 px/m)^2 = (354 mm)^2, times (cloth radius / 0.15 m)^2. That is the plain mean over pixels for the
+release, and for the same drapes the same number at any resolution and field of view.
+
 Images hold the cloth's coverage: 1 = cloth, 0 = background; bytes are read as 0..255. The squared error of
 all pairs is one matrix product, |a - b|^2 = |a|^2 - 2 a.b + |b|^2: a thousand draws against eleven samples
 take a second.
@@ -12,25 +17,28 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.metrics.errors import MetricError
 
 _CHUNK = 128  # images held in float64 at a time: 64 MiB
 
 
-def mse(image: ArrayLike, target: ArrayLike) -> float:
-    """Mean squared error per pixel of two silhouettes in [0, 1].
+def mse(image: ArrayLike, target: ArrayLike, protocol: Protocol = RELEASE) -> float:
+    """Mean squared error of two silhouettes in [0, 1], over the area that an image of the release shows.
 
     Args:
         image: A silhouette.
         target: A silhouette of the same size.
+        protocol: How they were taken.
 
     Returns:
-        The mean, 0 to 1.
+        The mean over pixels times `Protocol.mse_scale`, which is 1 for the release; at most about 0.56, for cloth that
+        covers the flat cloth's disc in one image and nothing in the other.
 
     Raises:
         MetricError: The images differ in size or hold values that are not finite.
     """
-    return float(mse_pairs(np.asarray(image)[None], np.asarray(target)[None])[0, 0])
+    return float(mse_pairs(np.asarray(image)[None], np.asarray(target)[None], protocol)[0, 0])
 
 
 def iou(image: ArrayLike, target: ArrayLike) -> float:
@@ -49,12 +57,13 @@ def iou(image: ArrayLike, target: ArrayLike) -> float:
     return float(iou_pairs(np.asarray(image)[None], np.asarray(target)[None])[0, 0])
 
 
-def mse_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images targets"]:
-    """Mean squared error of every image against every target.
+def mse_pairs(images: ArrayLike, targets: ArrayLike, protocol: Protocol = RELEASE) -> Float[ndarray, "images targets"]:
+    """Mean squared error of every image against every target; see `mse`.
 
     Args:
         images: Silhouettes (N, H, W), floats in [0, 1] or bytes.
         targets: Silhouettes (M, H, W).
+        protocol: How they were taken.
 
     Returns:
         One row an image, one column a target.
@@ -65,7 +74,7 @@ def mse_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
 
     def compare(first: ndarray, second: ndarray) -> ndarray:
         squares = (first**2).sum(1)[:, None] + (second**2).sum(1)[None] - 2 * first @ second.T
-        return np.maximum(squares, 0) / first.shape[1]
+        return np.maximum(squares, 0) / first.shape[1] * protocol.mse_scale
 
     return _pairs(images, targets, compare)
 

@@ -15,20 +15,23 @@ import trimesh
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.metrics.errors import MetricError
-from cusick_bench.sim.constants import PLATE_RADIUS
-
-SLANT = 0.06  # [m], cloth radius minus plate radius; the release's meshes have 0.059 to 0.064
 
 
 def ruled_surface(
-    radii: Float[ndarray, " angles"], *, slant: float = SLANT, plate_radius: float = PLATE_RADIUS, strips: int = 1
+    radii: Float[ndarray, " angles"],
+    *,
+    slant: float = RELEASE.overhang_m,
+    plate_radius: float = RELEASE.plate_radius_m,
+    strips: int = 1,
 ) -> trimesh.Trimesh:
     """Builds the ruled surface over a radius profile.
 
     Args:
         radii: Rim radii at equidistant angles over the full turn, counter-clockwise from +x [m].
-        slant: Length of the generators from plate edge to rim [m].
+        slant: Length of the generators from plate edge to rim [m]: the cloth's radius less the plate's; the release's
+            meshes have 0.059 to 0.064.
         plate_radius: Plate radius [m].
         strips: Strips of triangles from plate edge to rim; more make no other surface, but smoother pictures.
 

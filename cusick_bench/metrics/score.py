@@ -22,6 +22,7 @@ from numpy import ndarray
 from scipy.special import gammaln
 
 from cusick_bench.datasets import DrapeSample
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.hausdorff import hausdorff
@@ -67,6 +68,7 @@ def score(
     test_samples: Sequence[DrapeSample],
     *,
     repeat_pairs: Sequence[tuple[Image, Image]] = (),
+    protocol: Protocol = RELEASE,
 ) -> dict[str, float]:
     """Scores a prediction.
 
@@ -75,6 +77,7 @@ def score(
         train_sample: The sample that the solver has seen.
         test_samples: Other samples of the same cloth.
         repeat_pairs: Pairs of silhouettes of one and the same drape: the floor below which no score means anything.
+        protocol: How all these silhouettes were taken: the data's.
 
     Returns:
         Metrics by name; lengths in metres; NaN where there is nothing to compare with. `train_*` compare the fit
@@ -87,10 +90,10 @@ def score(
             fewer draws than there are samples.
     """
     prediction = replace(prediction, draws=from_levels(to_levels(prediction.draws)))
-    repeats = [mse(Shape(first).pixels, Shape(second).pixels) for first, second in repeat_pairs]
+    repeats = [mse(Shape(first).pixels, Shape(second).pixels, protocol) for first, second in repeat_pairs]
     return {
-        **_train_scores(prediction, train_sample),
-        **_test_scores(prediction, test_samples),
+        **_train_scores(prediction, train_sample, protocol),
+        **_test_scores(prediction, test_samples, protocol),
         "floor_mse": float(np.mean(repeats)) if repeats else nan,
     }
 
@@ -149,11 +152,11 @@ def _log_binomial(n: ndarray, k: int) -> ndarray | float:
     return gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
 
 
-def _train_scores(prediction: Prediction, sample: DrapeSample) -> dict[str, float]:
-    target = _sample_shape(sample)
-    fit = Shape(prediction.train_image, _mesh(prediction.vertices, prediction.faces))
+def _train_scores(prediction: Prediction, sample: DrapeSample, protocol: Protocol) -> dict[str, float]:
+    target = _sample_shape(sample, protocol)
+    fit = Shape(prediction.train_image, _mesh(prediction.vertices, prediction.faces), protocol)
     return {
-        "train_mse": mse(fit.pixels, target.pixels),
+        "train_mse": mse(fit.pixels, target.pixels, protocol),
         "train_iou": iou(fit.pixels, target.pixels),
         "train_hausdorff_m": _hausdorff(fit, target),
         "train_profile_rms_m": _radial(profile_rms)(fit, target),
@@ -164,15 +167,15 @@ def _train_scores(prediction: Prediction, sample: DrapeSample) -> dict[str, floa
     }
 
 
-def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample]) -> dict[str, float]:
+def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample], protocol: Protocol) -> dict[str, float]:
     if not samples:
         return dict.fromkeys(TEST_METRICS, nan) | {"draws": float(len(prediction.draws))}
-    draws, tests = _draw_shapes(prediction), [_sample_shape(sample) for sample in samples]
+    draws, tests = _draw_shapes(prediction, protocol), [_sample_shape(sample, protocol) for sample in samples]
     paired = prediction.paired
     if paired and len(draws) != len(tests):
         raise MetricError(f"a paired prediction needs a draw for each of {len(tests)} samples, got {len(draws)}")
     images, targets = np.asarray(prediction.draws), np.stack([test.pixels for test in tests])
-    squared = _paired(mse_pairs(images, targets), paired)
+    squared = _paired(mse_pairs(images, targets, protocol), paired)
     few = draws if paired else _thinned(draws)
 
     def mean(distance: Distance) -> float:
@@ -196,17 +199,20 @@ def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample]) -> dict
     return {name: float(value) for name, value in scores.items()}
 
 
-def _sample_shape(sample: DrapeSample) -> Shape:
-    return Shape(sample.image, None if sample.mesh is None else Surface.of(sample.mesh))
+def _sample_shape(sample: DrapeSample, protocol: Protocol) -> Shape:
+    return Shape(sample.image, None if sample.mesh is None else Surface.of(sample.mesh), protocol)
 
 
 def _mesh(vertices: ndarray | None, faces: ndarray | None) -> Surface | None:
     return None if vertices is None or faces is None else Surface(vertices, faces)
 
 
-def _draw_shapes(prediction: Prediction) -> list[Shape]:
+def _draw_shapes(prediction: Prediction, protocol: Protocol) -> list[Shape]:
     meshes = [None] * len(prediction.draws) if prediction.draw_vertices is None else prediction.draw_vertices
-    return [Shape(image, _mesh(mesh, prediction.faces)) for image, mesh in zip(prediction.draws, meshes, strict=True)]
+    return [
+        Shape(image, _mesh(mesh, prediction.faces), protocol)
+        for image, mesh in zip(prediction.draws, meshes, strict=True)
+    ]
 
 
 def _thinned(draws: list[Shape]) -> list[Shape]:

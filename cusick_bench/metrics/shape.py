@@ -8,7 +8,9 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count, profile_from_image
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
+from cusick_bench.datasets.profile import Profile
 from cusick_bench.metrics.ruled import ruled_surface
 from cusick_bench.metrics.surface import Surface
 
@@ -24,10 +26,12 @@ class Shape:
     Attributes:
         image: Silhouette, cloth = 1.
         mesh: Its surface, None where only the silhouette is known.
+        protocol: How the silhouette was taken.
     """
 
     image: Image
     mesh: Surface | None = None
+    protocol: Protocol = RELEASE
 
     @cached_property
     def pixels(self) -> Float[ndarray, "height width"]:
@@ -38,19 +42,22 @@ class Shape:
     @cached_property
     def profile(self) -> Profile:
         """Radius-angle profile of the silhouette."""
-        return profile_from_image(self.pixels)
+        return profile_of(self.pixels, self.protocol)
 
     @cached_property
     def surface(self) -> Surface:
         """The mesh, or where there is none the ruled surface that has this silhouette."""
-        return self.mesh or Surface.of(ruled_surface(self.profile.radii[::_GENERATOR_STEP]))
+        if self.mesh is not None:
+            return self.mesh
+        radii, protocol = self.profile.radii[::_GENERATOR_STEP], self.protocol
+        return Surface.of(ruled_surface(radii, slant=protocol.overhang_m, plate_radius=protocol.plate_radius_m))
 
     @cached_property
     def drape_coefficient(self) -> float:
         """Drape coefficient of the silhouette."""
-        return drape_coefficient(self.pixels)
+        return drape_coefficient_of(self.pixels, self.protocol)
 
     @cached_property
     def folds(self) -> int:
         """Number of folds of the silhouette."""
-        return fold_count(self.profile)
+        return fold_count_of(self.profile, self.protocol)

@@ -7,7 +7,7 @@ cloth (m = 1). Each is defined in `cusick_bench.datasets.silhouette_statistics`.
 Distances between vectors of such statistics need a unit for each. `SCALES` are constants, since a scale taken from
 the samples under test would make a score improper: the standard deviation between samples of one cloth, face up,
 pooled over the fabrics 1, 2, 3, 4, 5 and 9 of the public release (root of the mean variance over the samples'
-first captures), rounded to two digits.
+first captures), rounded to two digits. Lengths among them are in proportion to the cloth's radius.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.profile import PROFILE_ANGLES
 from cusick_bench.datasets.silhouette_statistics.selections import SCORED
 from cusick_bench.metrics.errors import MetricError
@@ -55,7 +56,9 @@ SCALES = {
     "harmonic_4_real": 0.0017,
     "harmonic_4_imaginary": 0.0019,
 }
-"""Spread of each statistic between samples of one cloth."""
+"""Spread of each statistic between samples of one cloth, of 0.15 m radius."""
+
+_NO_LENGTHS = ("drape_coefficient", "skewness", "folds")
 
 
 def drape_statistics(drapes: Sequence[Shape]) -> Float[ndarray, "drapes statistics"]:
@@ -71,32 +74,36 @@ def drape_statistics(drapes: Sequence[Shape]) -> Float[ndarray, "drapes statisti
         MetricError: A profile with radii that are not finite.
     """
     radii = np.stack([drape.profile.radii for drape in drapes]) if drapes else np.zeros((0, PROFILE_ANGLES))
-    return profile_statistics(radii, np.array([drape.drape_coefficient for drape in drapes]))
+    protocol = drapes[0].protocol if drapes else RELEASE
+    return profile_statistics(radii, np.array([drape.drape_coefficient for drape in drapes]), protocol)
 
 
 def image_statistics(
     images: Float[ndarray, "images height width"] | UInt8[ndarray, "images height width"],
+    protocol: Protocol = RELEASE,
 ) -> Float[ndarray, "images statistics"]:
     """Statistics of silhouettes.
 
     Args:
         images: Silhouettes; cloth = 1, or 255 in bytes.
+        protocol: How they were taken.
 
     Returns:
         One row an image, in the order of `STATISTICS`.
     """
     full = 255 if images.dtype == np.uint8 else 1
-    return drape_statistics([Shape(image / full) for image in images])
+    return drape_statistics([Shape(image / full, protocol=protocol) for image in images])
 
 
 def profile_statistics(
-    radii: Float[ndarray, "drapes angles"], coefficients: Float[ndarray, " drapes"]
+    radii: Float[ndarray, "drapes angles"], coefficients: Float[ndarray, " drapes"], protocol: Protocol = RELEASE
 ) -> Float[ndarray, "drapes statistics"]:
     """Statistics of radius profiles.
 
     Args:
         radii: Radii at equidistant angles over the full turn, counter-clockwise from +x [m].
         coefficients: Drape coefficients of the same drapes.
+        protocol: Gives the radii of cloth and plate.
 
     Returns:
         One row a profile, in the order of `STATISTICS`.
@@ -110,19 +117,22 @@ def profile_statistics(
         )
     if not (np.isfinite(radii).all() and np.isfinite(coefficients).all()):
         raise MetricError("a profile holds radii that are not finite; its silhouette is empty or damaged")
-    return SCORED.measure(radii, drape_coefficients=coefficients)
+    cloth, plate = protocol.cloth_radius_m, protocol.plate_radius_m
+    return SCORED.measure(radii, drape_coefficients=coefficients, cloth_radius=cloth, plate_radius=plate)
 
 
 def standardised(
-    statistics: Float[ndarray, "drapes statistics"], names: Sequence[str] = STATISTICS
+    statistics: Float[ndarray, "drapes statistics"], names: Sequence[str] = STATISTICS, protocol: Protocol = RELEASE
 ) -> Float[ndarray, "drapes chosen"]:
     """Chosen columns of statistics, in units of `SCALES`.
 
     Args:
         statistics: Result of `drape_statistics`.
         names: Names among `STATISTICS`.
+        protocol: Gives the cloth's radius, with which scales that are lengths grow.
 
     Returns:
         One column a name.
     """
-    return statistics[:, SCORED.columns(*names)] / np.array([SCALES[name] for name in names])
+    scales = [SCALES[name] * (1.0 if name in _NO_LENGTHS else protocol.cloth_scale) for name in names]
+    return statistics[:, SCORED.columns(*names)] / np.array(scales)

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.image import mse_pairs
 from cusick_bench.metrics.shape import Shape
@@ -37,7 +38,7 @@ class Variability:
 
     Attributes:
         drapes: Number of drapes that were compared.
-        pair_mse: Mean squared error per pixel of two of them.
+        pair_mse: Mean squared error of two of them; see `mse`.
         dc_sd: Standard deviation of the drape coefficient.
         folds_sd: Standard deviation of the number of folds.
     """
@@ -48,11 +49,12 @@ class Variability:
     folds_sd: Spread
 
 
-def variability(images: Images) -> Variability:
+def variability(images: Images, protocol: Protocol = RELEASE) -> Variability:
     """Measures how drapes of one cloth differ from each other.
 
     Args:
         images: Silhouettes, cloth = 1 (or 255 in bytes): samples of a cloth, or draws.
+        protocol: How they were taken.
 
     Returns:
         Mean differences and spreads with their standard errors.
@@ -62,9 +64,9 @@ def variability(images: Images) -> Variability:
     """
     if len(images) < 3:
         raise MetricError(f"variability takes 3 drapes or more, got {len(images)}; make the solver offer more draws")
-    pairs = mse_pairs(images, images)
+    pairs = mse_pairs(images, images, protocol)
     full = 255 if images.dtype == np.uint8 else 1
-    shapes = [Shape(image / full) for image in images]
+    shapes = [Shape(image / full, protocol=protocol) for image in images]
     coefficients = np.array([shape.drape_coefficient for shape in shapes])
     folds = np.array([float(shape.folds) for shape in shapes])
 
@@ -79,18 +81,19 @@ def variability(images: Images) -> Variability:
     )
 
 
-def variability_rows(sets: Mapping[str, Images]) -> list[dict[str, str | float]]:
+def variability_rows(sets: Mapping[str, Images], protocol: Protocol = RELEASE) -> list[dict[str, str | float]]:
     """Tabulates how drapes differ within each of several sets.
 
     Args:
         sets: Name, such as "samples" or a solver's, to silhouettes of one cloth.
+        protocol: How they were taken.
 
     Returns:
         A row a set: its name, the number of its drapes, every measure and its `_error`.
     """
     rows: list[dict[str, str | float]] = []
     for name, images in sets.items():
-        found = variability(images)
+        found = variability(images, protocol)
         row: dict[str, str | float] = {"drapes_of": name, "drapes": found.drapes}
         for measure in ("pair_mse", "dc_sd", "folds_sd"):
             spread: Spread = getattr(found, measure)

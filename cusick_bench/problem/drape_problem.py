@@ -4,6 +4,8 @@ Find tau such that the drape of the cloth that tau stands for has the training s
 
     loss(tau) = d(render(camera(drape(specimen(tau)))), train_image)
 
+Sizes, scale and camera are those of the data's `protocol`.
+
 In equilibrium mode a drape starts from the best one so far and so follows its branch at the price of a few
 Newton steps; `follow=False` starts each one anew.
 """
@@ -19,6 +21,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.problem.budget import COST, GRADIENTS, Evaluation, Meter
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.journal import Checkpoint, Entry, Journal
@@ -29,7 +33,7 @@ from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
-from cusick_bench.sim.render.camera import Camera, ParallelCamera
+from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.silhouette import Method, render
 
 Vector = Float[np.ndarray, " dimension"]
@@ -41,10 +45,10 @@ _KEPT = ("drape", "draw", "slope")  # kinds whose vertices are asked for
 
 @dataclass(frozen=True)
 class Observation:
-    """A drape as it is seen: `vertices` (V, 3) [m], `image` (256, 256), `loss` against the training image."""
+    """A drape as it is seen: `vertices` (V, 3) [m], its `image`, and the image's `loss` against the training image."""
 
     vertices: Float[np.ndarray, "vertices 3"]
-    image: Float[np.ndarray, "256 256"]
+    image: Float[np.ndarray, "size size"]
     loss: float
 
 
@@ -76,7 +80,8 @@ class DrapeProblem:
         simulator: Simulator with its mesh and settings.
         space: What the parameter vector means.
         thickness: Thickness of the cloth [m], NaN where unknown.
-        camera: How the drape is seen.
+        protocol: Nominal values of the experiment; the simulator and the space have been made for its sizes.
+        camera: How the drape is seen, None for the protocol's camera.
         renderer: "coverage" or "soft".
         loss: Name in `LOSSES`.
         initial: How the cloth is laid down, None for the simulator's own way [m].
@@ -88,11 +93,12 @@ class DrapeProblem:
         scene: What the base model leaves out, if anything; the simulator is that of its mesh and settings.
     """
 
-    train_image: Float[np.ndarray, "256 256"]
+    train_image: Float[np.ndarray, "size size"]
     simulator: DrapeSimulator
     space: ParameterSpace
     thickness: float = math.nan
-    camera: Camera = field(default_factory=ParallelCamera)
+    protocol: Protocol = RELEASE
+    camera: Camera | None = None
     renderer: Method = "coverage"
     loss: str = "mse"
     initial: Float[Tensor, "vertices 3"] | None = None
@@ -107,8 +113,12 @@ class DrapeProblem:
     def __post_init__(self) -> None:
         if self.loss not in LOSSES:
             raise ProblemError(f"unknown loss {self.loss!r}; use one of {', '.join(LOSSES)}")
-        if np.shape(self.train_image) != (256, 256):
-            raise ProblemError(f"a training image has 256 x 256 pixels, got {np.shape(self.train_image)}")
+        size = self.protocol.image_size_px
+        if np.shape(self.train_image) != (size, size):
+            raise ProblemError(
+                f"a training image has {size} x {size} pixels as its protocol says, got {np.shape(self.train_image)}; "
+                "give the protocol that its data have (dataset.protocol)"
+            )
 
     @property
     def areal_density(self) -> float:
@@ -245,7 +255,7 @@ class DrapeProblem:
         """
         return [None if entry.evaluation.failure else self._seen(entry) for entry in self._metered("draw", taus)]
 
-    def image(self, tau: Vector) -> Float[np.ndarray, "256 256"]:
+    def image(self, tau: Vector) -> Float[np.ndarray, "size size"]:
         """Silhouette of the drape at tau; costs and raises as `observe`.
 
         Args:
@@ -288,7 +298,7 @@ class DrapeProblem:
             warm,
         )
 
-    def render(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "256 256"]:
+    def render(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "size size"]:
         """Silhouette of given vertices, as the problem's camera and renderer see them.
 
         Args:
@@ -299,7 +309,8 @@ class DrapeProblem:
         """
         if self.scene is not None:
             vertices = self.scene.seen(vertices)
-        return render(vertices, self.simulator.mesh.faces, self.camera, method=self.renderer)
+        camera, size = self.camera or camera_of(self.protocol), self.protocol.image_size_px
+        return render(vertices, self.simulator.mesh.faces, camera, method=self.renderer, size=size)
 
     def save(self, **arrays: np.ndarray) -> None:
         """Saves a solver's own state, from which `restore` goes on after a kill."""
@@ -422,7 +433,8 @@ class DrapeProblem:
             batch = self.simulate(parameters)
             alive = [member for member, failure in enumerate(batch.failures) if failure is None]
             images = {member: self.render(batch.vertices[member]) for member in alive}
-            losses = {member: LOSSES[self.loss](image, target.to(image)) for member, image in images.items()}
+            measure_loss = LOSSES[self.loss]
+            losses = {m: measure_loss(image, target.to(image), self.protocol) for m, image in images.items()}
         slopes = np.zeros_like(taus)
         if gradient and alive:
             total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)

@@ -27,7 +27,7 @@ from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
 from cusick_bench.problem.space import ParameterSpace, Specimen
 from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.cloth.matern import disc_modes, matern_root
+from cusick_bench.sim.cloth.matern import EXTENSION, DiscModes, disc_modes, matern_root
 from cusick_bench.sim.cloth.shape import dihedral_angles, fade_in
 
 MODES = 300  # of each field: waves of 3.5 cm and longer
@@ -173,7 +173,7 @@ class FieldSpace(ParameterSpace):
         prior = FIELDS[name]
         amplitude = prior.amplitude * (prior.amplitude_sd * tau[self.amplitude(name)]).exp()
         length = prior.length * (prior.length_sd * tau[self.length(name)]).exp()
-        modes = disc_modes(MODES)
+        modes = self._modes
         uniform = torch.zeros(MODES, dtype=torch.float64)
         uniform[0] = prior.level * modes.radius * math.sqrt(math.pi)  # the first mode is constant, of unit norm
         return (matern_root(modes, amplitude, length).square() + uniform.square()).sqrt()
@@ -253,9 +253,13 @@ class FieldSpace(ParameterSpace):
         normal = design.T @ design / noise**2 + np.eye(MODES)
         return np.linalg.solve(normal, design.T @ (ramp * height) / noise**2)
 
+    @property
+    def _modes(self) -> DiscModes:
+        return disc_modes(MODES, EXTENSION * self.cloth_radius)
+
     @cached_property
     def _basis(self) -> dict[str, Float[Tensor, "points modes"]]:
-        modes, mesh = disc_modes(MODES), self.mesh
+        modes, mesh = self._modes, self.mesh
         points = {"stiffness": hinge_centres(mesh), "faces": face_centres(mesh), "laying": mesh.material}
         basis = {name: torch.from_numpy(modes(where)) for name, where in points.items()}
         return basis | {"rest": basis["laying"]}

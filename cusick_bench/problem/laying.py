@@ -15,8 +15,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.constants import PLATE_RADIUS
 
 # Of 0.1 to 1, 0.5 left the five named cloths' folds in place most often.
 SHARE = 0.5
@@ -24,7 +24,11 @@ MODES = 20  # harmonics of the profile that are kept: folds, not pixels
 
 
 def laid_like(
-    radii: Float[np.ndarray, " angles"], mesh: Mesh, *, plate_radius: float = PLATE_RADIUS, share: float = SHARE
+    radii: Float[np.ndarray, " angles"],
+    mesh: Mesh,
+    *,
+    plate_radius: float = RELEASE.plate_radius_m,
+    share: float = SHARE,
 ) -> Float[Tensor, "vertices 3"]:
     """Lays the cloth down with the folds of a silhouette.
 

@@ -1,8 +1,9 @@
 """Differentiable distances between a simulated and a real silhouette.
 
-`mse`, the default, is the paper's: the mean squared pixel difference. Where folds are out of phase it is
-nearly flat, and it then prefers no folds at all. `profile` compares the radius-angle graph R(theta) instead:
-a fold pulled to the wrong side still pays by its distance. Both are blind to what one silhouette cannot show.
+`mse`, the default, is the paper's: the mean squared pixel difference, whatever the size of pixels and image
+(`Protocol.mse_scale`). Where folds are out of phase it is nearly flat, and it then prefers no folds at all. `profile`
+compares the radius-angle graph R(theta) instead: a fold pulled to the wrong side still pays by its distance. Both are
+blind to what one silhouette cannot show.
 """
 
 import math
@@ -13,82 +14,98 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.datasets.silhouette_statistics.definitions import OVERHANG_WIDTH
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import without_perspective
 
-CENTRE_PX = 127.5
-PX_PER_M = 723.0
 RAYS = 360
 SAMPLES_PER_RAY = 256
-RADIUS_MAX = 0.17  # [m]
+RAY_LENGTH = 0.17  # [m], for the standard's cloth; others have rays in proportion
 
-Image = Float[Tensor, "*batch 256 256"]
+Image = Float[Tensor, "*batch size size"]
+Loss = Callable[[Tensor, Tensor, Protocol], Tensor]
 
 
-@lru_cache(maxsize=1)
-def _ray_grid() -> Float[Tensor, "rays samples 2"]:
+@lru_cache(maxsize=4)
+def _ray_grid(
+    size: int, px_per_m: float, centre_px: tuple[float, float], image_y: str, reach: float
+) -> Float[Tensor, "rays samples 2"]:
     """Sample points of the rays in grid_sample's coordinates: -1 and 1 are the outer edges of the image."""
     angle = torch.arange(RAYS, dtype=torch.float64) * (2 * math.pi / RAYS)
-    radius = (torch.arange(SAMPLES_PER_RAY, dtype=torch.float64) + 0.5) * (RADIUS_MAX / SAMPLES_PER_RAY)
-    x = radius * PX_PER_M * angle.cos()[:, None]
-    y = -radius * PX_PER_M * angle.sin()[:, None]
-    return torch.stack([x, y], -1) / (CENTRE_PX + 0.5)
+    radius = (torch.arange(SAMPLES_PER_RAY, dtype=torch.float64) + 0.5) * (reach / SAMPLES_PER_RAY)
+    towards_rows = -1.0 if image_y == "up" else 1.0
+    column = radius * px_per_m * angle.cos()[:, None] + (centre_px[0] - (size - 1) / 2)
+    row = towards_rows * radius * px_per_m * angle.sin()[:, None] + (centre_px[1] - (size - 1) / 2)
+    return torch.stack([column, row], -1) / (size / 2)
 
 
-def radius_profile(image: Image) -> Float[Tensor, "*batch rays"]:
+def radius_profile(image: Image, protocol: Protocol = RELEASE) -> Float[Tensor, "*batch rays"]:
     """Radius of the silhouette along rays from the centre: the length of cloth that each ray crosses.
 
     Args:
         image: Silhouettes, cloth = 1.
+        protocol: How they were taken.
 
     Returns:
-        Radii at equidistant angles, counter-clockwise from +x [m].
+        Radii at equidistant angles, counter-clockwise from +x [m]; of a pinhole camera's image with its perspective
+        taken out.
     """
     stack = image.reshape(-1, 1, *image.shape[-2:]).to(torch.float64)
-    grid = _ray_grid().to(stack.device).expand(len(stack), -1, -1, -1)
-    values = torch.nn.functional.grid_sample(stack, grid, align_corners=False)
-    return (values.sum(-1) * (RADIUS_MAX / SAMPLES_PER_RAY)).reshape(*image.shape[:-2], RAYS)
+    reach = RAY_LENGTH * protocol.cloth_scale
+    grid = _ray_grid(image.shape[-1], protocol.px_per_m, protocol.centre_px, protocol.image_y, reach)
+    values = torch.nn.functional.grid_sample(
+        stack, grid.to(stack.device).expand(len(stack), -1, -1, -1), align_corners=False
+    )
+    radii = (values.sum(-1) * (reach / SAMPLES_PER_RAY)).reshape(*image.shape[:-2], RAYS)
+    return radii if protocol.projection == "parallel" else without_perspective(radii, protocol)
 
 
-def mse(image: Image, target: Image) -> Float[Tensor, "*batch"]:
-    """Mean squared pixel difference.
+def mse(image: Image, target: Image, protocol: Protocol = RELEASE) -> Float[Tensor, "*batch"]:
+    """Squared difference, integrated over the plane, in units of the area that an image of the release shows.
 
-    Args:
-        image: Simulated silhouettes in [0, 1].
-        target: Real silhouettes in [0, 1].
-
-    Returns:
-        One loss an image.
-    """
-    return (image - target).square().mean((-2, -1))
-
-
-def profile(image: Image, target: Image) -> Float[Tensor, "*batch"]:
-    """Mean squared difference of the radius profiles, in units of the overhanging width (0.06 m).
+    It is the mean over pixels of the public release, and the same number for the same drapes at any resolution and
+    field of view, and for drapes of the same shape at any size (`Protocol.mse_scale`).
 
     Args:
         image: Simulated silhouettes in [0, 1].
         target: Real silhouettes in [0, 1].
+        protocol: How they were taken.
 
     Returns:
         One loss an image.
     """
-    return ((radius_profile(image) - radius_profile(target)) / OVERHANG_WIDTH).square().mean(-1)
+    return (image - target).square().mean((-2, -1)) * protocol.mse_scale
 
 
-def mse_profile(image: Image, target: Image) -> Float[Tensor, "*batch"]:
+def profile(image: Image, target: Image, protocol: Protocol = RELEASE) -> Float[Tensor, "*batch"]:
+    """Mean squared difference of the radius profiles, in units of the overhanging width (0.06 m of the standard's).
+
+    Args:
+        image: Simulated silhouettes in [0, 1].
+        target: Real silhouettes in [0, 1].
+        protocol: How they were taken.
+
+    Returns:
+        One loss an image.
+    """
+    difference = radius_profile(image, protocol) - radius_profile(target, protocol)
+    return (difference / protocol.overhang_m).square().mean(-1)
+
+
+def mse_profile(image: Image, target: Image, protocol: Protocol = RELEASE) -> Float[Tensor, "*batch"]:
     """Sum of `mse` and `profile`.
 
     Args:
         image: Simulated silhouettes in [0, 1].
         target: Real silhouettes in [0, 1].
+        protocol: How they were taken.
 
     Returns:
         One loss an image.
     """
-    return mse(image, target) + profile(image, target)
+    return mse(image, target, protocol) + profile(image, target, protocol)
 
 
-LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
+LOSSES: dict[str, Loss] = {
     "mse": mse,
     "profile": profile,
     "mse+profile": mse_profile,

@@ -33,6 +33,7 @@ from numpy import ndarray
 from scipy.optimize import minimize
 
 from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.field_space import FIELDS, TRAITS, FieldSpace
 from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
@@ -194,7 +195,8 @@ def _prior() -> StiffnessPrior:
 def _problem(vertices: int) -> DrapeProblem:
     simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings())
     space = FieldSpace(simulator.mesh, _prior())
-    return DrapeProblem(train_image=np.zeros((256, 256)), simulator=simulator, space=space)
+    nothing = np.zeros((RELEASE.image_size_px, RELEASE.image_size_px))
+    return DrapeProblem(train_image=nothing, simulator=simulator, space=space)
 
 
 def _tau(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], generator: np.random.Generator) -> ndarray:
@@ -214,7 +216,7 @@ def _drape(problem: DrapeProblem, taus: list[ndarray]) -> tuple[list[int], Float
     seen = [problem.draw_batch(tau[None])[0] for tau in taus]
     rest = [index for index, one in enumerate(seen) if one is not None]
     images = (torch.as_tensor(one.image) for one in seen if one is not None)
-    return rest, np.stack([drape_statistics(image).numpy() for image in images])
+    return rest, np.stack([drape_statistics(image, problem.protocol).numpy() for image in images])
 
 
 def _drape_box(problem: DrapeProblem, count: int) -> tuple[ndarray, ndarray]:
@@ -238,7 +240,7 @@ def _samples(dataset: DrapeDataset) -> list[Samples]:
     for _, rows in index.groupby(["cloth", index["side"].astype(str)], sort=True):
         first = rows.groupby("sample").head(1).index
         images = (torch.as_tensor(np.asarray(dataset.image(int(row)), dtype=np.float64)) for row in first)
-        statistics = np.stack([drape_statistics(image).numpy() for image in images])
+        statistics = np.stack([drape_statistics(image, dataset.protocol).numpy() for image in images])
         if len(statistics) > 1:
             found.append(Samples(str(np.asarray(rows["cloth"])[0]), statistics))
     return found

@@ -12,10 +12,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.constants import PLATE_RADIUS
 
 BOUND = 3.0  # box for solvers that need one, in units of prior standard deviations
 
@@ -43,11 +43,13 @@ class ParameterSpace(ABC):
         mesh: The cloth's mesh.
         prior: Median and scale of the stiffness tables.
         plate_radius: Radius of the plate that the cloth lies on [m].
+        cloth_radius: Nominal radius of the cloth [m].
     """
 
     mesh: Mesh
     prior: StiffnessPrior
-    plate_radius: float = PLATE_RADIUS
+    plate_radius: float = RELEASE.plate_radius_m
+    cloth_radius: float = RELEASE.cloth_radius_m
     name: ClassVar[str]
     differentiable: ClassVar[bool] = True
 

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample
-from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
 from cusick_bench.files import read_json_object, read_npz
 from cusick_bench.metrics import score, to_levels
@@ -33,7 +34,7 @@ from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import CusickError
-from cusick_bench.sim.render.camera import Camera, ParallelCamera, PinholeCamera
+from cusick_bench.sim.render.camera import Camera, PinholeCamera
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
@@ -64,11 +65,14 @@ def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scen
 
 
 def _camera(name: str, protocol: Protocol) -> Camera:
-    """Where the data have the plate's axis and which way is up; "parallel" has their scale, too."""
-    image_y: Any = protocol.image_y
+    """The camera of the data, or one of the other projection: the published scripts', at the data's scale."""
+    if name in ("protocol", protocol.projection):
+        return camera_of(protocol)
     if name == "parallel":
-        return ParallelCamera(protocol.px_per_m, protocol.centre_px, image_y)
-    return PinholeCamera(centre_px=protocol.centre_px, image_y=image_y)
+        return camera_of(replace(protocol, projection="parallel"))
+    image_y: Any = protocol.image_y
+    size = RELEASE.image_size_px * protocol.px_per_m / RELEASE.px_per_m  # whose field of view is the scripts'
+    return PinholeCamera(size_px=size, centre_px=protocol.centre_px, image_y=image_y)
 
 
 def build_problem(
@@ -100,8 +104,9 @@ def build_problem(
     return DrapeProblem(
         train_image=_image(dataset, cell.train[0]),
         simulator=simulator,
-        space=SPACES[settings.space](simulator.mesh, prior, plate_radius),
+        space=SPACES[settings.space](simulator.mesh, prior, plate_radius, protocol.cloth_radius_m),
         thickness=float(known["thickness"]),
+        protocol=protocol,
         camera=_camera(settings.camera, protocol),
         renderer=settings.renderer,  # pyright: ignore[reportArgumentType]
         loss=settings.loss,
@@ -109,16 +114,17 @@ def build_problem(
         meter=Meter(settings.budget),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
-        train_mesh=_train_mesh(sample, simulator.mesh) if make_solver(cell.solver).needs_mesh else None,
+        train_mesh=_train_mesh(sample, simulator.mesh, protocol) if make_solver(cell.solver).needs_mesh else None,
         scene=scene,
     )
 
 
-def _train_mesh(sample: DrapeSample, model: Mesh) -> TrainMesh | None:
+def _train_mesh(sample: DrapeSample, model: Mesh, protocol: Protocol) -> TrainMesh | None:
     """The training sample's mesh; its flat shape is known where it is a mesh of the synthetic set or the model's."""
     if sample.mesh is None:
         return None
-    synthetic = disc_mesh(synthetic_recipe.VERTICES, seed=synthetic_recipe.MESH_SEED)
+    radii = {"radius": protocol.cloth_radius_m, "plate_radius": protocol.plate_radius_m}
+    synthetic = disc_mesh(synthetic_recipe.VERTICES, seed=synthetic_recipe.MESH_SEED, **radii)
     return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic, model))
 
 
@@ -154,7 +160,8 @@ def run_cell(
             prediction = _solve(problem, dataset, cell, report)
             spent = _spent(meter)  # before scoring, which is not the solver's time
             report(1.0, meter.best_loss, "scoring")
-            metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=_repeat_pairs(dataset, cell))
+            pairs, protocol = _repeat_pairs(dataset, cell), dataset.protocol
+            metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=pairs, protocol=protocol)
             _write_prediction(folder / "prediction.npz", prediction, problem)
             outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
             outcome |= {"notes": prediction.notes} if prediction.notes else {}
@@ -196,10 +203,11 @@ def _image(dataset: DrapeDataset, row: int) -> np.ndarray:
 
 
 def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
+    size = dataset.protocol.image_size_px
     repeats = [[_image(dataset, other) for other in dataset.repeats(row)] for row in cell.test]
     return HeldOut(
-        images=np.stack([_image(dataset, row) for row in cell.test]) if cell.test else np.zeros((0, 256, 256)),
-        repeats=tuple(np.stack(images) if images else np.zeros((0, 256, 256)) for images in repeats),
+        images=np.stack([_image(dataset, row) for row in cell.test]) if cell.test else np.zeros((0, size, size)),
+        repeats=tuple(np.stack(images) if images else np.zeros((0, size, size)) for images in repeats),
     )
 
 

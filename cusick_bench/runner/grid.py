@@ -14,7 +14,7 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
 
-CAMERAS = ("parallel", "pinhole")
+CAMERAS = ("protocol", "parallel", "pinhole")
 RENDERERS = ("coverage", "soft")
 LAYINGS = ("image", "random")
 
@@ -27,7 +27,8 @@ class ProblemSettings:
         space: Parameter space.
         vertices: Number of vertices of the disc mesh.
         drape: Simulator settings; its seed is replaced by the cell's.
-        camera: "parallel" (what the data say) or "pinhole" (the published scripts').
+        camera: "protocol" (what the data say), "parallel", or "pinhole" (the published scripts' where the data's own
+            is parallel).
         renderer: "coverage" or "soft".
         loss: What is minimised on the training image.
         laying: "image" lays the cloth with the folds that the training image shows, "random" by the seed alone.
@@ -39,7 +40,7 @@ class ProblemSettings:
     space: str = "homo"
     vertices: int = 2699
     drape: DrapeSettings = field(default_factory=DrapeSettings)
-    camera: str = "parallel"
+    camera: str = "protocol"
     renderer: str = "coverage"
     loss: str = "mse"
     laying: str = "image"
@@ -80,6 +81,7 @@ class Cell:
         dataset_hash: Content hash of the files in use.
         protocol: How the samples were split.
         numerics: Version of each part of the code that decides the numbers (`cell_numerics`).
+        nominal: In what the protocol of the data is unlike the release's (`Protocol.unlike_release`), as JSON.
     """
 
     solver: str
@@ -92,6 +94,7 @@ class Cell:
     dataset_hash: str
     protocol: str
     numerics: tuple[tuple[str, int], ...]
+    nominal: str = ""
 
     def problem_hash(self) -> str:
         """Fingerprint of the problem, whoever solves it."""
@@ -101,7 +104,7 @@ class Cell:
     def record(self) -> dict[str, Any]:
         """Contents of `cell.json`; the cell's key is their hash."""
         solver = make_solver(self.solver)
-        return {
+        record = {
             "solver": self.solver,
             "kind": solver.kind,
             "solver_options": solver.options,
@@ -119,6 +122,8 @@ class Cell:
             "budget": asdict(self.settings.budget),
             "numerics": dict(self.numerics),
         }
+        # Only where there is anything to say: cells on the release's protocol keep their names.
+        return record | ({"nominal": json.loads(self.nominal)} if self.nominal else {})
 
     @property
     def label(self) -> str:
@@ -185,7 +190,9 @@ def plan(
     if not solvers:
         raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
     made = {text: make_solver(text) for text in solvers}
-    asked = settings or ProblemSettings()
+    asked, unlike = settings or ProblemSettings(), dataset.protocol.unlike_release()
+    if asked.camera == "protocol":
+        asked = replace(asked, camera=dataset.protocol.projection)
     meshed = [text for text, solver in made.items() if solver.needs_mesh]
     if asked.causes and meshed:
         raise RunnerError(f"{meshed[0]} balances forces without draping, so it knows no effects; run it without")
@@ -202,6 +209,7 @@ def plan(
             dataset_hash=dataset.content_hash,
             protocol=protocol,
             numerics=tuple(cell_numerics(made[text], posed[text].drape, posed[text].causes).items()),
+            nominal=json.dumps(unlike, sort_keys=True) if unlike else "",
         )
         for split in dataset.split(protocol, cloths)
         for text in made

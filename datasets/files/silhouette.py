@@ -109,6 +109,21 @@ def without_perspective(radii: Any, protocol: Protocol) -> Any:
     return flat * radii + ~flat * (plate + reach)
 
 
+def with_perspective(radii: Float[ndarray, " angles"], protocol: Protocol) -> Float[ndarray, " angles"]:
+    """Apparent radii of rim points, as a pinhole camera sees them: inverse of `without_perspective`.
+
+    Args:
+        radii: Radii from the plate's axis [m].
+        protocol: Gives radii of plate and cloth, and the camera's height.
+
+    Returns:
+        Radii at the scale of the plate's plane [m].
+    """
+    reach = np.clip(radii - protocol.plate_radius_m, 0, protocol.overhang_m)
+    depth = np.sqrt(protocol.overhang_m**2 - reach**2)
+    return radii * protocol.camera_height_m / (protocol.camera_height_m + depth)
+
+
 def _apparent_profile(image: Image, protocol: Protocol) -> Profile:
     return profile_from_image(
         image,

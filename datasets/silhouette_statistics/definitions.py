@@ -19,7 +19,7 @@ the mean radius, and f its folds, the harmonics from m = 3 on:
     envelope_K_*        harmonics 2 mean(f^2 exp(i K theta)) / mean(f^2) of the squared folds, m = 4 to 24: at which
                         angles folds are deep, whatever their phase
 
-and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to 16 and w = 0.06 m the overhang's width:
+and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to 16 and w the overhang's width (0.06 m):
 
     area_log_odds       log(area_dc / (1 - area_dc)): stiffness moves it evenly, the coefficient itself less and less at
                         both ends
@@ -46,14 +46,14 @@ from jaxtyping import Complex, Float
 from numpy import ndarray
 
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.sim.cloth.folds import ring_folds
+from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE, ring_folds
+from cusick_bench.sim.constants import CLOTH_RADIUS
 
 LAST_ORDER = 24  # above lie pixels
 FIRST_FOLD, LAST_FOLD = 3, 16  # orders m in which folds are looked for
 SOFTENING = 5e-4  # [m], a third of a pixel: ratios of what is shallower, which is noise, go to 0
 SHALLOW = 1e-4  # [m] a fold below a tenth of a pixel has no depth that an image could show
 LEAST_ODDS = 0.01  # drape coefficient from which on down (or up to 1) the log odds stand still
-OVERHANG_WIDTH = 0.06  # w, of the annulus that hangs over the plate [m]
 GRAIN_SCALE = 20  # makes c_m / w, whose size is a twentieth, one of the size of 1
 CREST_SCALE = 10  # drapes have about ten crests
 
@@ -70,12 +70,25 @@ class RadiusProfiles:
         drape_coefficients: Those of the images; None where they are not known.
         cloth_radius: Radius of the flat cloth [m].
         plate_radius: Radius of the plate [m].
+
+    What a pixel of the release sets, `SOFTENING`, `SHALLOW` and the prominence of a fold, is taken in proportion to the
+    cloth: drapes of one shape have the same statistics of the size of 1, whatever their size.
     """
 
     radii: Float[ndarray, "drapes angles"]
     drape_coefficients: Float[ndarray, " drapes"] | None
     cloth_radius: float
     plate_radius: float
+
+    @property
+    def scale(self) -> float:
+        """Radius of the cloth, in those of the standard's."""
+        return self.cloth_radius / CLOTH_RADIUS
+
+    @property
+    def overhang(self) -> float:
+        """w, width of the annulus that hangs over the plate [m]."""
+        return self.cloth_radius - self.plate_radius
 
     @cached_property
     def mean(self) -> Float[ndarray, " drapes"]:
@@ -129,13 +142,15 @@ def _norm(amplitudes: Float[ndarray, "drapes orders"]) -> Float[ndarray, " drape
 
 
 def _folds(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
-    return np.array([ring_folds(ring) for ring in profiles.radii], dtype=np.float64)
+    return np.array(
+        [ring_folds(ring, prominence=FOLD_PROMINENCE * profiles.scale) for ring in profiles.radii], dtype=np.float64
+    )
 
 
 def _centroid(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
     """Goes to the middle order where there are no folds."""
     orders = np.arange(FIRST_FOLD, LAST_FOLD + 1)
-    weights = profiles.amplitudes[:, orders] + SOFTENING / len(orders)
+    weights = profiles.amplitudes[:, orders] + SOFTENING * profiles.scale / len(orders)
     return (weights @ orders.astype(np.float64)) / weights.sum(1)
 
 
@@ -151,7 +166,7 @@ def _roughness(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
 
 def _skewness(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
     deviation = profiles.deviation
-    return (deviation**3).mean(1) / ((deviation**2).mean(1) + SOFTENING**2) ** 1.5
+    return (deviation**3).mean(1) / ((deviation**2).mean(1) + (SOFTENING * profiles.scale) ** 2) ** 1.5
 
 
 def _envelope(profiles: RadiusProfiles, orders: Numbers) -> Complex[ndarray, "drapes chosen"]:
@@ -160,7 +175,7 @@ def _envelope(profiles: RadiusProfiles, orders: Numbers) -> Complex[ndarray, "dr
     kept[:, :_FIRST_ENVELOPE_ORDER] = 0
     kept[:, LAST_ORDER + 1 :] = 0
     squared = np.fft.rfft(np.fft.irfft(kept, count, axis=1) ** 2, axis=1).conj() / count
-    return 2 * squared[:, list(orders)] / (np.real(squared[:, :1]) + SOFTENING**2)
+    return 2 * squared[:, list(orders)] / (np.real(squared[:, :1]) + (SOFTENING * profiles.scale) ** 2)
 
 
 def _area_log_odds(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
@@ -169,13 +184,13 @@ def _area_log_odds(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
 
 
 def _fold_depth_log(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
-    return 0.5 * np.log((profiles.fold_power.sum(1) + SHALLOW**2) / OVERHANG_WIDTH**2)
+    return 0.5 * np.log((profiles.fold_power.sum(1) + (SHALLOW * profiles.scale) ** 2) / profiles.overhang**2)
 
 
 def _crest_number(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
     """A flat profile counts as one of the first order of folds."""
     orders = np.arange(FIRST_FOLD, LAST_FOLD + 1)
-    fourth, second = (profiles.fold_power @ orders**k + SHALLOW**2 * FIRST_FOLD**k for k in (4, 2))
+    fourth, second = (profiles.fold_power @ orders**k + (SHALLOW * profiles.scale) ** 2 * FIRST_FOLD**k for k in (4, 2))
     return np.sqrt(fourth / second) / CREST_SCALE
 
 
@@ -183,11 +198,11 @@ def _fold_skewness(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
     kept = profiles.transform.copy()
     kept[:, :FIRST_FOLD] = 0
     folds = np.fft.irfft(kept, profiles.radii.shape[1], axis=1)
-    return (folds**3).mean(1) / ((folds**2).mean(1) + SHALLOW**2) ** 1.5
+    return (folds**3).mean(1) / ((folds**2).mean(1) + (SHALLOW * profiles.scale) ** 2) ** 1.5
 
 
 def _grain(profiles: RadiusProfiles, orders: Numbers) -> Complex[ndarray, "drapes chosen"]:
-    return profiles.harmonics[:, list(orders)].conj() / 2 / OVERHANG_WIDTH * GRAIN_SCALE
+    return profiles.harmonics[:, list(orders)].conj() / 2 / profiles.overhang * GRAIN_SCALE
 
 
 # The families of statistics, by name: single ones, ones with a number, and complex ones with an order.

@@ -100,7 +100,7 @@ class PinholeCamera:
 
     fov_rad: float = FIELD_OF_VIEW
     eye_height_m: float = EYE_HEIGHT
-    size_px: int = IMAGE_SIZE
+    size_px: float = IMAGE_SIZE
     centre_px: tuple[float, float] = IMAGE_CENTRE
     image_y: ImageY = "up"
 

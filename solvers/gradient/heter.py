@@ -37,7 +37,7 @@ from cusick_bench.solvers.gradient.smooth_field import StiffnessField
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 
-FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px
+FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px of the release
 MODES = 20.0  # independent numbers in a silhouette, halved: harmonics 1 to 20, cosine and sine
 LAST = 0.1  # of the first radius, at the end of the walk
 RECOVERY = 1.25  # of a caution after a step that did not fail
@@ -54,7 +54,7 @@ class BlurredIncumbent(Incumbent):
 
     def __init__(self, problem: DrapeProblem, blur: float) -> None:
         super().__init__(problem)
-        self._misfit = BlurredMisfit(problem.train_image, blur)
+        self._misfit = BlurredMisfit(problem.train_image, blur, problem.protocol)
 
     def residual_and_product(self, tau: np.ndarray) -> tuple[Residual, np.ndarray] | None:
         """Residual r of the blurred silhouette, and (dr/dtau)^T r; None where the drape fails.
@@ -187,7 +187,7 @@ class Heter(Solver):
         search: Most drapes for the bending level.
         steps: Number of steps of the walk, a gradient each.
         radius: Longest first step [standard deviations of the prior].
-        blur: Width of the blur [px].
+        blur: Width of the blur [px of the release, 1.4 mm; in proportion to the cloth].
         amplitude: Prior standard deviation of the fields [prior standard deviations of a cloth's mean].
         length: Distance at which their correlation has fallen to 0.14 [m].
     """

@@ -10,11 +10,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, profile_of
 from cusick_bench.problem import DrapeProblem
-from cusick_bench.sim.constants import PIXELS_PER_METRE
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError
-from cusick_bench.solvers.reference.silhouettes import SIZE, Canvas, silhouette
+from cusick_bench.solvers.reference.silhouettes import Canvas, silhouette
 
 
 @dataclass(frozen=True)
@@ -32,8 +31,13 @@ class NullDisc(Null):
     summary: ClassVar[str] = "disc with the training image's area"
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        radius = np.sqrt(problem.train_image.sum() / np.pi) / PIXELS_PER_METRE
-        disc = silhouette(np.full(4, radius))
+        protocol = problem.protocol
+        if protocol.projection == "parallel":
+            radius = np.sqrt(problem.train_image.sum() / np.pi) / protocol.px_per_m
+        else:
+            inner, outer = protocol.plate_radius_m**2, protocol.cloth_radius_m**2
+            radius = np.sqrt(inner + drape_coefficient_of(problem.train_image, protocol) * (outer - inner))
+        disc = silhouette(np.full(4, radius), protocol)
         return Prediction(train_image=disc, draws=disc[None])
 
 
@@ -61,11 +65,11 @@ class NullRotation(Null):
     summary: ClassVar[str] = "the training image turned through 360 degrees; its best draw is oracle-assisted"
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        profile = profile_from_image(problem.train_image)
+        profile = profile_of(problem.train_image, problem.protocol)
         angles = np.arange(_positive(self.draws)) * (360 / self.draws)
-        canvas = Canvas.of(len(profile.radii))
+        canvas = Canvas.of(len(profile.radii), problem.protocol)
         turned = (canvas.silhouette(profile.rotated(angle).radii) for angle in angles)
-        return Prediction(problem.train_image, _stack(turned, self.draws, progress))
+        return Prediction(problem.train_image, _stack(turned, self.draws, problem, progress))
 
 
 @dataclass(frozen=True)
@@ -81,14 +85,14 @@ class NullRandomPhase(Null):
     summary: ClassVar[str] = "the training profile's Fourier amplitudes with random phases"
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        radii = profile_from_image(problem.train_image).radii
+        radii = profile_of(problem.train_image, problem.protocol).radii
         amplitude = np.abs(np.fft.rfft(radii))
         phase = generator.uniform(0, 2 * np.pi, (_positive(self.draws), len(amplitude)))
         phase[:, 0] = 0  # the mean radius stays
         profiles = np.fft.irfft(amplitude * np.exp(1j * phase), len(radii))
-        canvas = Canvas.of(len(radii))
+        canvas = Canvas.of(len(radii), problem.protocol)
         images = (canvas.silhouette(profile) for profile in profiles)
-        return Prediction(problem.train_image, _stack(images, self.draws, progress))
+        return Prediction(problem.train_image, _stack(images, self.draws, problem, progress))
 
 
 def _positive(draws: int) -> int:
@@ -97,8 +101,8 @@ def _positive(draws: int) -> int:
     return draws
 
 
-def _stack(images, count: int, progress: Progress) -> np.ndarray:
-    stack = np.empty((count, SIZE, SIZE), dtype=np.float32)
+def _stack(images, count: int, problem: DrapeProblem, progress: Progress) -> np.ndarray:
+    stack = np.empty((count, *problem.train_image.shape), dtype=np.float32)
     for index, image in enumerate(images):
         stack[index] = image
         progress("drawing silhouettes", (index + 1) / count)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE
-
-SIZE = 256
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import with_perspective
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,31 +18,35 @@ class Canvas:
         before: Number of the profile's last angle before the pixel's.
         after: Number of the next angle.
         share: Weight of the next angle, in [0, 1).
+        protocol: How the pictures are taken.
     """
 
-    radius: Float[np.ndarray, "256 256"]
-    before: Int[np.ndarray, "256 256"]
-    after: Int[np.ndarray, "256 256"]
-    share: Float[np.ndarray, "256 256"]
+    radius: Float[np.ndarray, "size size"]
+    before: Int[np.ndarray, "size size"]
+    after: Int[np.ndarray, "size size"]
+    share: Float[np.ndarray, "size size"]
+    protocol: Protocol
 
     @classmethod
-    def of(cls, angles: int) -> "Canvas":
+    def of(cls, angles: int, protocol: Protocol) -> "Canvas":
         """The canvas of profiles with so many equidistant angles.
 
         Args:
             angles: Their number.
+            protocol: How the pictures are taken.
 
         Returns:
             The canvas.
         """
-        row, column = np.mgrid[:SIZE, :SIZE]
-        x = (column - IMAGE_CENTRE[0]) / PIXELS_PER_METRE
-        y = (IMAGE_CENTRE[1] - row) / PIXELS_PER_METRE
+        row, column = np.mgrid[: protocol.image_size_px, : protocol.image_size_px]
+        x = (column - protocol.centre_px[0]) / protocol.px_per_m
+        y = (protocol.centre_px[1] - row) / protocol.px_per_m
+        y = y if protocol.image_y == "up" else -y
         position = np.arctan2(y, x) * (angles / (2 * np.pi)) % angles
         before = position.astype(np.int64) % angles
-        return cls(np.hypot(x, y), before, (before + 1) % angles, position - np.floor(position))
+        return cls(np.hypot(x, y), before, (before + 1) % angles, position - np.floor(position), protocol)
 
-    def silhouette(self, radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, "256 256"]:
+    def silhouette(self, radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, "size size"]:
         """Draws a star-shaped region; its edge is a pixel wide.
 
         Args:
@@ -52,17 +55,20 @@ class Canvas:
         Returns:
             Its image, 1 within.
         """
+        if self.protocol.projection == "pinhole":
+            radii = with_perspective(radii, self.protocol)
         edge = radii[self.before] * (1 - self.share) + radii[self.after] * self.share
-        return np.clip((edge - self.radius) * PIXELS_PER_METRE + 0.5, 0.0, 1.0)
+        return np.clip((edge - self.radius) * self.protocol.px_per_m + 0.5, 0.0, 1.0)
 
 
-def silhouette(radii: Float[np.ndarray, " angles"]) -> Float[np.ndarray, "256 256"]:
+def silhouette(radii: Float[np.ndarray, " angles"], protocol: Protocol = RELEASE) -> Float[np.ndarray, "size size"]:
     """Draws one star-shaped region; see `Canvas.silhouette`.
 
     Args:
         radii: Radii at equidistant angles [m].
+        protocol: How the picture is taken.
 
     Returns:
         Its image, 1 within.
     """
-    return Canvas.of(len(radii)).silhouette(radii)
+    return Canvas.of(len(radii), protocol).silhouette(radii)

@@ -1,15 +1,17 @@
 """The paper's Bayesian fit: a Gaussian over the stiffness of every element, learned from one silhouette.
 
-Negative ELBO (Eq. 6-8), with D the training image and L x L = 256 x 256 its pixels:
+Negative ELBO (Eq. 6-8), with D the training image and L x L its pixels:
 
     KL(q(tau) || p(tau)) + E_q[ sum_ij (I_ij - D_ij)^2 / (2 sigma^2) ]
 
 `reduction=sum` takes the sums of the text; `mean` divides the first term by the number of parameters and the second by
 that of pixels, as the published scripts do, which weighs the prior about four times less at the paper's size (241,734
-parameters, 65,536 pixels). Parameters are whitened logarithms of stiffness (see `cusick_bench.problem.priors`), so
-every draw is admissible, and the fixed Gaussian prior is that of measured fabrics. The divergence is exact instead of
-sampled. As in the published scripts one Gaussian serves each of the 39 numbers and every element draws from it alone
-(`shared=True`); `shared=False` learns one for every number of every element.
+parameters, 65,536 pixels). Pixels are counted in those of the release, 256 x 256 of 1.4 mm, as the loss `mse` is:
+errors of neighbouring pixels are one error of the outline, and a finer image of it says no more of the cloth.
+Parameters are whitened logarithms of stiffness (see `cusick_bench.problem.priors`), so every draw is admissible, and
+the fixed Gaussian prior is that of measured fabrics. The divergence is exact instead of sampled. As in the published
+scripts one Gaussian serves each of the 39 numbers and every element draws from it alone (`shared=True`); `shared=False`
+learns one for every number of every element.
 
 References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Sec. 4.2.
@@ -22,6 +24,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Float
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem import BudgetExceeded, DrapeProblem
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
 from cusick_bench.solvers.adam import Adam, cosine_rate
@@ -37,7 +40,7 @@ from cusick_bench.solvers.variational.gaussian_posterior import (
 from cusick_bench.solvers.variational.predictive import predictive_draws, with_draws
 
 REDUCTIONS = ("sum", "mean")
-PIXELS = 256 * 256
+PIXELS = RELEASE.image_size_px**2  # that the loss `mse` is a mean of, whatever the image's resolution
 SQUARE_DECAY = 0.95  # of Adam: gradients of few samples are noisy, and their size changes as q narrows
 
 _RUNNING, _OUT_OF_BUDGET, _COMPLETE = range(3)
@@ -52,7 +55,7 @@ class Bdp(Solver):
         steps: Most steps of the inference.
         samples: Cloths drawn at each step.
         rate: Step length [prior standard deviations].
-        sigma: Standard deviation of a pixel's error.
+        sigma: Standard deviation of the error of a pixel of 1.4 mm (of a cloth of 0.3 m).
         reduction: "sum" (the paper's text) or "mean" (the published scripts).
         shared: One Gaussian for all elements, or one an element.
         search: Most drapes for the bending level.

@@ -29,7 +29,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.problem import BudgetExceeded, DrapeProblem, FieldSpace, laid_like
 from cusick_bench.problem.field_space import FIELDS
 from cusick_bench.sim.cloth.shape import fade_in
@@ -117,7 +117,7 @@ class BdpField(Solver):
 def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
     """Heights that undulate as the training silhouette's folds do, with the laying field's median amplitude [m]."""
     space = problem.space
-    radii = profile_from_image(problem.train_image).radii
+    radii = profile_of(problem.train_image, problem.protocol).radii
     height = laid_like(radii, space.mesh, plate_radius=space.plate_radius).numpy()[:, 2]
     outside = fade_in(space.mesh, space.plate_radius)
     along = np.hypot(*space.mesh.material.T) - space.plate_radius

@@ -88,17 +88,22 @@ class ClothInference:
         """Drapes one specimen."""
         cloth = len(self.q.mean)
         if adjoint:
-            seen, slope = self.seen.observe_slope(tau, lambda image: drape_statistics(image)[AREA])
+            seen, slope = self.seen.observe_slope(
+                tau, lambda image: drape_statistics(image, self.problem.protocol)[AREA]
+            )
             self.slopes.append(slope[:cloth])
         else:
             seen = self.seen.observe(tau)
         self.cloths.append(tau[:cloth])
-        self.statistics.append(drape_statistics(torch.as_tensor(seen.image)).numpy())
+        self.statistics.append(self._statistics(seen.image))
+
+    def _statistics(self, image: Float[np.ndarray, "size size"]) -> Float[np.ndarray, " statistics"]:
+        return drape_statistics(torch.as_tensor(image), self.problem.protocol).numpy()
 
     def _learn(self) -> None:
         if len(self.cloths) < PAIRS * len(self.q.mean):
             return
-        observed = drape_statistics(torch.as_tensor(self.problem.train_image)).numpy() - DISCREPANT_BY
+        observed = self._statistics(self.problem.train_image) - DISCREPANT_BY
         cloths, statistics = np.stack(self.cloths), np.stack(self.statistics)
         weights = np.ones(len(cloths)) if self._model is None else self._model.nearness(cloths, observed)
         known = {AREA: np.median(self.slopes, axis=0)} if self.slopes else {}

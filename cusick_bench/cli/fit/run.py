@@ -11,7 +11,6 @@ from cusick_bench.cli.common import console, print_json, user_errors
 from cusick_bench.cli.options import (
     Budget,
     CameraName,
-    CameraOption,
     Data,
     DropMode,
     FabricsCsv,
@@ -82,7 +81,12 @@ def run_command(
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
     law: Law = LawName.paper,
-    camera: CameraOption = CameraName.parallel,
+    camera: Annotated[
+        CameraName | None,
+        simulation_option(
+            help="As the data's protocol says if left out; else parallel, or pinhole as in the published scripts."
+        ),
+    ] = None,
     renderer: Annotated[
         str,
         simulation_option(help="Silhouette: coverage of each pixel, or soft (DIB-R)."),
@@ -113,7 +117,7 @@ def run_command(
         space=space or DEFAULT_SPACE,
         vertices=vertices,
         drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps),
-        camera=camera.value,
+        camera="protocol" if camera is None else camera.value,
         renderer=renderer,
         loss=loss,
         laying=laying,

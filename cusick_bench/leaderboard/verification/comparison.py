@@ -8,13 +8,27 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+
 # What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
 MATERIAL = 1e-9  # stiffness, of its largest
 SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
-PIXEL = 0.02  # of 1: what that shift can do to a pixel that the rim crosses
+PIXEL = 0.02  # of 1: what that shift can do to a pixel of the release that the rim crosses
 ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
 METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
 METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
+
+
+def pixel_tolerance(protocol: Protocol) -> float:
+    """What a shift of `SHAPE` can do to a pixel that the rim crosses; more to a smaller pixel.
+
+    Args:
+        protocol: Gives the scale.
+
+    Returns:
+        Difference of coverage.
+    """
+    return PIXEL * max(1.0, protocol.px_per_m / RELEASE.px_per_m)
 
 
 @dataclass(frozen=True)

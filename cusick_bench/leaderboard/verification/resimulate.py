@@ -6,6 +6,7 @@ leave where it is. Draws that are the fit itself are made again with it. Of draw
 are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
 """
 
+import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -22,11 +23,11 @@ from torch import Tensor
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import (
-    PIXEL,
     ROUNDED,
     Check,
     largest,
     moved,
+    pixel_tolerance,
     relative,
 )
 from cusick_bench.metrics import from_levels, score
@@ -107,6 +108,7 @@ def cell_of(record: dict[str, Any]) -> Cell:
             test=tuple(record["test"]),
             settings=ProblemSettings(**settings, **parts),
             numerics=tuple(record.get("numerics", {}).items()),  # none in cells of before the numerics had versions
+            nominal=json.dumps(record["nominal"], sort_keys=True) if "nominal" in record else "",
         )
     except (KeyError, TypeError) as error:
         raise LeaderboardError(f"cell.json is of another version of this program: {error!r}") from error
@@ -170,10 +172,11 @@ def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[s
         return repetition.metrics
     pairs = [(_image(dataset, row), _image(dataset, other)) for row, other in dataset.repeat_pairs(cell.cloth)]
     tests = [dataset.sample(row) for row in cell.test]
-    return score(repetition.prediction, dataset.sample(cell.train[0]), tests, repeat_pairs=pairs)
+    train = dataset.sample(cell.train[0])
+    return score(repetition.prediction, train, tests, repeat_pairs=pairs, protocol=dataset.protocol)
 
 
-def _image(dataset: DrapeDataset, row: int) -> Float[ndarray, "256 256"]:
+def _image(dataset: DrapeDataset, row: int) -> Float[ndarray, "size size"]:
     return np.asarray(dataset.image(row), dtype=np.float64)
 
 
@@ -219,14 +222,15 @@ def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[
             f"vertices, got {stored['tau'].size}; it belongs to another problem"
         )
     material, vertices, image = _draped(problem, stored["tau"], stored["vertices"])
+    pixel = pixel_tolerance(problem.protocol)
     checks += tuple(
         relative(name, stored[name], getattr(material, name).numpy())
         for name in ("stretch", "bending", "density")
         if name in stored
     )
-    checks += (moved("shape [m]", stored["vertices"], vertices), largest("fit", stored["train_image"], image, PIXEL))
+    checks += (moved("shape [m]", stored["vertices"], vertices), largest("fit", stored["train_image"], image, pixel))
     if _is_the_fit(stored):
-        checks += (largest("draws", stored["draws"][0] / 255, image, PIXEL + ROUNDED),)
+        checks += (largest("draws", stored["draws"][0] / 255, image, pixel + ROUNDED),)
     return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
 
 
@@ -246,7 +250,7 @@ def _with_draws(
     fit: Repetition, stored: dict[str, ndarray], problem: DrapeProblem, cell: Cell, chosen: list[int]
 ) -> Repetition:
     """A repeated fit with the stored draws, of which the chosen ones are drawn and draped again."""
-    again, shapes = fit.prediction, stored.get("draw_vertices")
+    again, shapes, pixel = fit.prediction, stored.get("draw_vertices"), pixel_tolerance(problem.protocol)
     drawn = replace(
         _as_stored(stored), train_image=again.train_image, tau=again.tau, vertices=again.vertices, faces=again.faces
     )
@@ -259,7 +263,7 @@ def _with_draws(
             tau = solver.redraw(problem, posterior, int(numbers[place]))
             _, vertices, image = _draped(problem, tau, shapes[place])
             shift = moved("shapes of redraws [m]", shapes[place], vertices)
-            pairs.append((shift, largest("redraws", stored["draws"][place] / 255, image, PIXEL + ROUNDED)))
+            pairs.append((shift, largest("redraws", stored["draws"][place] / 255, image, pixel + ROUNDED)))
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
@@ -300,5 +304,5 @@ def _rendered(stored: dict[str, ndarray], problem: DrapeProblem) -> Iterator[Che
         with torch.no_grad():
             image = problem.render(torch.as_tensor(shapes[place], dtype=torch.float64)).numpy()
         worst = max(worst, float(np.abs(stored["draws"][place] / 255 - image).max()))
-    tolerance = ROUNDED if shapes.dtype == np.float64 else PIXEL
+    tolerance = ROUNDED if shapes.dtype == np.float64 else pixel_tolerance(problem.protocol)
     yield Check("pictures of draws", worst, tolerance, f"a pixel differs by {worst:.2g}")
