@@ -1,13 +1,18 @@
 """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
+import sys
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Any
+from io import TextIOWrapper
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
+
+from cusick_bench.cli.common import interrupted
+from cusick_bench.cli.verbosity import QUIET, VERBOSE, Version, message_options, messages, tell_less, tell_more
 
 PANELS = {
     "Data": {"data": "data.data", "datasets": "data.datasets"},
@@ -54,6 +59,13 @@ class Commands(TyperGroup):
         _tidy(command)
         return command
 
+    def invoke(self, ctx: Any) -> Any:
+        """Runs a command; Ctrl-C ends it with a line instead of a traceback."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            raise interrupted("nothing was written") from stop
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is called for; a name that does not exist is answered with the nearest that does."""
         if args and args[0] not in COMMANDS and (near := get_close_matches(args[0], COMMANDS, n=1)):
@@ -67,8 +79,11 @@ def _tidy(command: Any) -> None:
     for option in command.params:
         if getattr(option, "help", None):
             option.help = escape(option.help)  # or `[m]` would be taken for a style and left out
-    for inner in getattr(command, "commands", {}).values():
-        _tidy(inner)
+    inner = getattr(command, "commands", {})
+    for one in inner.values():
+        _tidy(one)
+    if not inner:
+        command.params += message_options()  # accepted before the command and after it
 
 
 app = typer.Typer(
@@ -82,10 +97,21 @@ app = typer.Typer(
 
 
 @app.callback()
-def _root() -> None:
+def _root(
+    ctx: typer.Context,
+    quiet: Annotated[bool, QUIET()] = False,
+    verbose: Annotated[bool, VERBOSE()] = False,
+    version: Version = False,
+) -> None:
     """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
+    ctx.with_resource(messages())
+    tell_less(quiet)
+    tell_more(verbose)
 
 
 def main() -> None:
     """Entry point of the console script."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")  # help pages too where the encoding is ASCII
     app()

@@ -1,27 +1,29 @@
-"""What every command shares: logs on standard error, one JSON document on standard output, exit codes.
+"""What every command shares: notes on standard error, one JSON document on standard output, exit codes.
 
-Exit status 0: done. 1: a check failed. 2: bad usage or bad input.
+Exit status 0: done. 1: a check failed. 2: bad usage or bad input. 130: interrupted (Ctrl-C).
 """
 
 import functools
 import json
+import logging
 import math
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-import numpy as np
 import typer
-from rich.console import Console
-from rich.progress import Progress, TaskID, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
 
+from cusick_bench.cli.screen import Screen, harmless
 from cusick_bench.sim.errors import CusickError
 
-console = Console(stderr=True)
-output = Console()
+INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
+
+console = Screen(stderr=True)
+output = Screen()
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -33,10 +35,8 @@ def plain(value: Any) -> Any:
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set):
         return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
+    if hasattr(value, "tolist"):  # an array or a scalar of numpy
         return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, Path):
@@ -49,37 +49,67 @@ def print_json(document: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
 
 
-@dataclass(frozen=True)
-class Bar:
-    """What a command's work shows of itself while it lasts."""
+def quiet() -> bool:
+    """Whether only results and errors are wanted (`--quiet`)."""
+    return logging.getLogger("cusick_bench").level >= logging.ERROR
 
-    _progress: Progress
-    _task: TaskID
 
-    def advance(self, count: float = 1) -> None:
-        """So much more is done."""
-        self._progress.advance(self._task, count)
+def tell(text: str) -> None:
+    """Says on standard error what was written, or what to do next; nothing under `--quiet`.
 
-    def show(self, done: float, total: float | None = None) -> None:
-        """So much is done in all, of a total that may only be known now."""
-        self._progress.update(self._task, completed=done, total=total)
+    Args:
+        text: A line.
+    """
+    if not quiet():
+        console.print(text, soft_wrap=True)
 
-    def say(self, what: str) -> None:
-        """What is being done now."""
-        self._progress.update(self._task, description=what)
+
+def fail(text: str) -> None:
+    """Says on standard error what is wrong; on one line, whatever the names in it hold.
+
+    Args:
+        text: The rule, the value, the remedy.
+    """
+    line = harmless(text).replace("\n", "\\n")
+    console.print(Text.assemble(("error:", "bold red"), " ", line), soft_wrap=True)
+
+
+def command_line() -> str:
+    """The command that runs, as one types it."""
+    return shlex.join(["cusick-bench", *sys.argv[1:]])
+
+
+def interrupted(kept: str, go_on: bool = False) -> typer.Exit:
+    """Says on standard error what an interrupted command leaves behind.
+
+    Args:
+        kept: What it has written.
+        go_on: Whether the same command goes on from there.
+
+    Returns:
+        The exit to raise.
+    """
+    console.print(f"\ninterrupted: {kept}", soft_wrap=True)
+    if go_on:
+        console.print(f"go on with: {command_line()}", soft_wrap=True)
+    return typer.Exit(INTERRUPTED)
 
 
 @contextmanager
-def progress_bar(what: str, total: float | None = None) -> Iterator[Bar]:
-    """A bar with the time spent and left on standard error, none where that is no terminal; gone when the work is done.
+def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iterator[None]:
+    """Ctrl-C ends the command with a line that says what is kept; commands that write nothing on their way need none.
 
     Args:
-        what: What is being done.
-        total: Number of steps, None if not known yet.
+        kept: What is written by then; a function where that is only known then.
+        go_on: Whether the same command goes on from there.
+
+    Raises:
+        typer.Exit: Ctrl-C was pressed.
     """
-    columns = (*Progress.get_default_columns()[:-1], TimeElapsedColumn(), "left", TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield Bar(progress, progress.add_task(what, total=total))
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        raise interrupted(kept if isinstance(kept, str) else kept(), go_on) from stop
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:
@@ -91,12 +121,13 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
             return command(*args, **kwargs)
         except CusickError as error:
             message, cause = str(error), error
+        except BrokenPipeError:
+            raise  # whoever read the output has gone: no fault of a folder's
         except PermissionError as error:
             message, cause = f"no permission for {error.filename}; choose another folder or change its mode", error
         except OSError as error:
             message, cause = f"{error.strerror} ({error.filename}); choose another folder or free some space", error
-        console.print("[bold red]error:[/]", end=" ")
-        console.print(message, markup=False, highlight=False, soft_wrap=True)
+        fail(message)
         raise typer.Exit(2) from cause
 
     return guarded

@@ -13,6 +13,7 @@ References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,11 +31,17 @@ from cusick_bench.sim.engine.system import DrapeSystem, Law
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor
 
+Progress = Callable[[int, int], None]  # told the steps done, and of how many
+
 AT_REST = 0.003  # [m/s] root-mean-square speed below which a skirt counts as at rest
 AIR = 4.0  # [1/s] drag; cloth of 0.2 kg/m2 sinks flat at some 2.5 m/s, its weight balanced
 _STEPS_BETWEEN_CHECKS = 10  # of whether all skirts are at rest
 _DEEPEST_START = 0.005  # [m] most that the start may lie inside the body
 _FAR = 20.0  # a skirt that moves farther than so many times its size has blown up
+
+
+def _unwatched(done: int, total: int) -> None:
+    """The progress of skirts that nobody waits for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +199,9 @@ def _placed(x: ndarray, pose: tuple[ndarray, ndarray]) -> ndarray:
 
 
 def hang(
-    fitting: Fitting, laid: Float[ndarray, "members vertices 3"], *, seconds: float = 12.0, step_seconds: float = 0.02
-) -> tuple[State, Bool[ndarray, "members"]]:
+    fitting: Fitting, laid: Float[ndarray, "members vertices 3"], *, seconds: float = 12.0, step_seconds: float = 0.02,
+    progress: Progress = _unwatched,
+) -> tuple[State, Bool[ndarray, "members"]]:  # fmt: skip
     """Lets skirts fall until they rest.
 
     Args:
@@ -201,6 +209,7 @@ def hang(
         laid: How they are put on [m].
         seconds: Longest fall [s].
         step_seconds: Step [s].
+        progress: Called with the steps done and the most that there can be.
 
     Returns:
         The last state, and which skirts rest: their root-mean-square speed is below `AT_REST`.
@@ -209,8 +218,10 @@ def hang(
         DrapeDiverged: A skirt flies apart.
     """
     state, factor = fitting.start(laid), None
-    for step in range(max(round(seconds / step_seconds), 1)):
+    steps = max(round(seconds / step_seconds), 1)
+    for step in range(steps):
         state, factor = fitting.step(state, STILL, step_seconds, factor)
+        progress(step + 1, steps)
         if (step + 1) % _STEPS_BETWEEN_CHECKS == 0 and (state.speeds() < AT_REST).all():
             break
     return State(state.positions, state.velocities), state.speeds() < AT_REST
@@ -218,7 +229,7 @@ def hang(
 
 def walk(
     fitting: Fitting, rest: State, motion: WaistMotion, *, settle: float = 0.8, step_seconds: float = 0.02,
-    every: int = 2,
+    every: int = 2, progress: Progress = _unwatched,
 ) -> tuple[Float[ndarray, "frames"], Float[ndarray, "frames members vertices 3"]]:  # fmt: skip
     """Moves the waist.
 
@@ -229,6 +240,7 @@ def walk(
         settle: Time that is simulated after the waist has stopped [s].
         step_seconds: Step [s].
         every: Steps between frames.
+        progress: Called with the steps done and their number.
 
     Returns:
         Times [s] and positions [m] of the frames; the first is the start.
@@ -238,8 +250,10 @@ def walk(
     """
     state, factor = State(rest.positions, rest.velocities), None
     times, frames = [0.0], [state.positions]
-    for step in range(round((motion.seconds + settle) / step_seconds)):
+    steps = round((motion.seconds + settle) / step_seconds)
+    for step in range(steps):
         state, factor = fitting.step(state, motion, step_seconds, factor)
+        progress(step + 1, steps)
         if (step + 1) % every == 0:
             times.append(state.time)
             frames.append(state.positions)

@@ -4,14 +4,13 @@ from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.execute import run
 from cusick_bench.runner.grid import Cell, ProblemSettings, labelled, plan, record_key, require_space, shard
-from cusick_bench.runner.progress import ProgressBars, Unwatched, Watcher
+from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store
 
 __all__ = [
     "Cell",
     "ProblemSettings",
-    "ProgressBars",
     "RunnerError",
     "Source",
     "Store",

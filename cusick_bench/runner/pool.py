@@ -79,11 +79,9 @@ def run_on_processes(source: Source, cells: Sequence[Cell], store: Store, watche
 def _run_on_a_pool(source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, workers: int) -> list[Cell]:
     messages = multiprocessing.get_context("spawn").Queue()
     workers = min(workers, len(cells))
-    pool = process_pool(workers, threads=max(1, cores() // workers), initializer=_start_worker, initargs=(messages,))
-    try:
+    threads = max(1, cores() // workers)
+    with process_pool(workers, threads=threads, initializer=_start_worker, initargs=(messages,)) as pool:
         return run_on_executor(pool, source, cells, store, watcher, messages)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def run_on_executor(

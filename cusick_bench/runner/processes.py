@@ -6,10 +6,12 @@ and set in a worker, it would come too late for a library that is already loaded
 """
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.context import SpawnContext, SpawnProcess
+from types import TracebackType
 from typing import Any
 
 import numba
@@ -38,9 +40,9 @@ def process_pool(
         initargs: What it is given.
 
     Returns:
-        The pool; it is a context manager.
+        The pool; it is a context manager. Where that is left by an error or by Ctrl-C, the processes are ended at once.
     """
-    return ProcessPoolExecutor(workers, mp_context=_Context(threads), initializer=initializer, initargs=initargs)
+    return _Pool(workers, _Context(threads), initializer, initargs)
 
 
 @contextmanager
@@ -57,14 +59,40 @@ def one_thread() -> Iterator[None]:
         numba.set_num_threads(before[1])
 
 
+class _Pool(ProcessPoolExecutor):
+    """Waits for its processes only where all went well."""
+
+    def __init__(
+        self, workers: int, context: "_Context", initializer: Callable[..., object] | None, initargs: tuple[Any, ...]
+    ) -> None:
+        super().__init__(workers, mp_context=context, initializer=initializer, initargs=initargs)
+        self._context = context
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        if kind is not None:
+            self.shutdown(wait=False, cancel_futures=True)
+            self._context.end()
+        return super().__exit__(kind, error, trace)
+
+
 class _Context(SpawnContext):
-    """Starts processes on a number of threads."""
+    """Starts processes on a number of threads, and can end them."""
 
     def __init__(self, threads: int) -> None:
         self._threads = threads
+        self._started: list[SpawnProcess] = []
 
     def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return _Process(self._threads, *args, **kwargs)
+        self._started.append(_Process(self._threads, *args, **kwargs))
+        return self._started[-1]
+
+    def end(self) -> None:
+        """Ends all processes that it started, in the midst of their work."""
+        for process in self._started:
+            if process.pid is not None:
+                process.terminate()
 
 
 class _Process(SpawnProcess):
@@ -73,8 +101,21 @@ class _Process(SpawnProcess):
         self._threads = threads
 
     def start(self) -> None:
-        with _environment(self._threads):
+        with _environment(self._threads), _interrupts_blocked():
             super().start()
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """A process started now never sees Ctrl-C, which a terminal sends to all: the one that started it ends it."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -55,7 +55,7 @@ def _options(command):
     return {
         option.opts[0]: getattr(option, "rich_help_panel", None)
         for option in command.params
-        if option.opts[0].startswith("--")
+        if option.opts[0].startswith("--") and option.name not in ("quiet", "verbose")  # which every command has
     }
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -21,7 +20,6 @@ from cusick_bench.problem import Budget, ProblemError
 from cusick_bench.runner import (
     Cell,
     ProblemSettings,
-    ProgressBars,
     RunnerError,
     Source,
     Store,
@@ -391,18 +389,3 @@ class TestCommand:
         assert rows["homo"]["needs_gradient"]
         assert rows["null:random-phase"]["options"] == {"draws": 1000}
         assert {"nlopt:LD_LBFGS", "nlopt:LN_BOBYQA", "oracle:mean"} <= rows.keys()
-
-
-def test_bars_show_loss_and_end(data, dataset):
-    (cell,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
-    console = Console(force_terminal=True, width=150, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
-    bars = ProgressBars(console)
-    with bars:
-        bars.begin(2, 1)
-        bars.update(cell, 0.5, 0.0123, "fitting")
-    with bars:
-        bars.end(cell, "failed", "planted failure")
-    text = console.export_text()
-    assert "loss 0.0123 fitting" in text
-    assert "50 %" in text
-    assert "planted failure" in text

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 from rich.table import Column, Table
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.data.synthetic import synthetic
 from cusick_bench.cli.options import Cloths, FabricsCsv, Json
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets import load
 from cusick_bench.datasets.audit.audit import Audit, audit
 from cusick_bench.datasets.dataset import DrapeDataset
@@ -63,7 +63,7 @@ def _print_audit(found: Audit, every: bool) -> None:
         items = groups[kind] if every else groups[kind][:_SHOWN]
         for row, item in enumerate(items):
             head = (kind, str(len(groups[kind]))) if row == 0 else ("", "")
-            table.add_row(*head, escape(item.path), escape(item.detail))
+            table.add_row(*head, item.path, item.detail)
         if len(items) < len(groups[kind]):
             table.add_row("", "", f"... {len(groups[kind]) - len(items)} more: --all", KINDS[kind], style="dim")
         table.add_section()
@@ -97,8 +97,8 @@ def info_command(
             }
         )
         return
-    output.print(f"{dataset.name}: {len(dataset)} silhouettes in {dataset.root}", highlight=False, markup=False)
-    output.print(f"sha256 {dataset.content_hash}", highlight=False)
+    output.print(f"{dataset.name}: {len(dataset)} silhouettes in {dataset.root}")
+    output.print(f"sha256 {dataset.content_hash}")
     heads = ("fabric", "samples", "images", "meshes", "faces", "repeats", "kg/m2", "mm")
     table = Table(_CLOTH, *heads, caption="repeats: pairs of captures of one drape; kg/m2: density; mm: thickness")
     for row in rows:
@@ -142,7 +142,7 @@ def stats_command(
 ) -> None:
     """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""
     dataset = _load(name_or_path, None, uncorrected=False)
-    with progress_bar("reading cloths", len(dataset.cloths)) as bar:
+    with progress_bar("reading cloths", len(cloth or dataset.cloths)) as bar:
         found = statistics(dataset, cloth, progress=lambda name: bar.advance())
     if json:
         print_json({"name": dataset.name, "cloths": [item.document() for item in found]})

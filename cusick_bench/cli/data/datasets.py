@@ -3,7 +3,6 @@
 from typing import Any
 
 import typer
-from rich.markup import escape
 from rich.table import Column, Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
@@ -32,7 +31,7 @@ def datasets(
         return
     table = Table("name", Column("what is known of it", overflow="fold"), show_lines=True)
     for row in rows:
-        table.add_row(row["name"], escape(_text(row)))
+        table.add_row(row["name"], _text(row))
     output.print(table)
     output.print("Any folder in the layout of `cusick` is a data set, too: `cusick-bench data info PATH`.")
 

@@ -10,8 +10,9 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Json, Workers, output_option, simulation_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.atlas.design import Design
 from cusick_bench.diagnosis.atlas.drapes import build
 from cusick_bench.diagnosis.atlas.emulator import fit
@@ -64,7 +65,8 @@ def build_atlas(
 ) -> None:
     """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
     design = Design(points, stiff_points, effect_points, fine_points, law_points, one_mesh_points, samples, vertices)
-    with progress_bar("draping") as bar:
+    kept = interruptible(f"the drapes that were ready are kept in {out}", go_on=True)
+    with progress_bar("draping") as bar, kept:
         build(out, design, workers=workers, progress=bar.show)
     if as_json:
         print_json({"path": out, "points": points, "tasks": len(design.tasks())})

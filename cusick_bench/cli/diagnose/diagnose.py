@@ -9,8 +9,9 @@ import pandas as pd
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Json, Seed, SimulatedSamples, WithoutEffect, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import SHIPPED
@@ -58,7 +59,8 @@ def diagnose_data(
     chosen = fabric or _with_samples(dataset)
     simulators, written = Simulators(most=20), []
     version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
-    with progress_bar("reading data", len(chosen)) as bar:
+    kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
+    with progress_bar("reading data", len(chosen)) as bar, kept:
         for number, name in enumerate(chosen):
             captures = read_captures(dataset, name)
 
@@ -154,7 +156,7 @@ def _shown(parameter: ParameterValue) -> str:
 
 def _print(written: _Written) -> None:
     one = written.document
-    output.print(f"\n[bold]{one.fabric}[/]: {one.headline}")
+    output.print(f"\n{one.fabric}: {one.headline}", style="bold")
     if one.gap.base is not None and one.gap.floor is not None:
         output.print(f"gap {one.gap.base:.3f} (floor {one.gap.floor:.3f}), p = {one.gap.p:.3g}")
     causes = Table("cause", "class", "probability", "parameters")

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.diagnose.withheld_answer import answer, oracle, twins
 from cusick_bench.cli.diagnose.withheld_leave_out import leave_out
 from cusick_bench.cli.diagnose.withheld_score import score
 from cusick_bench.cli.options import Json, Workers, output_option, running_option, simulation_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
 from cusick_bench.withheld.suite.detectable import read_detectable
 from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, SUITE, Suite, generate, read_suite
@@ -69,7 +70,8 @@ def generate_suite(
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
     asked = Suite(_seed(seed, labels), counts, vertices, samples, detectable and read_detectable(detectable))  # pyright: ignore[reportArgumentType]
-    with progress_bar("cases", sum(counts.values())) as bar:
+    kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
+    with progress_bar("cases", sum(counts.values())) as bar, kept:
         made = generate(asked, out, labels, workers=workers, step=lambda case: bar.advance())
     if as_json:
         print_json({"cases": [str(case) for case in made], "commitment": out / COMMITMENT, "labels": labels / LABELS})

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import (
     Atlas,
     Cases,
@@ -21,6 +21,7 @@ from cusick_bench.cli.options import (
     Workers,
     output_option,
 )
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.simulation.closure import Draping
@@ -28,7 +29,7 @@ from cusick_bench.sim.effects import effect
 from cusick_bench.withheld.answers.blind import answer_suite, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closures
 from cusick_bench.withheld.answers.shown_shift import measure_shown_shifts
-from cusick_bench.withheld.format.label import read_label_documents
+from cusick_bench.withheld.format.label import PAIR, SINGLE, read_label_documents
 from cusick_bench.withheld.suite.generate import SUITE, read_suite
 
 
@@ -45,7 +46,8 @@ def answer(
 ) -> None:
     """Answers every case from its silhouettes alone; answers that are there already are kept."""
     options = Options(samples, False, tuple(effect(name).name for name in without_effect or ()), seed)
-    with progress_bar("cases", len(case_folders(cases))) as bar:
+    kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
+    with progress_bar("cases", len(case_folders(cases))) as bar, kept:
         found = answer_suite(cases, out, atlas, options, workers=workers, step=lambda case: bar.advance())
     if as_json:
         print_json({"path": out, "cases": len(found.answers), "code_version": found.code_version})
@@ -66,7 +68,8 @@ def oracle(
 ) -> None:
     """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
     known = read_label_documents(labels)
-    with progress_bar("cases") as bar:
+    kept = interruptible(f"the closures that were ready are kept in {out}", go_on=True)
+    with progress_bar("cases", sum(label.kind in (SINGLE, PAIR) for label in known.values())) as bar, kept:
         found = oracle_closures(
             cases, known, out, atlas, Draping(samples, seed), workers=workers, step=lambda case: bar.advance()
         )
@@ -92,7 +95,8 @@ def twins(
     Run it after `answer`, as it opens the labels. Only for suites of `withheld generate`.
     """
     suite = read_suite(labels.with_name(SUITE))
-    with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar:
+    kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
+    with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar, kept:
         found = measure_shown_shifts(
             suite, cases, read_label_documents(labels), out, atlas, workers=workers, step=lambda case: bar.advance()
         )

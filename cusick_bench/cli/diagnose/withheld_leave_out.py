@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Cases, Json, Labels, Seed, SimulatedSamples, Workers, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
@@ -36,7 +37,8 @@ def leave_out(
     only effects strong enough to be seen. Answers that are there already are kept; `score` takes the file as any other.
     """
     known = read_labels(labels)
-    with progress_bar("cases", len(left_out_effects(known, least))) as bar:
+    kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
+    with progress_bar("cases", len(left_out_effects(known, least))) as bar, kept:
         found = answer_left_out(
             cases, known, out, atlas, Options(samples, False, (), seed), least,
             workers=workers, step=lambda case: bar.advance(),

@@ -6,11 +6,10 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.store import write_atomically
@@ -28,7 +27,6 @@ from cusick_bench.withheld.scoring.score import Scores
 from cusick_bench.withheld.scoring.score import score as score_answers
 from cusick_bench.withheld.scoring.table import by_severity, document, headline, markdown, rows
 
-_PIPED_WIDTH = 150
 _SHOWN = 20  # failures on the terminal; files have them all
 _STYLES = {"no": "red", "yes": "green", "": ""}
 
@@ -89,21 +87,20 @@ def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, An
     write_atomically(out, table.encode())
     page = out.with_suffix(".md")
     write_atomically(page, markdown(scores, failed, facts).encode())
-    console.print(f"wrote {out} and {page}", markup=False, highlight=False)
+    tell(f"wrote {out} and {page}")
 
 
 def _show(scores: Scores, failed: list[Failure]) -> None:
-    screen = output if output.is_terminal else Console(width=_PIPED_WIDTH)
     lines = headline(scores)
-    screen.print(_table(lines, lines[0].index("reached")))
+    output.print(_table(lines, lines[0].index("reached")))
     if levels := by_severity(scores):
-        screen.print(_table(levels))
+        output.print(_table(levels))
     listed = [[item.case, ", ".join(item.faults), item.label, item.answer] for item in failed[:_SHOWN]]
-    screen.print(_table([["case", "what is wrong", "label", "answer"], *listed]))
+    output.print(_table([["case", "what is wrong", "label", "answer"], *listed]))
     if len(failed) > _SHOWN:
-        screen.print(f"... {len(failed) - _SHOWN} more failures: --out FILE.csv lists them all", style="dim")
+        output.print(f"... {len(failed) - _SHOWN} more failures: --out FILE.csv lists them all", style="dim")
     for note in scores.notes:
-        screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
+        output.print(note, style="dim", soft_wrap=True)
 
 
 def _table(lines: list[list[str]], mark: int | None = None) -> Table:

@@ -10,8 +10,9 @@ from rich.table import Table
 
 from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
 from cusick_bench.benchmark.optimisers import Plan, compare
-from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.runner.environment import code_text, environment
 
 app = typer.Typer()
@@ -47,7 +48,7 @@ def optimisers(
     document = _compare(plan, file)
     if file is not None:
         for path in write_table(table_rows(file.read()), file.out, [_provenance()]):
-            console.print(f"wrote {path}", markup=False, highlight=False)
+            tell(f"wrote {path}")
     if json:
         print_json(document)
         return
@@ -58,7 +59,10 @@ def _compare(plan: Plan, file: RunFile | None) -> dict[str, Any]:
     """Makes the runs that the file lacks."""
     known = [] if file is None else file.read()
     made = sum(any(run.answers(plan, *asked) for run in known) for asked in product(plan.methods, range(plan.runs)))
-    with progress_bar("starting", (len(plan.methods) * plan.runs - made) * plan.spent) as bar:
+    kept = interruptible(
+        "nothing was written" if file is None else f"finished runs are kept in {file.out}", go_on=file is not None
+    )
+    with progress_bar("starting", (len(plan.methods) * plan.runs - made) * plan.spent) as bar, kept:
 
         def told(name: str, run: int) -> None:
             bar.say(f"{name}, run {run + 1}")

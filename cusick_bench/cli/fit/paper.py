@@ -2,16 +2,19 @@
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import pandas as pd
 import typer
-from rich.console import Console
 
-from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
 from cusick_bench.cli.fit import paper_figures
+from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import Budget as DrapesBudget
 from cusick_bench.cli.options import (
     Data,
@@ -27,6 +30,7 @@ from cusick_bench.cli.options import (
     fit_option,
     output_option,
 )
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard import Cells, LeaderboardError, latex, leaderboards, load_cells, markdown, terminal
 from cusick_bench.leaderboard.anytime import COSTS, curves, documents, loss_at_equal_time
 from cusick_bench.leaderboard.paper import SOLVERS, PaperTable, make_table, methods, records, set_table
@@ -36,7 +40,6 @@ from cusick_bench.report.figures.fold_variability import fold_variability, varia
 from cusick_bench.runner import (
     Cell,
     ProblemSettings,
-    ProgressBars,
     RunnerError,
     Source,
     load_once,
@@ -46,8 +49,6 @@ from cusick_bench.runner import (
 )
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.engine.settings import DrapeSettings
-
-PIPED_WIDTH = 200
 
 app = typer.Typer(help="The paper's tables and figures on given data.", no_args_is_help=True, add_completion=False)
 paper_figures.register(app)
@@ -108,11 +109,12 @@ def table_1(
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out)
     cells, left_out = _run(grid)
-    (board,) = leaderboards(cells, by="test_mse")
-    table = make_table("table-1", cells, board, notes=left_out)
-    _write(table, out, {})
-    spread = fold_variability(cells, load_once(source))
-    _write_variability(spread, provenance(board), out)
+    with _setting(out):
+        (board,) = leaderboards(cells, by="test_mse")
+        table = make_table("table-1", cells, board, notes=left_out)
+        _write(table, out, {})
+        spread = fold_variability(cells, load_once(source))
+        _write_variability(spread, provenance(board), out)
     _finish([table], cells, as_json, spread)
 
 
@@ -147,14 +149,22 @@ def table_2(
         settings = _settings(vertices, mode, steps, limit)
         cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out))
         everything.append(cells)
-        (board,) = leaderboards(cells, by="train_mse")
-        shortest, equal = loss_at_equal_time(cells.table)
-        note = f"Equal time is {shortest:.1f} s a cell, when the fastest method had ended." if equal else ""
-        notes = [f"Budget: {_limit(limit)}.", *left_out, *([note] if note else [])]
-        table = make_table("table-2", cells, board, at_equal_time=equal, notes=notes)
-        _write(table, out, _anytime(cells, f"{board.dataset}: {_limit(limit)}", out, suffix), suffix)
+        with _setting(out):
+            (board,) = leaderboards(cells, by="train_mse")
+            shortest, equal = loss_at_equal_time(cells.table)
+            note = f"Equal time is {shortest:.1f} s a cell, when the fastest method had ended." if equal else ""
+            notes = [f"Budget: {_limit(limit)}.", *left_out, *([note] if note else [])]
+            table = make_table("table-2", cells, board, at_equal_time=equal, notes=notes)
+            _write(table, out, _anytime(cells, f"{board.dataset}: {_limit(limit)}", out, suffix), suffix)
         tables.append(table)
     _finish(tables, replace(everything[0], skipped=tuple(s for cells in everything for s in cells.skipped)), as_json)
+
+
+@contextmanager
+def _setting(out: Path) -> Iterator[None]:
+    """While a table is set, which may take its time."""
+    with progress_bar("setting the table"), interruptible(f"all cells are kept in {out}", go_on=True):
+        yield
 
 
 def _limit(budget: Budget) -> str:
@@ -187,8 +197,8 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
             settings=replace(grid.settings, space=space or grid.settings.space),
         )
     planned = list({cell.key: cell for cell in planned}.values())
-    with ProgressBars(console) as bars:
-        run(grid.source, planned, grid.out, workers=grid.workers, watcher=bars, command=sys.argv)
+    with GridProgress() as progress, interruptible(partial(cells_kept, progress, grid.out), go_on=True):
+        run(grid.source, planned, grid.out, workers=grid.workers, watcher=progress, command=sys.argv)
     keys, cells = {cell.key for cell in planned}, load_cells(grid.out)
     kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
     if kept.empty:
@@ -204,7 +214,7 @@ def _anytime(cells: Cells, title: str, out: Path, suffix: str) -> dict[str, Any]
         return {}
     path = out / f"anytime{suffix}.png"
     save_anytime(path, title, panels)
-    console.print(f"wrote {path}", markup=False, highlight=False)
+    tell(f"wrote {path}")
     return {f"anytime{suffix}.json": documents(cells.table)}
 
 
@@ -219,7 +229,7 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
 
 def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) -> None:
     if not rows:
-        console.print("no variability: it takes 3 held-out samples of a cloth", markup=False, highlight=False)
+        tell("no variability: it takes 3 held-out samples of a cloth")
         return
     text, name = variability_table(rows, notes), "table-1-variability"
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
@@ -231,7 +241,7 @@ def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) 
 def _save(files: dict[str, str], out: Path) -> None:
     for file, content in files.items():
         write_atomically(out / file, content.encode())
-        console.print(f"wrote {out / file}", markup=False, highlight=False)
+        tell(f"wrote {out / file}")
 
 
 def _json(document: dict[str, Any]) -> str:
@@ -244,10 +254,9 @@ def _finish(tables: list[PaperTable], cells: Cells, as_json: bool, spread: list[
         document = {"tables": [{"name": t.name, "rows": records(t), "notes": list(t.notes)} for t in tables]}
         print_json(document | ({} if spread is None else {"variability": spread}))
     else:
-        screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
         for text in [*map(set_table, tables), *([variability_table(spread)] if spread else [])]:
-            screen.print(terminal(text, screen.width))
+            output.print(terminal(text, output.width))
             for note in text.notes:
-                screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
+                output.print(note, style="dim", soft_wrap=True)
     if cells.skipped:
         raise typer.Exit(1)

@@ -1,17 +1,19 @@
 """`cusick-bench paper figure-6`, `figure-7`, `figure-8`: the paper's figures of a results folder on given data."""
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.status import Status
 
-from cusick_bench.cli.common import console, plain, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
+from cusick_bench.cli.progress import Bar, progress_bar
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard import Cells, load_cells
 from cusick_bench.leaderboard.source import load_data_of
+from cusick_bench.report.figures.predictions import entrants
 from cusick_bench.report.figures.radius_angle import DRAWS, radius_angle, save_confusion, save_radius_angle
 from cusick_bench.report.figures.side_by_side import SAMPLES, Strip, fitted, held_out, save_strips
 from cusick_bench.runner.store import write_json
@@ -40,9 +42,9 @@ def figure_6(
 ) -> None:
     """Training samples and their fits side by side: silhouettes, and the drapes from the side."""
     cells, dataset = _load(run, data, fabrics_csv)
-    with _status() as status:
-        strips = fitted(cells, dataset, solver, progress=status.update)
-        path = _sheet(strips, out, "figure-6.png", "training sample and fits (orange: real outline)", status)
+    with _drawing(out, _cloths(cells) + 1) as bar:
+        strips = fitted(cells, dataset, solver, progress=bar.begin)
+        path = _sheet(strips, out, "figure-6.png", "training sample and fits (orange: real outline)", bar)
     document = {"strips": [strip.document() for strip in strips]}
     _finish(document, [path], out / "figure-6.json", as_json)
 
@@ -59,11 +61,11 @@ def figure_7(
 ) -> None:
     """Held-out samples beside each solver's draw that fits best; the choice has seen the sample."""
     cells, dataset = _load(run, data, fabrics_csv)
-    with _status() as status:
-        strips = held_out(cells, dataset, solver, samples=samples, progress=status.update)
+    with _drawing(out, 2 * _cloths(cells)) as bar:
+        strips = held_out(cells, dataset, solver, samples=samples, progress=bar.begin)
         title = "held-out samples and the best draw for each, chosen by an oracle (orange: real outline)"
         paths = [
-            _sheet([strip for strip in strips if strip.cloth == cloth], out, f"figure-7-{cloth}.png", title, status)
+            _sheet([strip for strip in strips if strip.cloth == cloth], out, f"figure-7-{cloth}.png", title, bar)
             for cloth in dict.fromkeys(strip.cloth for strip in strips)
         ]
     document = {"chosen_by": "held-out image", "strips": [strip.document() for strip in strips]}
@@ -82,8 +84,9 @@ def figure_8(
 ) -> None:
     """Radius over angle of real samples and draws, and which cloth a draw belongs to."""
     cells, dataset = _load(run, data, fabrics_csv)
-    with _status() as status:
-        study = radius_angle(cells, dataset, solver, draws=draws, progress=status.update)
+    shown = len(entrants(cells, solver, kinds=("solver", "null")))
+    with _drawing(out, _cloths(cells) * (1 + shown)) as bar:
+        study = radius_angle(cells, dataset, solver, draws=draws, progress=bar.begin)
         out.mkdir(parents=True, exist_ok=True)
         paths = [out / "figure-8.png", out / "figure-8-confusion.png"]
         save_radius_angle(study, paths[0])
@@ -91,7 +94,8 @@ def figure_8(
     for group in (study.real, *study.drawn):
         share = 100 * group.confusion.accuracy
         text = f"{share:5.1f} % of {group.confusion.counts.sum()} are taken for their own cloth: {group.label}"
-        console.print(text, markup=False, highlight=False)
+        if not as_json:
+            output.print(text)
     _finish(study.document(), paths, out / "figure-8.json", as_json)
 
 
@@ -100,12 +104,19 @@ def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells,
     return cells, load_data_of(cells, data, fabrics_csv)
 
 
-def _status() -> AbstractContextManager[Status]:
-    return console.status("reading data")
+def _cloths(cells: Cells) -> int:
+    return len(set(cells.table["cloth"]))
 
 
-def _sheet(strips: list[Strip], out: Path, name: str, title: str, status: Status) -> Path:
-    status.update(f"drawing {name}")
+@contextmanager
+def _drawing(out: Path, steps: int) -> Iterator[Bar]:
+    """How far a figure is, in steps of which each is told when it begins."""
+    with progress_bar("reading data", steps) as bar, interruptible(f"pictures that were ready are in {out}"):
+        yield bar
+
+
+def _sheet(strips: list[Strip], out: Path, name: str, title: str, bar: Bar) -> Path:
+    bar.begin(f"drawing {name}")
     out.mkdir(parents=True, exist_ok=True)
     save_strips(strips, out / name, title)
     return out / name
@@ -116,6 +127,6 @@ def _finish(document: dict[str, Any], paths: list[Path], numbers: Path, as_json:
     write_json(numbers, plain(document))
     files = [*paths, numbers]
     for path in files:
-        console.print(f"wrote {path}", markup=False, highlight=False)
+        tell(f"wrote {path}")
     if as_json:
         print_json(document | {"files": files})

@@ -1,13 +1,15 @@
 """`cusick-bench run`: solvers on cloths; repeat the command to go on where it was stopped."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
     Budget,
     CameraName,
@@ -31,11 +33,11 @@ from cusick_bench.cli.options import (
     running_option,
     simulation_option,
 )
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.problem import SPACES
 from cusick_bench.problem import Budget as Limits
 from cusick_bench.runner import (
     ProblemSettings,
-    ProgressBars,
     RunnerError,
     Source,
     Store,
@@ -126,8 +128,10 @@ def run_command(
     )
     Store(out).prepare()
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
+    with progress_bar("reading data"):
+        dataset = load_once(source)
     cells = plan(
-        load_once(source),
+        dataset,
         solvers=solver or [],
         cloths=cloth,
         seeds=list(range(seed, seed + seeds)),
@@ -135,14 +139,14 @@ def run_command(
         protocol=protocol,
     )
     cells = shard(cells, only) if only else cells
-    with ProgressBars(console) as bars:
-        results = run(source, cells, out, workers=workers, watcher=bars, command=sys.argv)
+    with GridProgress() as grid, interruptible(partial(cells_kept, grid, out), go_on=True):
+        results = run(source, cells, out, workers=workers, watcher=grid, command=sys.argv)
     rows = [_row(result, out / "cells" / cell.key) for cell, result in zip(cells, results, strict=True)]
     if json:
         print_json({"cells": rows})
     else:
-        console.print(_table(rows))
-        console.print(f"next: cusick-bench leaderboard {out}", markup=False, highlight=False)
+        output.print(_table(rows))
+        tell(f"next: cusick-bench leaderboard {out}")
     if any(row["status"] == "failed" for row in rows):
         raise typer.Exit(1)
 

@@ -7,10 +7,9 @@ from typing import Annotated
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed
 from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -19,7 +18,6 @@ from cusick_bench.leaderboard.gate.check import METRICS, Finding, Gate, Outcome,
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.runner.environment import code_text
 
-PIPED_WIDTH = 130
 _TESTS = {"permutation": "perm.", "t": "t", "none": "none"}
 _STYLES = {"regression": "bold red", "undecided": "yellow", "new": "cyan"}
 
@@ -50,7 +48,7 @@ def check_command(
     cells = read_cells(run)
     if write:
         write_baseline(cells, against, _facts(run))
-        console.print(f"wrote {against}: {len(cells)} cells", markup=False, highlight=False)
+        tell(f"wrote {against}: {len(cells)} cells")
         if as_json:
             print_json({"baseline": against, "cells": len(cells)})
         return
@@ -85,12 +83,11 @@ def _show(outcome: Outcome, as_json: bool) -> None:
         findings = [finding.record() for finding in outcome.findings]
         print_json({"regressions": len(outcome.regressions), "findings": findings, "notes": list(outcome.notes)})
         return
-    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
-    screen.print(_table(outcome))
+    output.print(_table(outcome))
     for note in outcome.notes:
-        screen.print(note, markup=False, highlight=False, style="dim", soft_wrap=True)
+        output.print(note, style="dim", soft_wrap=True)
     word = f"{len(outcome.regressions)} regressions" if outcome.regressions else "no regression"
-    screen.print(word, style="bold red" if outcome.regressions else "bold green")
+    output.print(word, style="bold red" if outcome.regressions else "bold green")
 
 
 def _table(outcome: Outcome) -> Table:

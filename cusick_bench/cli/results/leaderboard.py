@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, Seed, output_option
 from cusick_bench.leaderboard import (
     Leaderboard,
@@ -23,7 +22,6 @@ from cusick_bench.leaderboard import (
     text_table,
 )
 
-PIPED_WIDTH = 120
 FORMS = (".csv", ".md", ".tex", ".html")
 
 app = typer.Typer()
@@ -58,7 +56,7 @@ def leaderboard(
     for path in out or []:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(_form(boards, path.suffix), encoding="utf-8")
-        console.print(f"wrote {path}", markup=False, highlight=False)
+        tell(f"wrote {path}")
     if as_json:
         skipped = [
             {"path": cell.folder, "status": cell.status, "reason": cell.reason, "solver": cell.solver}
@@ -68,11 +66,10 @@ def leaderboard(
         rows = [record(board, row) for board in boards for row in board.rows]
         print_json({"rows": rows, "skipped": skipped, "notes": [note for board in boards for note in board.notes]})
         return
-    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
     for board in boards:
-        screen.print(terminal(board, screen.width))
+        output.print(terminal(board, output.width))
         for note in text_table(board).notes:
-            screen.print(note, markup=False, highlight=False, style="dim")
+            output.print(note, style="dim")
 
 
 def _form(boards: list[Leaderboard], suffix: str) -> str:

@@ -6,10 +6,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.cli.common import interruptible, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, RunsData, Seed, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets import DataError, DrapeDataset
-from cusick_bench.leaderboard import Cells, leaderboards, load_cells
+from cusick_bench.leaderboard import Cells, leaderboards, load_cells, variants
 from cusick_bench.leaderboard.source import load_data_of
 from cusick_bench.report import ReportError, write_report
 from cusick_bench.sim.errors import CusickError
@@ -34,7 +35,9 @@ def report(
         raise ReportError(f"cannot write {out}: its name must end in .html")
     cells = load_cells(folder)
     boards = leaderboards(cells, by=by, seed=seed)
-    with console.status("reading data") as status:
+    kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")
+    fits = sum(len(set(group["cloth"])) for _, group in variants(cells.table))
+    with progress_bar("reading data", fits) as bar, interruptible(kept):
         unseen = _unseen(cells, data)
         files = write_report(
             cells,
@@ -42,10 +45,10 @@ def report(
             out,
             unseen=unseen,
             pictures=pictures,
-            progress=lambda message: status.update(f"drawing {message}"),
+            progress=lambda message: bar.begin(f"drawing {message}"),
         )
     for path in files:
-        console.print(f"wrote {path}", markup=False, highlight=False)
+        tell(f"wrote {path}")
     if as_json:
         print_json({"report": out, "bytes": out.stat().st_size, "files": files, "cells": len(cells.table)})
 
@@ -61,7 +64,7 @@ def _unseen(cells: Cells, data: str | None) -> dict[str, np.ndarray]:
     except (CusickError, OSError) as error:
         if data is not None:
             raise
-        console.print(f"no band of unseen samples: {error}", markup=False, highlight=False)
+        tell(f"no band of unseen samples: {error}")
         return {}
 
 

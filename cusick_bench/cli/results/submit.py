@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from cusick_bench.cli.common import console, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, output_option
 from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.verification.submit import append, rows_of
@@ -32,11 +32,9 @@ def submit_command(
     if as_json:
         print_json({"path": path, **counts, "verified": verified, "rows": rows})
         return
-    console.print(
+    output.print(
         f"{path}: {counts['added']} rows added, {counts['replaced']} replaced, {counts['unchanged']} as they were; "
-        f"{verified} of {len(rows)} verified",
-        markup=False,
-        highlight=False,
+        f"{verified} of {len(rows)} verified"
     )
     if verified < len(rows):
-        console.print(f"next: cusick-bench verify {run}, then submit again", markup=False, highlight=False)
+        tell(f"next: cusick-bench verify {run}, then submit again")

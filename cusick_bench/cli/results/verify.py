@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.source import load_data_of
@@ -18,7 +18,6 @@ from cusick_bench.leaderboard.verification.submit import altered, read_rows, row
 from cusick_bench.leaderboard.verification.verify import Verification, keep, verify_cell
 from cusick_bench.sim.setup import Simulators
 
-PIPED_WIDTH = 120
 _STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
 
 app = typer.Typer()
@@ -60,9 +59,9 @@ def verify_command(
         raise LeaderboardError(f"{target} is not finished; repeat its `cusick-bench run` command to go on")
     dataset = load_data_of(cells, data, fabrics_csv)
     verifications, simulators = [], Simulators()
-    with console.status("starting") as status:
+    with progress_bar("cells", len(table)) as bar:
         for folder, name, where in zip(table["folder"], table["solver"], table["cloth"], strict=True):
-            status.update(f"{name} on {where}")
+            bar.begin(f"{name} on {where}")
             verifications.append(verify_cell(folder, dataset, redrawn=draws, seed=seed, simulators=simulators))
     keep(run, verifications)
     wrong = _altered(committed, cells) if committed else {}
@@ -91,7 +90,6 @@ def _show(run: Path, verifications: list[Verification], wrong: dict[str, list[st
         found = [verification.record() for verification in verifications]
         print_json({"run": run, "rows": rows, "altered": wrong, "cells": found})
         return
-    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
     table = Table("status", "solver", "cloth", "seed", "what does not hold, by how much (tolerance)")
     for found in verifications:
         worst = [f"{c.name} {c.difference:.2g} ({c.tolerance:.2g}): {c.detail}" for c in found.broken[:3]]
@@ -100,18 +98,18 @@ def _show(run: Path, verifications: list[Verification], wrong: dict[str, list[st
         table.add_row(
             found.status, found.solver, found.cloth, str(found.seed), reasons, style=_STYLES.get(found.status, "")
         )
-    screen.print(table)
+    output.print(table)
     for note in sorted({note for found in verifications if found.status != "unreadable" for note in found.notes}):
-        screen.print(note, markup=False, highlight=False, style="dim")
-    screen.print(
+        output.print(note, style="dim")
+    output.print(
         f"Tolerances: {1e3 * SHAPE:g} mm of a vertex, {PIXEL:g} of a pixel, {100 * METRIC:g} % of a metric "
         f"({100 * METRIC_SAME:g} % where the stored draws themselves are scored).",
         style="dim",
     )
     for row in rows:
-        screen.print(f"{row['solver']}: {row['status']}, {row['verified']} of {row['cells']} cells", highlight=False)
+        output.print(f"{row['solver']}: {row['status']}, {row['verified']} of {row['cells']} cells")
     for solver, numbers in wrong.items():
-        screen.print(f"{solver}'s line in the table was altered: {'; '.join(numbers)}", style="bold red", markup=False)
+        output.print(f"{solver}'s line in the table was altered: {'; '.join(numbers)}", style="bold red")
 
 
 def _rows(verifications: list[Verification]) -> list[dict[str, str | int]]:

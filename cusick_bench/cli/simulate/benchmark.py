@@ -12,8 +12,9 @@ from rich.table import Table
 from cusick_bench.benchmark.suite import Plan
 from cusick_bench.benchmark.suite import benchmark as run_benchmark
 from cusick_bench.benchmark.text import markdown
-from cusick_bench.cli.common import output, plain, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import output, plain, print_json, user_errors
 from cusick_bench.cli.options import Json, VerticesList, output_option
+from cusick_bench.cli.progress import progress_bar
 
 app = typer.Typer()
 

@@ -6,8 +6,9 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import DENSITY, Json, VerticesList, cloth_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh

@@ -3,14 +3,11 @@
 from typing import Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import Json
 from cusick_bench.sim.effects import Effect, Parameter, registered
-
-PIPED_WIDTH = 160
 
 app = typer.Typer()
 
@@ -27,12 +24,11 @@ def effects(
     if json:
         print_json({"effects": [_document(effect) for effect in registered().values()]})
         return
-    screen = output if output.is_terminal else Console(width=PIPED_WIDTH)
     table = Table("name", "class", "what it is", "parameters: typical (bounds), source", "gradient", "located")
     for effect in registered().values():
         numbers = "\n".join(_line(parameter) for parameter in _severity_first(effect))
         table.add_row(effect.name, effect.kind, effect.summary, numbers, effect.gradient, effect.located or "-")
-    screen.print(table)
+    output.print(table)
 
 
 def _severity_first(effect: Effect) -> list[Parameter]:

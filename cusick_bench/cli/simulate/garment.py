@@ -11,7 +11,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, plain, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, plain, print_json, user_errors
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
@@ -25,6 +25,7 @@ from cusick_bench.cli.options import (
     output_option,
     simulation_option,
 )
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.garment import (
     KINDS,
     Body,
@@ -127,8 +128,8 @@ def skirt(
     if out is not None:
         with disk_errors(out):
             out.mkdir(parents=True, exist_ok=True)
-    with console.status("hanging the skirts"):
-        rest, resting = hang(fitting, _laid(pattern, laying_height, draws, seed))
+    with progress_bar("hanging the skirts (at most so many steps)") as bar:
+        rest, resting = hang(fitting, _laid(pattern, laying_height, draws, seed), progress=bar.show)
     measures = [measure(pattern, x) for x in rest.positions]
     each = [{"draw": i, **asdict(m), "at_rest": bool(resting[i])} for i, m in enumerate(measures)]
     document: dict[str, Any] = {
@@ -139,12 +140,12 @@ def skirt(
     }  # fmt: skip
     frames = None
     if dynamic:
-        with console.status("moving the waist"):
-            frames = walk(fitting, rest, moving)
+        with progress_bar("moving the waist") as bar:
+            frames = walk(fitting, rest, moving, progress=bar.show)
         document["motion"] = _moved(pattern, moving, *frames)
     document["seconds"] = time.perf_counter() - clock
     if out is not None:
-        with disk_errors(out), console.status("drawing"):
+        with disk_errors(out), progress_bar("drawing"), interruptible(f"what was ready is in {out}"):
             write_rest(out, pattern, rest.positions, cloth.name, body)
             if frames is not None:
                 write_motion(out, pattern, *frames, moving, cloth.name, body)

@@ -6,8 +6,9 @@ import typer
 from rich.table import Table
 
 from cusick_bench.benchmark.robustness import robustness as run_robustness
-from cusick_bench.cli.common import output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import DropMode, Json, Mode, Seed, Vertices
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings

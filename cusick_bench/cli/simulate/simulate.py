@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ import typer
 from PIL import Image
 from rich.table import Table
 
-from cusick_bench.cli.common import console, output, print_json, progress_bar, user_errors
+from cusick_bench.cli.common import console, interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
@@ -39,6 +40,7 @@ from cusick_bench.cli.options import (
     running_option,
     simulation_option,
 )
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,
@@ -256,7 +258,7 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
     """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
     results: list[dict[str, Any]] = []
     faces = drawn.simulator.mesh.faces
-    with progress_bar("draping", count) as bar:
+    with progress_bar("draping", count) as bar, interruptible(partial(_kept, results, out)):
         for numbers, batch in drawn.batches(count):
             for place, number in enumerate(numbers):
                 bar.advance()
@@ -271,6 +273,11 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
                 if out is not None:
                     _write(out, f"drape_{number:04d}", outcome, faces)
     return results
+
+
+def _kept(results: list[dict[str, Any]], out: Path | None) -> str:
+    """What is written of drapes when the command is interrupted."""
+    return "nothing was written" if out is None else f"{len(results)} drapes are written to {out}"
 
 
 def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:
@@ -296,9 +303,9 @@ def _report_failures(results: list[dict[str, Any]]) -> None:
         if "failure" in result:
             reasons[result["failure"]].append(result["draw"])
     if reasons:
-        console.print(f"{sum(map(len, reasons.values()))} of {len(results)} draws diverged:", highlight=False)
+        console.print(f"{sum(map(len, reasons.values()))} of {len(results)} draws diverged:")
     for reason, draws in reasons.items():
-        console.print(f"draw {', '.join(map(str, draws))}: {reason}", markup=False, highlight=False)
+        console.print(f"draw {', '.join(map(str, draws))}: {reason}")
 
 
 def _print_table(results: list[dict[str, Any]], done: list[dict[str, Any]], extra: dict[str, Any]) -> None:

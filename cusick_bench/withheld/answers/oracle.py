@@ -77,6 +77,8 @@ def oracle_closures(
         if case not in closures and label.kind in (SINGLE, PAIR) and (cases / case).is_dir()
     ]
     todo.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
+    for case in closures:
+        step(case)
     with process_pool(workers) as pool:
         futures = {pool.submit(oracle_closure, cases / case, labels[case], atlas, draping): case for case in todo}
         for future in as_completed(futures):

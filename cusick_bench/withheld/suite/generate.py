@@ -216,19 +216,17 @@ def _write_alone(suite: Suite, plan: Plan, out: Path) -> str:
 
 
 def _on_processes(suite: Suite, plans: Sequence[Plan], out: Path, workers: int, step: Callable[[str], None]) -> None:
-    pool = process_pool(min(workers, len(plans)))
     failures: list[str] = []
     try:
-        for future in as_completed([pool.submit(_write_alone, suite, plan, out) for plan in plans]):
-            try:
-                step(future.result())
-            except WithheldError as error:
-                failures.append(str(error))
+        with process_pool(min(workers, len(plans))) as pool:
+            for future in as_completed([pool.submit(_write_alone, suite, plan, out) for plan in plans]):
+                try:
+                    step(future.result())
+                except WithheldError as error:
+                    failures.append(str(error))
     except BrokenProcessPool as error:
         raise WithheldError(
             "a worker was killed, probably out of memory; run the same command again with fewer --workers, it goes on"
         ) from error
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
     if failures:
         raise WithheldError(f"{len(failures)} of {len(plans)} cases cannot be made: {failures[0]}")

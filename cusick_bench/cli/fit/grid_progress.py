@@ -1,0 +1,167 @@
+"""How far a grid of cells is: bars with loss and time left on a terminal, a line every ten seconds elsewhere."""
+
+import math
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from cusick_bench.cli.common import console, quiet
+from cusick_bench.cli.progress import INTERVAL, Lines, Tally, live
+from cusick_bench.cli.screen import Screen, harmless
+from cusick_bench.runner import Cell
+
+MOST_CELLS = 3  # under way that a line names
+ALMOST = 0.99  # of a cell whose budget is spent, and that is scored
+
+
+class GridProgress:
+    """Watches a grid and shows how it gets on; a context manager.
+
+    Attributes:
+        cells: Number of cells, as far as known.
+        finished: How many of them are finished.
+    """
+
+    def __init__(self, screen: Screen = console, interval: float = INTERVAL) -> None:
+        self.cells = self.finished = 0
+        self._screen = screen
+        self._tally = Tally("cells")
+        self._notes: dict[Cell, tuple[float, str]] = {}  # share and what is said of the cells under way
+        self._open = ExitStack()
+        self._bars = _Bars(screen) if live(screen) and not quiet() else None
+        self._lines = Lines(self.line, screen, interval) if self._bars is None and not quiet() else None
+
+    def __enter__(self) -> "GridProgress":
+        for shown in (self._bars, self._lines):
+            if shown is not None:
+                self._open.enter_context(shown)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.close()
+
+    def begin(self, cells: int, done: int) -> None:
+        """Shows the grid.
+
+        Args:
+            cells: Number of cells.
+            done: How many of them are finished from earlier.
+        """
+        self.cells, self.finished = cells, done
+        self._tally = Tally("cells", cells, done)
+        if self._bars is not None:
+            self._bars.begin(cells, done)
+
+    def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:
+        """Shows a cell that is under way.
+
+        Args:
+            cell: The cell.
+            fraction: Share of its budget that is spent, in [0, 1]; NaN without a limit.
+            loss: Smallest loss so far; infinite before the first.
+            message: What the solver does now.
+        """
+        words = " ".join([f"loss {loss:.4f}"] * math.isfinite(loss) + [message] * bool(message))
+        self._notes[cell] = (fraction, words)
+        self._mark()
+        if self._bars is not None:
+            self._bars.update(cell, fraction, words)
+
+    def end(self, cell: Cell, status: str, failure: str) -> None:
+        """A cell is finished.
+
+        Args:
+            cell: The cell.
+            status: "done" or "failed".
+            failure: Printed where the cell failed.
+        """
+        self._notes.pop(cell, None)
+        self.finished += 1
+        self._mark()
+        if self._bars is not None:
+            self._bars.end(cell)
+        if failure:
+            self._screen.print(f"{_name(cell)}: {failure}", soft_wrap=True)
+
+    def line(self) -> str:
+        """What a log shows of the grid and of the first cells under way."""
+        under_way = [
+            f"{_name(cell)} {f'{100 * share:.0f} % ' if math.isfinite(share) else ''}{words}".rstrip()
+            for cell, (share, words) in list(self._notes.items())[:MOST_CELLS]
+        ]
+        return "; ".join([self._tally.line(), *under_way])
+
+    def _mark(self) -> None:
+        parts = (share for share, _ in list(self._notes.values()) if math.isfinite(share))
+        self._tally.mark(self.finished + sum(min(share, ALMOST) for share in parts))
+
+
+def cells_kept(grid: GridProgress, out: Path) -> str:
+    """What a grid that is interrupted leaves behind, in words.
+
+    Args:
+        grid: How far it was.
+        out: Its results folder.
+    """
+    return (
+        f"{grid.finished} of {grid.cells} cells are finished and kept in {out}; what the others have spent is kept, too"
+    )
+
+
+class _Bars:
+    """A bar for the grid and one for every cell under way; a context manager."""
+
+    def __init__(self, screen: Screen) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}", markup=False),
+            console=screen,
+        )
+        self._grid: TaskID | None = None
+        self._cells: dict[Cell, TaskID] = {}
+
+    def __enter__(self) -> "_Bars":
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def begin(self, cells: int, done: int) -> None:
+        """Shows the grid's bar."""
+        note = f"{done} of {cells} cells were finished before" if done else ""
+        self._grid = self._progress.add_task("grid", total=cells, completed=done, note=note)
+
+    def update(self, cell: Cell, fraction: float, note: str) -> None:
+        """Moves a cell's bar."""
+        if cell not in self._cells:
+            self._cells[cell] = self._progress.add_task(_name(cell), total=1.0, note="")
+        known = math.isfinite(fraction)
+        self._progress.update(
+            self._cells[cell],
+            completed=fraction if known else 0.0,
+            total=1.0 if known else None,
+            note=harmless(note),
+        )
+
+    def end(self, cell: Cell) -> None:
+        """Removes a cell's bar and moves the grid's."""
+        if cell in self._cells:
+            self._progress.remove_task(self._cells.pop(cell))
+        if self._grid is not None:
+            self._progress.advance(self._grid)
+
+
+def _name(cell: Cell) -> str:
+    return harmless(f"{cell.cloth} / {cell.solver} / {cell.seed}")

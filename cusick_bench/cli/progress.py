@@ -1,0 +1,193 @@
+"""How far a long command is: a bar on a terminal, elsewhere a line every ten seconds, nothing under `--quiet`.
+
+All of it goes to standard error. The time left is told once enough work is done to judge by.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import TracebackType
+
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from cusick_bench.cli import common
+from cusick_bench.cli.screen import Screen, harmless
+
+INTERVAL = 10.0  # [s] between two lines where there is no terminal
+JUDGED_SHARE = 0.05  # of the work, from which the speed is judged
+JUDGED_FROM_START = 0.1  # the same, where the start-up counts as well
+JUDGED_SECONDS = 5.0  # [s] of work, from which the speed is judged
+
+
+@dataclass
+class Tally:
+    """Work that is done, and how long it took.
+
+    Attributes:
+        what: What is being done.
+        total: All work, in the same unit as `done`; None if not known yet.
+        done: What is done of it.
+        begun: Steps that were begun, where steps are told when they begin.
+        clock: Seconds of a clock.
+    """
+
+    what: str
+    total: float | None = None
+    done: float = 0.0
+    begun: int = 0
+    clock: Callable[[], float] = time.monotonic
+    _marks: list[tuple[float, float]] = field(default_factory=list)  # start, first progress, last progress
+
+    def __post_init__(self) -> None:
+        self._marks.append((self.clock(), self.done))
+
+    def mark(self, done: float) -> None:
+        """So much is done in all.
+
+        Args:
+            done: In the unit of `total`.
+        """
+        if done > self.done:
+            self._marks = [*self._marks[:2], (self.clock(), done)]
+        self.done = done
+
+    def seconds(self) -> float:
+        """Time since the work began [s]."""
+        return self.clock() - self._marks[0][0]
+
+    def seconds_left(self) -> float | None:
+        """Time that the rest takes at the speed so far [s]; None as long as that says little.
+
+        The speed is judged without the start-up, in which libraries are loaded and compiled, as soon as it can be.
+        """
+        if not self.total or len(self._marks) < 2:
+            return None
+        now, (last, done) = self.clock(), self._marks[-1]
+        for (first, before), share in ((self._marks[1], JUDGED_SHARE), (self._marks[0], JUDGED_FROM_START)):
+            if done - before >= share * self.total and last - first >= JUDGED_SECONDS:
+                return max(0.0, (self.total - done) * (last - first) / (done - before) - (now - last))
+        return None
+
+    def line(self) -> str:
+        """What a log shows: the share done, the time spent, the time left."""
+        words, left = [duration(self.seconds())], self.seconds_left()
+        if self.total:
+            share = min(1.0, self.done / self.total)
+            words.insert(0, f"{100 * share:.0f} % ({int(self.done)} of {int(self.total)})")
+        if left:
+            words.append(f"about {duration(left)} left")
+        return f"{self.what}: {', '.join(words)}"
+
+
+def duration(seconds: float) -> str:
+    """A time in words, as exact as one wants to know it.
+
+    Args:
+        seconds: The time [s].
+
+    Returns:
+        Text such as `40 s`, `2 min 10 s`, `3 h 05 min`.
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+class Lines:
+    """Prints a line every few seconds as long as it is open; a context manager."""
+
+    def __init__(self, line: Callable[[], str], screen: Screen, interval: float) -> None:
+        self._line, self._screen, self._interval = line, screen, interval
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._print, daemon=True)
+
+    def __enter__(self) -> "Lines":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _print(self) -> None:
+        while not self._over.wait(self._interval):
+            self._screen.print(self._line(), soft_wrap=True)
+
+
+def live(screen: Screen) -> bool:
+    """Whether a bar can move there: on a terminal that steers its cursor."""
+    return screen.is_terminal and not screen.is_dumb_terminal
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What a command's work shows of itself while it lasts.
+
+    Attributes:
+        tally: How far it is.
+        changed: Called after every change.
+    """
+
+    tally: Tally
+    changed: Callable[[], None]
+
+    def advance(self, count: float = 1) -> None:
+        """So much more is done."""
+        self.show(self.tally.done + count)
+
+    def show(self, done: float, total: float | None = None) -> None:
+        """So much is done in all, of a total that may only be known now."""
+        if total is not None:
+            self.tally.total = total
+        self.tally.mark(done)
+        self.changed()
+
+    def begin(self, what: str) -> None:
+        """The next step begins; all before it are done."""
+        self.tally.what = what
+        self.show(self.tally.begun)
+        self.tally.begun += 1
+
+    def say(self, what: str) -> None:
+        """What is being done now."""
+        self.tally.what = what
+        self.changed()
+
+
+@contextmanager
+def progress_bar(
+    what: str, total: float | None = None, *, screen: Screen | None = None, interval: float = INTERVAL
+) -> Iterator[Bar]:
+    """How far a command is, on standard error: a bar that goes when the work is done, or lines.
+
+    Args:
+        what: What is being done.
+        total: Number of steps, None if not known yet.
+        screen: Where it is shown; by default on standard error.
+        interval: Time between two lines [s].
+    """
+    screen, tally = screen or common.console, Tally(what, total)
+    if common.quiet():
+        yield Bar(tally, lambda: None)
+    elif live(screen):
+        columns = (
+            TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
+            "left", TimeRemainingColumn(),
+        )  # fmt: skip
+        with Progress(*columns, console=screen, transient=True) as progress:
+            task = progress.add_task(harmless(what), total=total)
+
+            def changed() -> None:
+                progress.update(task, description=harmless(tally.what), completed=tally.done, total=tally.total)
+
+            yield Bar(tally, changed)
+    else:
+        with Lines(tally.line, screen, interval):
+            yield Bar(tally, lambda: None)

@@ -1,0 +1,161 @@
+"""What a long command shows of itself: a bar on a terminal, lines elsewhere, nothing when it is to be quiet."""
+
+import io
+import re
+import time
+from dataclasses import dataclass
+
+import pytest
+
+from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
+from cusick_bench.cli.progress import Tally, duration, progress_bar
+from cusick_bench.cli.screen import Screen
+from cusick_bench.cli.verbosity import messages, tell_less
+from cusick_bench.runner import plan
+
+
+def screen(terminal: bool = False) -> Screen:
+    return Screen(file=io.StringIO(), force_terminal=terminal, width=150)
+
+
+def _shown(work, total=None, terminal=True, wait=0.0) -> str:
+    """What a bar has written by the end of the work."""
+    where = screen(terminal)
+    with progress_bar("draping", total, screen=where, interval=0.05) as bar:
+        work(bar)
+        time.sleep(wait)
+    return where.file.getvalue()
+
+
+def test_a_bar_says_what_is_done_and_how_much_of_it():
+    def work(bar):
+        bar.advance()
+        bar.advance(2)
+        bar.say("scoring [bold]\x1b[2J[/]")
+
+    text = _shown(work, 4)
+    assert "75%" in text
+    assert r"scoring [bold]\x1b[2J[/]" in text  # no style, no command to the terminal
+
+
+def test_a_total_may_be_known_late():
+    assert "%" not in _shown(lambda bar: None)
+    assert "20%" in _shown(lambda bar: bar.show(1, 5))
+
+
+def test_the_bar_goes_when_the_work_fails():
+    where = screen(True)
+    with pytest.raises(ZeroDivisionError), progress_bar("draping", 2, screen=where):
+        raise ZeroDivisionError
+    assert where.file.getvalue().endswith("\x1b[2K")  # the line is wiped
+
+
+def test_without_a_terminal_there_are_lines():
+    lines = _shown(
+        lambda bar: bar.begin("cotton on fire") or bar.begin("wool"), 4, terminal=False, wait=0.4
+    ).splitlines()
+    assert len(lines) >= 3
+    assert set(lines) == {"wool: 25 % (1 of 4), 0 s"}
+
+
+def test_a_short_command_writes_no_line():
+    where = screen()
+    with progress_bar("draping", 2, screen=where) as bar:
+        bar.advance()
+    assert where.file.getvalue() == ""
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_quiet_command_shows_nothing(terminal):
+    with messages():
+        tell_less(True)
+        assert _shown(lambda bar: bar.advance(), 4, terminal=terminal, wait=0.2) == ""
+    assert _shown(lambda bar: bar.advance(), 4, terminal=terminal, wait=0.2) != ""
+
+
+@dataclass
+class Clock:
+    """A clock that is set by hand."""
+
+    now: float = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class TestTimeLeft:
+    """The time left is told once enough is done to judge by, and then it is right."""
+
+    def left_after(self, marks, total=100.0, now=None):
+        clock = Clock()
+        tally = Tally("draping", total, clock=clock)
+        for clock.now, done in marks:
+            tally.mark(done)
+        clock.now = clock.now if now is None else now
+        return tally.seconds_left()
+
+    def test_nothing_is_said_too_early(self):
+        assert self.left_after([]) is None
+        assert self.left_after([(60, 1)]) is None  # one step of a hundred, with the start-up in it
+        assert self.left_after([(60, 1), (61, 9)]) is None  # within a second
+        assert self.left_after([(60, 50)], total=None) is None
+
+    def test_the_start_up_is_left_out(self):
+        # 60 s of compilation and one step, then a step a second
+        assert self.left_after([(60, 1), (100, 41)]) == pytest.approx(59)
+
+    def test_it_counts_down_between_steps(self):
+        assert self.left_after([(60, 1), (100, 41)], now=110) == pytest.approx(49)
+        assert self.left_after([(60, 1), (100, 41)], now=500) == 0
+
+    def test_a_few_long_steps(self):
+        assert self.left_after([(60, 1)], total=4) == pytest.approx(180)
+
+    def test_what_was_done_before_says_nothing_of_the_speed(self):
+        clock = Clock()
+        tally = Tally("cells", 100, 90, clock=clock)  # ninety of them yesterday
+        for clock.now, done in [(10, 91), (20, 96)]:
+            tally.mark(done)
+        assert tally.seconds_left() == pytest.approx(8)
+        assert tally.line() == "cells: 96 % (96 of 100), 20 s, about 8 s left"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(40.4, "40 s"), (130, "2 min 10 s"), (11100, "3 h 05 min"), (60, "1 min 00 s")]
+)
+def test_times_are_written_in_words(seconds, text):
+    assert duration(seconds) == text
+
+
+@pytest.fixture(scope="module")
+def cells(toy_dataset):
+    return plan(toy_dataset, solvers=["null:disc"], cloths=["fabric_1"], seeds=[0, 1, 2])
+
+
+def test_bars_of_a_grid_show_loss_and_failure(cells):
+    where = screen(True)
+    with GridProgress(where) as grid:
+        grid.begin(3, 1)
+        grid.update(cells[0], 0.5, 0.0123, "fitting [red]")
+    text = where.file.getvalue()
+    assert "loss 0.0123 fitting [red]" in text
+    assert "50 %" in text
+    with grid:
+        grid.end(cells[0], "failed", "planted failure")
+    assert "planted failure" in where.file.getvalue()
+
+
+def test_lines_of_a_grid_show_share_and_loss(cells):
+    where = screen()
+    with GridProgress(where, interval=0.05) as grid:
+        grid.begin(3, 1)
+        grid.update(cells[0], 0.5, 0.0123, "fitting")
+        grid.update(cells[1], float("nan"), float("inf"), "")
+        time.sleep(0.2)
+        grid.end(cells[0], "done", "")
+    lines = where.file.getvalue().splitlines()
+    assert lines
+    assert lines[0].startswith("cells: 50 % (1 of 3), ")
+    assert lines[0].endswith("; fabric_1 / null:disc / 0 50 % loss 0.0123 fitting; fabric_1 / null:disc / 1")
+    assert cells_kept(grid, "runs/a").startswith("2 of 3 cells are finished and kept in runs/a")
+    assert not re.search(r"\x1b", where.file.getvalue())
