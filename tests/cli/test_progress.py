@@ -18,13 +18,18 @@ def screen(terminal: bool = False) -> Screen:
     return Screen(file=io.StringIO(), force_terminal=terminal, width=150)
 
 
+def written(where: Screen) -> str:
+    assert isinstance(where.file, io.StringIO)
+    return where.file.getvalue()
+
+
 def _shown(work, total=None, terminal=True, wait=0.0) -> str:
     """What a bar has written by the end of the work."""
     where = screen(terminal)
     with progress_bar("draping", total, screen=where, interval=0.05) as bar:
         work(bar)
         time.sleep(wait)
-    return where.file.getvalue()
+    return written(where)
 
 
 def test_a_bar_says_what_is_done_and_how_much_of_it():
@@ -47,7 +52,7 @@ def test_the_bar_goes_when_the_work_fails():
     where = screen(True)
     with pytest.raises(ZeroDivisionError), progress_bar("draping", 2, screen=where):
         raise ZeroDivisionError
-    assert where.file.getvalue().endswith("\x1b[2K")  # the line is wiped
+    assert written(where).endswith("\x1b[2K")  # the line is wiped
 
 
 def test_without_a_terminal_there_are_lines():
@@ -62,7 +67,7 @@ def test_a_short_command_writes_no_line():
     where = screen()
     with progress_bar("draping", 2, screen=where) as bar:
         bar.advance()
-    assert where.file.getvalue() == ""
+    assert written(where) == ""
 
 
 @pytest.mark.parametrize("terminal", [True, False])
@@ -137,12 +142,12 @@ def test_bars_of_a_grid_show_loss_and_failure(cells):
     with GridProgress(where) as grid:
         grid.begin(3, 1)
         grid.update(cells[0], 0.5, 0.0123, "fitting [red]")
-    text = where.file.getvalue()
+    text = written(where)
     assert "loss 0.0123 fitting [red]" in text
     assert "50 %" in text
     with grid:
         grid.end(cells[0], "failed", "planted failure")
-    assert "planted failure" in where.file.getvalue()
+    assert "planted failure" in written(where)
 
 
 def test_lines_of_a_grid_show_share_and_loss(cells):
@@ -153,9 +158,9 @@ def test_lines_of_a_grid_show_share_and_loss(cells):
         grid.update(cells[1], float("nan"), float("inf"), "")
         time.sleep(0.2)
         grid.end(cells[0], "done", "")
-    lines = where.file.getvalue().splitlines()
+    lines = written(where).splitlines()
     assert lines
     assert lines[0].startswith("cells: 50 % (1 of 3), ")
     assert lines[0].endswith("; fabric_1 / null:disc / 0 50 % loss 0.0123 fitting; fabric_1 / null:disc / 1")
     assert cells_kept(grid, "runs/a").startswith("2 of 3 cells are finished and kept in runs/a")
-    assert not re.search(r"\x1b", where.file.getvalue())
+    assert not re.search(r"\x1b", written(where))
