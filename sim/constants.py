@@ -10,4 +10,6 @@ PLATE_RADIUS = 0.09  # [m], ISO 9073-9: plate of 18 cm
 GRAVITY = 9.8  # [m/s2], the published program's
 IMAGE_SIZE = 256  # [px], side of an image of the public release
 IMAGE_CENTRE = (127.5, 127.5)  # [px], column and row of the plate's axis there; pixel centres are integers
+LIGHTEST_CLOTH = 0.005  # [kg/m2], half of the sheerest silk's; what is lighter is in another unit
+HEAVIEST_CLOTH = 5.0  # [kg/m2], ten times a heavy denim's; what is heavier is in g/m2
 PIXELS_PER_METRE = 723.0  # [px/m], the scale at which the release's meshes match its silhouettes in parallel projection

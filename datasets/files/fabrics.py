@@ -1,18 +1,21 @@
 """Areal density and thickness of fabrics: a table that the user supplies, and the five values that are published."""
 
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.files import BadFile, read_csv
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 
 FILE = "fabrics.csv"
 _MAXIMUM_BYTES = 1 << 20
 _REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
-_HEAVIEST = 5.0  # [kg/m2]; ten times a heavy denim: beyond it the value is in g/m2
-_THICKEST = 0.02  # [m]; beyond it the value is in mm
+_THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; beyond them the value is in another unit
+_DENSITIES = (LIGHTEST_CLOTH, HEAVIEST_CLOTH)
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -69,25 +72,25 @@ def read_fabrics(path: Path) -> dict[str, Fabric]:
             raise _bad(f"{path}, line {number}", f"fabric {cells['fabric']!r} is empty or given twice", "correct it")
         where = f"{path}, line {number}"
         table[key] = Fabric(
-            _value(cells.get("areal_density_kg_m2", ""), "areal density", "kg/m2", _HEAVIEST, where),
-            _value(cells.get("thickness_m", ""), "thickness", "m", _THICKEST, where),
+            _value(cells.get("areal_density_kg_m2", ""), "areal density", "kg/m2", _DENSITIES, where),
+            _value(cells.get("thickness_m", ""), "thickness", "m", _THICKNESSES, where),
             where,
             {name: cell for name, cell in cells.items() if name not in _COLUMNS},
         )
     return table
 
 
-def _value(text: str, name: str, unit: str, largest: float, where: str) -> float:
+def _value(text: str, name: str, unit: str, limits: tuple[float, float], where: str) -> float:
     if not text:
         return math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not value > 0:
         raise _bad(where, f"{name} must be a number > 0 {unit}, got {text[:40]}", "correct it or leave the field empty")
-    if value > largest:
-        raise _bad(where, f"{name} must be at most {largest} {unit}, got {text[:40]}", f"give it in {unit}")
+    least, most = limits
+    if value < least:
+        raise _bad(where, f"{name} must be at least {least} {unit}, got {text[:40]}", f"give it in {unit}")
+    if value > most:
+        raise _bad(where, f"{name} must be at most {most} {unit}, got {text[:40]}", f"give it in {unit}")
     return value
 
 

@@ -114,8 +114,11 @@ def _content(path: Path, size: int, replace: str) -> bytes:
             width, height = image.size
             mode, transparent = image.mode, "A" in image.getbands() or "transparency" in image.info
             form = str(image.format)
+            pictures = int(getattr(image, "n_frames", 1)) if form in ("PNG", "TIFF") else 1
     if width * height > _MAXIMUM_PIXELS:
         raise _bad(path, "image-too-large", f"{width} x {height} pixels are no silhouette", replace)
+    if pictures > 1:
+        raise _bad(path, "unreadable-image", f"holds {pictures} pictures, not one", "save the silhouette alone")
     if (width, height) != (size, size):
         raise _bad(
             path,

@@ -112,7 +112,7 @@ class Layout:
         while top.name == "data" or _FABRIC_FOLDER.fullmatch(top.name):
             top = top.parent
             places.append(top)
-        return next((place / name for place in places if (place / name).is_file()), None)
+        return next((place / name for place in places if os.path.lexists(place / name)), None)
 
 
 def inside_root(root: Path, relative: str) -> Path:
@@ -198,9 +198,9 @@ def _files(folder: Path, problems: list[Irregularity]) -> list[Path]:
             path = Path(parent, name)
             if name.startswith("."):
                 continue
-            if path.is_symlink() and not path.resolve().is_relative_to(folder):
+            if path.is_symlink() and not _inside(path, folder):
                 where = path.relative_to(folder).as_posix()
-                problems.append(Irregularity(where, "outside-link", "link leads out of the folder"))
+                problems.append(Irregularity(where, "outside-link", "link leads out of the folder, or nowhere"))
             elif path.is_file():
                 files.append(path)
         if len(files) > _MAXIMUM_FILES:
@@ -208,6 +208,14 @@ def _files(folder: Path, problems: list[Irregularity]) -> list[Path]:
                 f"holds more than {_MAXIMUM_FILES} files", where=folder, remedy="give the folder of the data alone"
             )
     return files
+
+
+def _inside(link: Path, folder: Path) -> bool:
+    """Whether a link leads to a file in the folder; one that leads to itself does not."""
+    try:
+        return link.resolve(strict=True).is_relative_to(folder)
+    except (OSError, RuntimeError):  # Python 3.11 tells of a loop of links as a RuntimeError
+        return False
 
 
 def _parse(root: Path, path: Path) -> Entry | None:

@@ -18,7 +18,9 @@ from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_mesh
+from cusick_bench.sim.cloth.obj import SUFFIXES as MESH_SUFFIXES
 
+_MOST_BYTES = 64 << 20  # as much as a mesh may have
 _VERSION = 2  # raise it when the meaning of a stored number changes
 
 
@@ -63,9 +65,15 @@ def content_hash(path: Path) -> str:
         64 hexadecimal digits.
 
     Raises:
-        DataError: The file cannot be read.
+        DataError: The file cannot be read, or is far too large.
     """
     try:
+        if path.stat().st_size > _MOST_BYTES:
+            what = (
+                f"has {path.stat().st_size} bytes, far more than any silhouette or mesh; at most {_MOST_BYTES} are read"
+            )
+            kind = "mesh-too-large" if path.name.endswith(MESH_SUFFIXES) else "image-too-large"
+            raise DataError(what, where=path, remedy="replace it by the original file, or remove it", kind=kind)
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:

@@ -115,6 +115,10 @@ class Mesh:
         same_as_previous = np.append(False, same_as_next[:-1])
         open_sides = sides[~(same_as_next | same_as_previous)]
         following = dict(open_sides.tolist())
+        if not 0 < len(open_sides) == len(following):
+            raise SimulationError(
+                f"the mesh has {len(open_sides)} rim edges that are not closed loops; mend the mesh (no bow ties)"
+            )
         loop = [min(following)]
         while (vertex := following[loop[-1]]) != loop[0]:
             loop.append(vertex)

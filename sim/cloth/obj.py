@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import BadMeshFile, SimulationError
@@ -20,6 +22,7 @@ SUFFIXES = (".obj", ".obj.gz")
 _MOST_BYTES = 64 << 20  # of text, after decompression
 _LARGEST_COORDINATE = 1e6  # [m]
 _MOST_COORDINATES = 7  # x y z, perhaps w, perhaps red green blue
+_NARROWEST, _WIDEST = 0.02, 2.0  # [m] of a cloth to simulate
 _FLAT = 1e-6  # [m] a cloth whose heights differ by less lies flat
 
 
@@ -72,13 +75,26 @@ def mesh_from_obj(path: str | Path) -> Mesh:
         The mesh, vertices and faces as in the file.
 
     Raises:
-        SimulationError: Unreadable file, or the cloth is not flat.
+        SimulationError: Unreadable file, or the cloth is not flat, of no cloth's size, or not one piece with one rim.
     """
     positions, faces = read_obj(path)
-    height = np.ptp(positions[:, 2])
+    height, width = np.ptp(positions[:, 2]), np.ptp(positions[:, :2], axis=0).max()
+    if not _NARROWEST <= width <= _WIDEST:
+        raise SimulationError(
+            f"{path} is {width:.4g} wide, and a cloth from {_NARROWEST} to {_WIDEST} m; coordinates are in metres, not "
+            "in millimetres or inches: scale them"
+        )
     if height > _FLAT:
         raise SimulationError(f"{path} is not flat (z spans {height:.3g} m); give the cloth's rest mesh")
-    return Mesh(positions[:, :2], faces)
+    mesh = Mesh(positions[:, :2], faces)
+    sides = np.concatenate([faces[:, :2], faces[:, 1:]])
+    links = coo_array((np.ones(len(sides), dtype=np.int8), sides.T), shape=(mesh.vertices, mesh.vertices))
+    pieces, _ = connected_components(links, directed=False)
+    if pieces > 1:
+        raise SimulationError(f"{path} must hold a cloth of one piece, got {pieces}; remove all but one")
+    if len(mesh.boundary) < 3:  # which is an error of its own where it is not one loop
+        raise SimulationError(f"{path} must hold a cloth with a rim; give a disc")
+    return mesh
 
 
 def write_obj(path: str | Path, positions: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"]) -> None:
@@ -125,6 +141,8 @@ def _fan(words: list[bytes], vertices: int) -> list[tuple[int, int, int]]:
     if len(words) < 3:
         raise ValueError("a face has at least 3 corners")
     numbers = [int(word.split(b"/", 1)[0]) for word in words]
+    if max(map(abs, numbers)) > _MOST_BYTES:
+        raise ValueError("there is no such vertex")
     corners = [number - 1 if number >= 0 else number + vertices for number in numbers]
     first = corners[0]
     return [(first, second, third) for second, third in pairwise(corners[1:])]
