@@ -13,8 +13,11 @@ from cusick_bench.datasets import DrapeDataset, DrapeSample
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
+from cusick_bench.datasets.truth import true_tables
 from cusick_bench.files import read_json_object, read_npz
 from cusick_bench.metrics import score, to_levels
+from cusick_bench.metrics.found_stiffness import find_stiffness, stiffness_document
+from cusick_bench.metrics.stiffness import ClothStiffness, cloth_stiffness
 from cusick_bench.problem import (
     SPACES,
     Checkpoint,
@@ -155,6 +158,7 @@ def run_cell(
         problem: DrapeProblem | None = None
         spent: dict[str, float] | None = None
         try:
+            true = _true_stiffness(dataset, cell.cloth)  # before the work, since a damaged file ends it
             problem = build_problem(dataset, cell, folder, simulators)
             meter = problem.meter
             prediction = _solve(problem, dataset, cell, report)
@@ -162,8 +166,10 @@ def run_cell(
             report(1.0, meter.best_loss, "scoring")
             pairs, protocol = _repeat_pairs(dataset, cell), dataset.protocol
             metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=pairs, protocol=protocol)
-            _write_prediction(folder / "prediction.npz", prediction, problem)
+            found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
+            _write_prediction(folder / "prediction.npz", prediction, problem, drawn)
             outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
+            outcome |= stiffness_document(found)
             outcome |= {"notes": prediction.notes} if prediction.notes else {}
         except OSError as error:
             if error.errno in FATAL:
@@ -217,6 +223,12 @@ def _repeat_pairs(dataset: DrapeDataset, cell: Cell) -> list[tuple[np.ndarray, n
     return [(_image(dataset, row), _image(dataset, other)) for row, other in pairs]
 
 
+def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
+    """What the data say of the cloth's stiffness, which no solver is shown."""
+    true = true_tables(dataset, cloth)
+    return None if true is None else cloth_stiffness(true.stretch, true.bending, "paper")
+
+
 def _failed(error: Exception) -> dict[str, Any]:
     """What is recorded of a failure; a traceback only where it is a bug rather than an answer."""
     trace = "" if isinstance(error, CusickError) else traceback.format_exc()
@@ -228,7 +240,9 @@ def _spent(meter: Meter | None) -> dict[str, float]:
     return {name: float(getattr(meter, name)) if meter else 0.0 for name in names}
 
 
-def _write_prediction(path: Path, prediction: Prediction, problem: DrapeProblem) -> None:
+def _write_prediction(
+    path: Path, prediction: Prediction, problem: DrapeProblem, bending_draws: np.ndarray | None
+) -> None:
     arrays: dict[str, np.ndarray] = {
         "train_image": np.asarray(prediction.train_image, dtype=np.float32),
         "train_target": np.asarray(problem.train_image, dtype=np.float32),
@@ -244,6 +258,8 @@ def _write_prediction(path: Path, prediction: Prediction, problem: DrapeProblem)
         with torch.no_grad():
             material = problem.space.specimen(torch.as_tensor(prediction.tau)).material
         arrays |= {name: getattr(material, name).numpy() for name in ("stretch", "bending", "density")}
+    if bending_draws is not None:
+        arrays["bending_draws"] = bending_draws  # [N m], in the order of `metrics.stiffness.BENDING`
     part = path.with_name(path.name + ".part")
     with part.open("wb") as file:
         np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,87 @@
+"""True or otherwise measured stiffness of a data set's cloths, from `truth.json` beside the data.
+
+    {"law": "paper", "fabrics": {"1": {"bending_N_m": 3 rows of 5, "stretch_N_m": 6 rows of 4, ...}, ...}}
+
+The synthetic set has it, since its cloths were simulated; a laboratory that has measured its cloths may write it too.
+Solvers never see it: found stiffness is held against it afterwards.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from cusick_bench.datasets.dataset import DrapeDataset
+from cusick_bench.datasets.errors import BadTable
+from cusick_bench.datasets.files.layout import inside_root
+from cusick_bench.datasets.files.object_file import read_object
+from cusick_bench.files.json_file import shown
+from cusick_bench.sim.cloth.material import BENDING_SHAPE, STRETCH_SAMPLES
+
+FILE = "truth.json"
+_LAW = "paper"  # whose bending table is the stiffness of the plate
+_TABLES = {"stretch_N_m": ((STRETCH_SAMPLES, 4), [0, 2, 3]), "bending_N_m": (BENDING_SHAPE, list(range(5)))}
+"""Shape of each table, and the columns that must be positive: all but c12."""
+_REMEDY = "correct it, or take it away: nothing but the comparison with the truth needs it"
+
+
+@dataclass(frozen=True, eq=False)
+class TrueTables:
+    """True tables of a cloth, as law `paper` reads them.
+
+    Attributes:
+        stretch: C [N/m].
+        bending: B [N m].
+    """
+
+    stretch: Float[Tensor, "6 4"]
+    bending: Float[Tensor, "3 5"]
+
+
+def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
+    """The true tables of a cloth.
+
+    Args:
+        dataset: Data.
+        cloth: Name of the cloth.
+
+    Returns:
+        Its tables; None where there is no `truth.json`, or it does not name the cloth.
+
+    Raises:
+        BadTable: `truth.json` is malformed, or holds stiffness that is not positive.
+    """
+    path = inside_root(dataset.root, FILE)
+    if not path.is_file():
+        return None
+    document = read_object(path, "invalid-truth")
+    fabrics, law = document.get("fabrics"), document.get("law", _LAW)
+    if not isinstance(fabrics, dict):
+        raise BadTable('"fabrics" must be an object', where=path, remedy=_REMEDY, kind="invalid-truth")
+    if law != _LAW:
+        raise BadTable(f'"law" must be "{_LAW}", got {shown(law)}', where=path, remedy=_REMEDY, kind="invalid-truth")
+    number = str(_fabric(dataset, cloth))
+    if number not in fabrics:
+        return None
+    where = f"{path}, fabric {number}"
+    return TrueTables(*(_table(fabrics[number], name, where) for name in _TABLES))
+
+
+def _fabric(dataset: DrapeDataset, cloth: str) -> int:
+    rows = dataset.table.loc[dataset.table["cloth"] == cloth, "fabric"]
+    return int(rows.iloc[0]) if len(rows) else 0
+
+
+def _table(tables: Any, name: str, where: str) -> Float[Tensor, "rows columns"]:
+    (rows, columns), positive = _TABLES[name]
+    try:
+        table = np.array(tables[name], dtype=np.float64)
+    except (KeyError, ValueError, TypeError, OverflowError):
+        table = np.empty(0)
+    if table.shape != (rows, columns) or not np.isfinite(table).all() or (table[:, positive] <= 0).any():
+        rule = f'"{name}" must be {rows} rows of {columns} numbers, all stiffnesses > 0'
+        raise BadTable(rule, where=where, remedy=_REMEDY, kind="invalid-truth")
+    return torch.from_numpy(table)
