@@ -227,10 +227,10 @@ def _summed_up(
 
 def _quantities(names: Iterable[str], draws: Float[ndarray, "draws numbers"]) -> dict[str, Quantity]:
     """Medians with intervals over draws; a single draw is a fit, without interval."""
-    low, high = np.quantile(draws, LEVELS, axis=0)
-    intervals = zip(low.tolist(), high.tolist(), strict=True) if len(draws) > 1 else [None] * draws.shape[1]
-    middles = np.median(draws, axis=0).tolist()
-    return {name: Quantity(*both) for name, *both in zip(names, middles, intervals, strict=True)}
+    if len(draws) == 1:
+        return {name: Quantity(float(value)) for name, value in zip(names, draws[0], strict=True)}
+    rows = zip(names, np.median(draws, axis=0), *np.quantile(draws, LEVELS, axis=0), strict=True)
+    return {name: Quantity(float(middle), (float(low), float(high))) for name, middle, low, high in rows}
 
 
 def _ratios(found: Quantities, true: Mapping[str, float] | None) -> dict[str, Quantity]:

@@ -243,5 +243,5 @@ def test_results_without_stiffness_read_as_none():
     ],
 )
 def test_a_malformed_document_is_refused(document, change):
-    with pytest.raises(ValueError, match="stiffness|stretch|truth_ratio"):
+    with pytest.raises(ValueError, match=r"stiffness|stretch|truth_ratio"):
         read_stiffness(document | change)
