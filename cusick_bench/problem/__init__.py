@@ -2,7 +2,7 @@
 
 from cusick_bench.problem.budget import Budget, Evaluation, Meter
 from cusick_bench.problem.drape_problem import DrapeProblem, Observation
-from cusick_bench.problem.errors import BudgetExceeded, ProblemError
+from cusick_bench.problem.errors import BudgetExceeded, ProblemError, StaleJournal
 from cusick_bench.problem.field_space import FieldSpace
 from cusick_bench.problem.journal import Checkpoint, Journal
 from cusick_bench.problem.laying import laid_like
@@ -33,6 +33,7 @@ __all__ = [
     "ProblemError",
     "Scene",
     "Specimen",
+    "StaleJournal",
     "StiffnessPrior",
     "TrainMesh",
     "canonical",

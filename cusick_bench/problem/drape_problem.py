@@ -11,6 +11,7 @@ Newton steps; `follow=False` starts each one anew.
 """
 
 import hashlib
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -35,6 +36,8 @@ from cusick_bench.sim.engine.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.silhouette import Method, render
+
+_log = logging.getLogger(__name__)
 
 Vector = Float[np.ndarray, " dimension"]
 Vectors = Float[np.ndarray, "members dimension"]
@@ -315,13 +318,27 @@ class DrapeProblem:
     def save(self, **arrays: np.ndarray) -> None:
         """Saves a solver's own state, from which `restore` goes on after a kill."""
         branch = {} if self._branch.vertices is None else {"_vertices": self._branch.vertices.numpy()}
-        counts = {"_evaluations": np.array(len(self.meter.trace)), "_loss": np.array(self._branch.loss)}
+        evaluations = len(self.meter.trace)
+        counts = {"_evaluations": np.array(evaluations), "_loss": np.array(self._branch.loss)}
+        counts["_link"] = np.array(self.journal.link(evaluations))
         self.checkpoint.save(**arrays, **counts, **branch)
 
     def restore(self) -> dict[str, np.ndarray] | None:
-        """State saved last, or None; meter, trace and branch are set to what they were at that moment."""
+        """State saved last, or None; meter, trace and branch are set to what they were at that moment.
+
+        A state that was saved after other evaluations than the journal holds is not taken up: the solver begins anew,
+        and so does its budget.
+        """
         state = self.checkpoint.load()
         evaluations = 0 if state is None else int(state.pop("_evaluations"))
+        if state is not None and str(state.pop("_link")) != self.journal.link(evaluations):
+            _log.warning(
+                "%s was saved after %d evaluations, which trace.jsonl does not hold; the cell is run again from its "
+                "start",
+                f"{self.checkpoint.folder}/state.npz",
+                evaluations,
+            )
+            state, evaluations = None, 0
         for entry in self.journal.rewind(evaluations):
             self.meter.replay(entry.evaluation)
         if state is not None:

@@ -6,23 +6,34 @@ undisturbed run. No solver needs to know how to save itself. One that holds much
 of evaluations) may save it in the `Checkpoint` beside.
 
 `trace.jsonl` has one line an evaluation, `state.bin` the float64 arrays that belong to it (gradient,
-vertices). The line is written last: what a kill cut short has no line and is dropped.
+vertices). The line is written last: what a kill cut short has no line and is dropped. Each line ends with a hash of
+itself, its arrays and the line before, the first with one of the cell's name: an evaluation is replayed only where
+all that led to it is what was written, and a checkpoint is taken up only on the evaluations that it was saved after.
+Whatever is damaged is computed again.
 """
 
+import hashlib
 import json
+import logging
 import math
 import os
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from itertools import takewhile
+from itertools import accumulate, takewhile
 from pathlib import Path
-from typing import Any, BinaryIO, TextIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from cusick_bench.problem.budget import GRADIENTS, Evaluation
-from cusick_bench.problem.errors import ProblemError
+from cusick_bench.problem.errors import StaleJournal
+
+_log = logging.getLogger(__name__)
 
 TRACE, ARRAYS, STATE = "trace.jsonl", "state.bin", "state.npz"
+_CHECK = ', "check": "'  # what the hash of a line stands after, as the last of its entries
+_DIGITS = 16  # hexadecimal, of a line's hash
+_DIGEST_BYTES = hashlib.sha256().digest_size
 
 # Longer arrays are not journalled (2 MB a gradient of the heterogeneous space): their solvers use the
 # checkpoint.
@@ -37,12 +48,32 @@ class Entry:
     arrays: dict[str, np.ndarray]
 
 
-def _line(entry: Entry) -> str:
-    """The trace's line of an entry. JSON has no infinity: a failed evaluation's loss is null."""
+def _body(entry: Entry) -> str:
+    """The trace's line of an entry, without its hash. JSON has no infinity: a failed evaluation's loss is null."""
     record: dict[str, Any] = asdict(entry.evaluation)
     record = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in record.items()}
     record["arrays"] = {name: list(array.shape) for name, array in entry.arrays.items()}
-    return json.dumps(record) + "\n"
+    return json.dumps(record)
+
+
+def _bytes(array: np.ndarray) -> bytes:
+    return np.ascontiguousarray(array, dtype="<f8").tobytes()
+
+
+def _first_link(identity: str) -> str:
+    return hashlib.sha256(identity.encode()).hexdigest()[:_DIGITS]
+
+
+def _link(before: str, body: str, arrays: dict[str, np.ndarray]) -> str:
+    """Hash of a line, its arrays and, by the hash of the line before, of everything before."""
+    digest = hashlib.sha256(f"{before}{body}".encode())
+    for array in arrays.values():
+        digest.update(_bytes(array))
+    return digest.hexdigest()[:_DIGITS]
+
+
+def _line(body: str, link: str) -> str:
+    return f'{body[:-1]}{_CHECK}{link}"}}\n'
 
 
 def _evaluation(record: dict[str, Any]) -> Evaluation:
@@ -54,7 +85,7 @@ def _evaluation(record: dict[str, Any]) -> Evaluation:
 
 
 def read_trace(folder: Path) -> list[dict[str, Any]]:
-    """Reads the complete lines of a folder's trace; a last line that a kill cut short is left out.
+    """Reads a folder's trace as far as it can be read: a last line that a kill cut short is left out.
 
     Args:
         folder: Folder of the run.
@@ -62,15 +93,22 @@ def read_trace(folder: Path) -> list[dict[str, Any]]:
     Returns:
         One record a line.
     """
-    path = folder / TRACE
-    if not path.exists():
-        return []
-    records = []
-    for line in path.read_text(encoding="utf-8").splitlines(keepends=True):
-        if not line.endswith("\n"):
+    records: list[dict[str, Any]] = []
+    for line in _lines(folder / TRACE):
+        try:
+            record = json.loads(line)
+        except ValueError:
             break
-        records.append(json.loads(line))
+        if not isinstance(record, dict):
+            break
+        records.append(record)
     return records
+
+
+def _lines(path: Path) -> Iterator[bytes]:
+    """Complete lines of a file; none where there is no file."""
+    if path.exists():
+        yield from takewhile(lambda line: line.endswith(b"\n"), path.read_bytes().splitlines(keepends=True))
 
 
 @dataclass
@@ -79,48 +117,69 @@ class Journal:
 
     Attributes:
         folder: Folder that holds `trace.jsonl` and `state.bin`.
+        identity: Name of the cell; evaluations that were kept under another one are not taken up.
     """
 
     folder: Path | None = None
+    identity: str = ""
     _past: list[Entry] = field(default_factory=list, init=False)
+    _links: list[str] = field(default_factory=list, init=False)
     _position: int = field(default=0, init=False)
-    _trace: TextIO | None = field(default=None, init=False)
+    _trace: BinaryIO | None = field(default=None, init=False)
     _arrays: BinaryIO | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         if self.folder is None:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._past = self._load(self.folder)
+        self._past, fault = self._load(self.folder)
+        if fault:
+            _log.warning("%s; %d evaluations are kept, the rest is run again", fault, len(self._past))
         self._open(self._past)
 
-    @staticmethod
-    def _load(folder: Path) -> list[Entry]:
-        """Complete entries of an earlier run."""
-        path = folder / ARRAYS
+    def _load(self, folder: Path) -> tuple[list[Entry], str]:
+        """Sound entries of an earlier run, and what is wrong with the files behind them, "" for nothing."""
+        path, trace = folder / ARRAYS, folder / TRACE
         data = np.fromfile(path, dtype="<f8", count=path.stat().st_size // 8) if path.exists() else np.zeros(0)
-        entries, begin = [], 0
-        for record in read_trace(folder):
-            arrays = {}
-            for name, shape in record["arrays"].items():
-                end = begin + math.prod(shape)
-                if end > len(data):
-                    return entries
-                arrays[name] = data[begin:end].reshape(shape)
-                begin = end
-            entries.append(Entry(_evaluation(record), arrays))
-        return entries
+        if not trace.exists():
+            return [], f"{trace} is missing" if path.exists() else ""
+        entries, begin, link = [], 0, _first_link(self.identity)
+        lines = trace.read_bytes().splitlines(keepends=True)
+        for number, line in enumerate(lines, 1):
+            try:
+                body, link, arrays = _sound(line, link, data[begin:])
+                entry = Entry(_evaluation(json.loads(body)), arrays)
+            except (ValueError, TypeError, KeyError, AttributeError) as error:
+                return entries, f"{trace}, line {number}, is damaged ({error})"
+            entries.append(entry)
+            begin += sum(array.size for array in arrays.values())
+        return entries, f"{trace} is empty, and {path} is not" if begin == 0 < len(data) and not lines else ""
 
     def _open(self, entries: list[Entry]) -> None:
         """Cuts both files to the given entries, the trace atomically, and opens them to append."""
         assert self.folder is not None
         self.close()
+        bodies = [_body(entry) for entry in entries]
+        steps = zip(bodies, entries, strict=True)
+        first = _first_link(self.identity)
+        self._links = list(accumulate(steps, lambda link, step: _link(link, step[0], step[1].arrays), initial=first))
         part = self.folder / (TRACE + ".part")
-        part.write_text("".join(_line(entry) for entry in entries), encoding="utf-8")
+        part.write_bytes("".join(map(_line, bodies, self._links[1:])).encode())
         os.replace(part, self.folder / TRACE)
-        self._trace = (self.folder / TRACE).open("a", encoding="utf-8")
+        self._trace = (self.folder / TRACE).open("ab")
         self._arrays = (self.folder / ARRAYS).open("ab")
         os.truncate(self.folder / ARRAYS, 8 * sum(array.size for entry in entries for array in entry.arrays.values()))
+
+    def link(self, evaluations: int) -> str:
+        """What stands for the first evaluations, their arrays and the cell: equal only where all of these are.
+
+        Args:
+            evaluations: Number of evaluations.
+
+        Returns:
+            A hash; "" where the journal has fewer evaluations, or is kept nowhere.
+        """
+        return self._links[evaluations] if evaluations < len(self._links) else ""
 
     @property
     def replaying(self) -> bool:
@@ -138,21 +197,21 @@ class Journal:
             The earlier run's entry; None where that run had got no further.
 
         Raises:
-            ProblemError: The earlier run asked for something else here, so the folder belongs to another run.
+            StaleJournal: The earlier run asked for something else here, so its evaluations are of another run.
         """
         if not self.replaying:
             return None
         entry = self._past[self._position]
         past = entry.evaluation
         if (past.kind, past.digest) != (kind, digest):
-            raise ProblemError(
+            raise StaleJournal(
                 f"evaluation {self._position} in {self.folder} is a {past.kind} at other parameters than the "
-                f"{kind} asked for now: the solver or the machine changed; delete that folder to start afresh"
+                f"{kind} asked for now: the solver or the machine changed; begin anew without what is kept there"
             )
         if kind in GRADIENTS and not past.failure and "gradient" not in entry.arrays:
-            raise ProblemError(
+            raise StaleJournal(
                 f"the gradients of {self.folder} were too long to be kept, and its solver saved no state "
-                "of its own; delete that folder to start afresh"
+                "of its own; begin anew without what is kept there"
             )
         self._position += 1
         return entry
@@ -185,10 +244,12 @@ class Journal:
         if self._trace is None or self._arrays is None:
             return
         kept = Entry(entry.evaluation, {k: v for k, v in entry.arrays.items() if v.size <= LONGEST})
+        body = _body(kept)
+        self._links.append(_link(self._links[-1], body, kept.arrays))
         for array in kept.arrays.values():
-            self._arrays.write(np.ascontiguousarray(array, dtype="<f8").tobytes())
+            self._arrays.write(_bytes(array))
         self._arrays.flush()
-        self._trace.write(_line(kept))
+        self._trace.write(_line(body, self._links[-1]).encode())
         self._trace.flush()
 
     def close(self) -> None:
@@ -198,15 +259,48 @@ class Journal:
                 file.close()
 
 
+def forget(folder: Path) -> None:
+    """Deletes what a resumed run would be fed from: evaluations and state.
+
+    Args:
+        folder: The cell's folder.
+    """
+    for name in (TRACE, ARRAYS, STATE):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _sound(line: bytes, before: str, data: np.ndarray) -> tuple[str, str, dict[str, np.ndarray]]:
+    """What a line of the trace says, its hash, and its arrays; raises ValueError where one does not fit the other."""
+    if not line.endswith(b"\n"):
+        raise ValueError("cut short")
+    body, _, check = line.decode().rpartition(_CHECK)
+    body += "}"
+    arrays, begin = {}, 0
+    for name, shape in json.loads(body)["arrays"].items():
+        end = begin + math.prod(shape)
+        if end > len(data):
+            raise ValueError(f"{ARRAYS} is too short")
+        arrays[name] = data[begin:end].reshape(shape)
+        begin = end
+    link = _link(before, body, arrays)
+    if check != f'{link}"}}\n':
+        raise ValueError("it is not what was written")
+    return body, link, arrays
+
+
 @dataclass(frozen=True)
 class Checkpoint:
     """A solver's own state in `state.npz`, replaced atomically; kept nowhere where `folder` is None.
 
+    The archive is followed by a hash of itself and of the cell's name, without which it is not opened.
+
     Attributes:
         folder: The cell's folder.
+        identity: Name of the cell; a state that was saved under another one is not taken up.
     """
 
     folder: Path | None = None
+    identity: str = ""
 
     def save(self, **arrays: np.ndarray) -> None:
         """Replaces the state."""
@@ -215,11 +309,31 @@ class Checkpoint:
         part = self.folder / (STATE + ".part")
         with part.open("wb") as file:
             np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
+        digest = self._digest(part, part.stat().st_size)
+        with part.open("ab") as file:
+            file.write(digest)
         os.replace(part, self.folder / STATE)
 
     def load(self) -> dict[str, np.ndarray] | None:
-        """The state saved last, or None."""
+        """The state saved last; None where there is none, or it is damaged or of another cell, which is logged."""
         if self.folder is None or not (self.folder / STATE).exists():
             return None
-        with np.load(self.folder / STATE, allow_pickle=False) as archive:
+        path = self.folder / STATE
+        size = path.stat().st_size - _DIGEST_BYTES
+        with path.open("rb") as file:
+            file.seek(max(size, 0))
+            written = file.read()
+        if size < 0 or self._digest(path, size) != written:
+            _log.warning("%s is damaged or of another cell; the cell is run again from its start", path)
+            return None
+        with np.load(path, allow_pickle=False) as archive:
             return dict(archive)
+
+    def _digest(self, path: Path, size: int) -> bytes:
+        """Hash of the cell's name and the first bytes of a file."""
+        digest = hashlib.sha256(self.identity.encode())
+        with path.open("rb") as file:
+            while size > 0 and (block := file.read(min(size, 1 << 20))):
+                digest.update(block)
+                size -= len(block)
+        return digest.digest()

@@ -1,5 +1,7 @@
 """One cell: build the problem, solve, score, write. Whatever goes wrong inside becomes the cell's result."""
 
+import logging
+import os
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,11 +27,13 @@ from cusick_bench.problem import (
     Journal,
     Meter,
     Scene,
+    StaleJournal,
     StiffnessPrior,
     TrainMesh,
     laid_like,
     parse_causes,
 )
+from cusick_bench.problem.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
@@ -41,6 +45,8 @@ from cusick_bench.sim.render.camera import Camera, PinholeCamera
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
+
+_log = logging.getLogger(__name__)
 
 # Told the share of the budget spent, in [0, 1] or NaN, the smallest loss so far, and what goes on.
 Report = Callable[[float, float, str], None]
@@ -115,8 +121,8 @@ def build_problem(
         loss=settings.loss,
         initial=laid if settings.laying == "image" else None,
         meter=Meter(settings.budget),
-        journal=Journal(folder),
-        checkpoint=Checkpoint(folder),
+        journal=Journal(folder, cell.key),
+        checkpoint=Checkpoint(folder, cell.key),
         train_mesh=_train_mesh(sample, simulator.mesh, protocol) if make_solver(cell.solver).needs_mesh else None,
         scene=scene,
     )
@@ -154,37 +160,56 @@ def run_cell(
     with disk_errors(store.out), store.claimed(cell.key) as folder:
         record = cell.record()
         write_json(folder / "cell.json", record)
-        meter: Meter | None = None
-        problem: DrapeProblem | None = None
-        spent: dict[str, float] | None = None
         try:
-            true = _true_stiffness(dataset, cell.cloth)  # before the work, since a damaged file ends it
-            problem = build_problem(dataset, cell, folder, simulators)
-            meter = problem.meter
-            prediction = _solve(problem, dataset, cell, report)
-            spent = _spent(meter)  # before scoring, which is not the solver's time
-            report(1.0, meter.best_loss, "scoring")
-            pairs, protocol = _repeat_pairs(dataset, cell), dataset.protocol
-            metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=pairs, protocol=protocol)
-            found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
-            _write_prediction(folder / "prediction.npz", prediction, problem, drawn)
-            outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
-            outcome |= stiffness_document(found)
-            outcome |= {"notes": prediction.notes} if prediction.notes else {}
-        except OSError as error:
-            if error.errno in FATAL:
-                raise
-            outcome = _failed(error)
-        except Exception as error:
-            outcome = _failed(error)
-        finally:
-            if problem is not None:
-                problem.journal.close()
-        result = record | outcome | {"spent": spent or _spent(meter), "code": code_state()}
+            result = record | _attempt(dataset, cell, folder, report, simulators) | {"code": code_state()}
+        except StaleJournal as error:
+            _log.warning("%s; the cell is run again from its start", error)
+            forget(folder)
+            result = record | _attempt(dataset, cell, folder, report, simulators) | {"code": code_state()}
         write_json(folder / "result.json", result)
         if result["status"] == "done":
             store.mark_done(cell.key)
         return result
+
+
+def _attempt(
+    dataset: DrapeDataset, cell: Cell, folder: Path, report: Report, simulators: Simulators | None
+) -> dict[str, Any]:
+    """What comes of a cell that is solved and scored, fed by what an earlier run has kept of it.
+
+    Raises:
+        StaleJournal: What it has kept is of another run.
+        OSError: The disk cannot be written.
+    """
+    meter: Meter | None = None
+    problem: DrapeProblem | None = None
+    spent: dict[str, float] | None = None
+    try:
+        true = _true_stiffness(dataset, cell.cloth)  # before the work, since a damaged file ends it
+        problem = build_problem(dataset, cell, folder, simulators)
+        meter = problem.meter
+        prediction = _solve(problem, dataset, cell, report)
+        spent = _spent(meter)  # before scoring, which is not the solver's time
+        report(1.0, meter.best_loss, "scoring")
+        pairs, protocol = _repeat_pairs(dataset, cell), dataset.protocol
+        metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=pairs, protocol=protocol)
+        found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
+        _write_prediction(folder / "prediction.npz", prediction, problem, drawn)
+        outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
+        outcome |= stiffness_document(found)
+        outcome |= {"notes": prediction.notes} if prediction.notes else {}
+    except StaleJournal:
+        raise
+    except OSError as error:
+        if error.errno in FATAL:
+            raise
+        outcome = _failed(error)
+    except Exception as error:
+        outcome = _failed(error)
+    finally:
+        if problem is not None:
+            problem.journal.close()
+    return outcome | {"spent": spent or _spent(meter)}
 
 
 def _solve(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Report) -> Prediction:
@@ -263,6 +288,8 @@ def _write_prediction(
     part = path.with_name(path.name + ".part")
     with part.open("wb") as file:
         np.savez_compressed(file, **arrays)  # pyright: ignore[reportArgumentType]
+        file.flush()
+        os.fsync(file.fileno())
     part.replace(path)
 
 

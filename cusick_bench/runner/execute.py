@@ -1,5 +1,6 @@
 """Runs a grid, in this process, in a pool, or on an executor; one failed cell never stops the others."""
 
+import logging
 import os
 import time
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store, disk_errors, read_json, write_json
 from cusick_bench.sim.setup import Simulators
+
+_log = logging.getLogger(__name__)
 
 
 def run(
@@ -95,8 +98,11 @@ def _record_run(store: Store, dataset: DrapeDataset, cells: Sequence[Cell], comm
     path = store.out / "run.json"
     history = []
     if path.exists():
-        earlier = read_json(path)
-        history = [*earlier.pop("history", []), earlier]
+        try:
+            earlier = read_json(path)
+            history = [*_history(earlier.pop("history", []), path), earlier]
+        except RunnerError as error:
+            _log.warning("%s; the history of commands begins anew", error)
     record = {
         "command": list(command),
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -109,3 +115,10 @@ def _record_run(store: Store, dataset: DrapeDataset, cells: Sequence[Cell], comm
         "history": history,
     }
     write_json(path, record)
+
+
+def _history(history: Any, path: Path) -> list[Any]:
+    """Records of earlier commands, where they are any."""
+    if not isinstance(history, list):
+        raise RunnerError(f"{path} is damaged (its history is no list)")
+    return history

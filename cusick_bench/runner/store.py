@@ -6,11 +6,15 @@ OUT/cells/<hash>/trace.jsonl      one line an evaluation
 OUT/cells/<hash>/state.bin|npz    what a resumed run is fed from
 OUT/cells/<hash>/prediction.npz   the answer
 OUT/cells/<hash>/result.json      cost and metrics
-OUT/cells/<hash>/done             marker, written last
+OUT/cells/<hash>/done             marker, written last, with a hash of each file that it stands for
+
+A marker whose files are missing, or are not those that it stands for, marks nothing: the cell is run again.
 """
 
 import errno
+import hashlib
 import json
+import logging
 import math
 import os
 import tempfile
@@ -29,6 +33,11 @@ try:
     import fcntl
 except ImportError:  # Windows: two runs of one cell at the same time are not noticed there
     fcntl = None
+
+_log = logging.getLogger(__name__)
+
+MARKED = ("cell.json", "trace.jsonl", "prediction.npz", "result.json")
+"""Files of a finished cell that its marker stands for."""
 
 # Faults of the disk, not of the solver: they end the grid instead of being recorded as a failed cell.
 FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO}
@@ -73,7 +82,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         path: File.
         content: All of it.
     """
-    part = path.with_name(path.name + ".part")
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")  # two runners may write into one folder
     with part.open("wb") as file:
         file.write(content)
         file.flush()
@@ -104,9 +113,27 @@ def read_json(path: Path) -> dict[str, Any]:
         RunnerError: It is damaged.
     """
     try:
-        return read_json_object(path, remedy="delete its folder and run the cell again")
+        return read_json_object(path, remedy="repeat the run command, which makes it anew")
     except BadFile as error:
         raise RunnerError(f"{path} is damaged ({error.what}); {error.remedy}") from error
+
+
+def file_digests(folder: Path, names: tuple[str, ...]) -> dict[str, str]:
+    """SHA-256 of files of a folder.
+
+    Args:
+        folder: The folder.
+        names: Names of files; those that are not there are left out.
+
+    Returns:
+        Hexadecimal digits by name.
+    """
+    found: dict[str, str] = {}
+    for name in names:
+        if (folder / name).is_file():
+            with (folder / name).open("rb") as file:
+                found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
 
 
 @dataclass(frozen=True)
@@ -146,15 +173,41 @@ class Store:
         return self.out / "cells" / key
 
     def is_done(self, key: str) -> bool:
-        """Whether a cell has been finished.
+        """Whether a cell has been finished, and its files are those that it was finished with.
 
         Args:
             key: Name of the cell.
 
         Returns:
-            Whether its marker is there.
+            Whether nothing is left to do.
         """
-        return (self.folder(key) / "done").exists()
+        return (self.folder(key) / "done").exists() and not self.fault(key)
+
+    def fault(self, key: str) -> str:
+        """What is wrong with a cell that is marked as finished.
+
+        Args:
+            key: Name of the cell.
+
+        Returns:
+            A sentence with the path; "" where nothing is wrong, or the cell is not marked.
+        """
+        folder = self.folder(key)
+        if not (folder / "done").exists():
+            return ""
+        try:
+            marked = read_json(folder / "done").get("files")
+        except (OSError, RunnerError):
+            marked = None
+        if not isinstance(marked, dict) or not set(MARKED) <= set(marked):
+            return f"{folder / 'done'} is damaged"
+        present = file_digests(folder, MARKED)
+        for name in MARKED:
+            if name not in present:
+                return f"{folder / name} is missing"
+            if present[name] != marked[name]:
+                return f"{folder / name} is not what the cell was finished with"
+        return ""
 
     def result(self, key: str) -> dict[str, Any]:
         """A finished or failed cell's result.
@@ -176,7 +229,8 @@ class Store:
         Args:
             key: Name of the cell.
         """
-        write_atomically(self.folder(key) / "done", b"")
+        folder = self.folder(key)
+        write_json(folder / "done", {"files": file_digests(folder, MARKED)})
 
     @contextmanager
     def claimed(self, key: str) -> Iterator[Path]:
@@ -187,6 +241,8 @@ class Store:
 
         Returns:
             A context manager that gives the cell's folder.
+
+        What an earlier process has left half written is removed, and a marker that is wrong, which is logged.
 
         Raises:
             RunnerError: Another process is running it.
@@ -199,4 +255,9 @@ class Store:
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError as error:
                     raise RunnerError(f"another process is running {folder}; wait for it or stop it") from error
+            for part in folder.glob("*.part"):
+                part.unlink()
+            if fault := self.fault(key):
+                _log.warning("%s; the cell is run again", fault)
+                (folder / "done").unlink()
             yield folder

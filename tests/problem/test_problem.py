@@ -381,7 +381,7 @@ class TestJournal:
 
     def test_another_runs_journal_is_refused(self, tmp_path):
         toy_problem(folder=tmp_path).evaluate(np.zeros(39))
-        with pytest.raises(ProblemError, match="delete that folder"):
+        with pytest.raises(ProblemError, match="begin anew without what is kept there"):
             toy_problem(folder=tmp_path).evaluate(np.ones(39))
 
     def test_wall_clock_goes_on_where_it_stopped(self, tmp_path):

@@ -341,12 +341,6 @@ class TestDisk:
         _, results = _run(data, tmp_path, ["null:disc", "null:copy"])
         assert [result["status"] for result in results] == ["done", "done"]
 
-    def test_damaged_result_is_named(self, data, tmp_path):
-        (cell,), _ = _run(data, tmp_path, ["null:disc"])
-        (tmp_path / "cells" / cell.key / "result.json").write_text("{")
-        with pytest.raises(RunnerError, match="damaged"):
-            _run(data, tmp_path, ["null:disc"])
-
 
 class TestCommand:
     def test_run_prints_one_document(self, data, tmp_path):

@@ -6,7 +6,7 @@ tolerance (`resimulate`). Parameters, pictures or metrics that were changed afte
 is kept in `verified.json` of the results folder, with hashes of the files that it holds for.
 """
 
-import hashlib
+import logging
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,10 +26,12 @@ from cusick_bench.runner import Cell, record_key
 from cusick_bench.runner.environment import code_state, version_text
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.numerics import cell_numerics, numerics_text
-from cusick_bench.runner.store import read_json, write_json
+from cusick_bench.runner.store import file_digests, read_json, write_json
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.registry import make_solver
+
+_log = logging.getLogger(__name__)
 
 VERIFIED = "verified.json"
 _FILES = ("cell.json", "result.json", "prediction.npz")
@@ -112,14 +114,23 @@ def keep(run: Path, verifications: list[Verification]) -> None:
         verifications: From `verify_cell`.
     """
     path = run / VERIFIED
-    known = read_json(path) if path.exists() else {}
+    known = _kept(path)
     for verification in verifications:
         known[verification.key] = verification.record() | {
-            "files": _digests(run / "cells" / verification.key),
+            "files": file_digests(run / "cells" / verification.key, _FILES),
             "code": code_state(),
             "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }
     write_json(path, known)
+
+
+def _kept(path: Path) -> dict[str, Any]:
+    """What an earlier verification has written; nothing, which is logged, where that is damaged."""
+    try:
+        return read_json(path) if path.exists() else {}
+    except RunnerError as error:
+        _log.warning("%s; cells are to be verified again", error)
+        return {}
 
 
 def verified_keys(run: Path) -> set[str]:
@@ -135,11 +146,10 @@ def verified_keys(run: Path) -> set[str]:
         known = read_json(run / VERIFIED)
     except (OSError, RunnerError):
         return set()
-    return {
-        key
-        for key, found in known.items()
-        if found.get("status") == "verified" and found.get("files") == _digests(run / "cells" / key)
+    verified = {
+        key: found for key, found in known.items() if isinstance(found, dict) and found.get("status") == "verified"
     }
+    return {key for key, found in verified.items() if found.get("files") == file_digests(run / "cells" / key, _FILES)}
 
 
 def _verified(
@@ -186,9 +196,3 @@ def _identity_checks(
     changed = [name for name, value in record.items() if result.get(name) != value]
     yield equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")
     yield equal("data", dataset.content_hash, str(record.get("dataset_hash")))
-
-
-def _digests(folder: Path) -> dict[str, str]:
-    return {
-        name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in _FILES if (folder / name).is_file()
-    }
