@@ -4,6 +4,7 @@ import io
 import re
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -162,5 +163,5 @@ def test_lines_of_a_grid_show_share_and_loss(cells):
     assert lines
     assert lines[0].startswith("cells: 50 % (1 of 3), ")
     assert lines[0].endswith("; fabric_1 / null:disc / 0 50 % loss 0.0123 fitting; fabric_1 / null:disc / 1")
-    assert cells_kept(grid, "runs/a").startswith("2 of 3 cells are finished and kept in runs/a")
+    assert cells_kept(grid, Path("runs/a")).startswith("2 of 3 cells are finished and kept in runs/a")
     assert not re.search(r"\x1b", written(where))

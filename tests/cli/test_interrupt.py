@@ -1,0 +1,111 @@
+"""Ctrl-C, as a terminal sends it to all processes of a command: no traceback, status 130, and how to go on."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.cli.common import INTERRUPTED, interruptible
+
+START = 120  # [s] that a command on a busy machine may take until it works
+
+
+def interrupted(words: list[str], ready: Callable[[], bool]) -> subprocess.CompletedProcess[str]:
+    """Runs a command until it is ready to be interrupted, and interrupts it and its workers."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cusick_bench", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    until = time.monotonic() + START
+    while not ready() and process.poll() is None and time.monotonic() < until:
+        time.sleep(0.05)
+    assert process.poll() is None, process.communicate()
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        output, errors = process.communicate(timeout=30)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert _ends(process.pid), "a worker is left"
+    return subprocess.CompletedProcess(words, process.returncode, output, errors)
+
+
+def _ends(group: int) -> bool:
+    """Whether the last process of a group goes within some seconds."""
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_run_says_what_is_kept_and_how_to_go_on(make_lab, tmp_path, workers):
+    data = make_lab([1e-5, 4e-5], samples=2)
+    words = ["run", "--data", str(data), "--out", str(tmp_path / "a run"), "--solver", "sobol", "--vertices", "97"]
+    words += ["--budget", "1000000", "--workers", str(workers), "--json"]
+    found = interrupted(words, lambda: any(tmp_path.glob("a run/cells/*/trace.jsonl")))
+    assert found.returncode == INTERRUPTED
+    assert found.stdout == ""  # no half of a document
+    assert "Traceback" not in found.stderr
+    assert f"interrupted: 0 of 2 cells are finished and kept in {tmp_path}/a run" in found.stderr
+    typed = " ".join(words).replace(f"{tmp_path}/a run", f"'{tmp_path}/a run'")  # as a shell reads it
+    assert f"go on with: cusick-bench {typed}\n" in found.stderr
+
+
+def test_drapes_that_are_written_are_counted(tmp_path):
+    out = tmp_path / "drapes"
+    words = [
+        "simulate",
+        "--density",
+        "0.2",
+        "--bending",
+        "1e-5",
+        "--vertices",
+        "97",
+        "--steps",
+        "2",
+        "--draws",
+        "100000",
+    ]
+    words += ["--with-effect", "off-centre", "--out", str(out)]  # with effects one by one
+    found = interrupted(words, lambda: any(out.glob("*.csv")))
+    assert found.returncode == INTERRUPTED
+    assert "Traceback" not in found.stderr
+    assert f"interrupted: {len(list(out.glob('*_profile.csv')))} drapes are written to {out}" in found.stderr
+    assert "go on with" not in found.stderr
+
+
+def test_other_commands_say_that_nothing_was_written(monkeypatch):
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cusick_bench.cli.data.datasets.scan", stop)
+    found = CliRunner().invoke(app, ["datasets", "--json"])
+    assert (found.exit_code, found.stdout) == (INTERRUPTED, "")
+    assert found.stderr.strip() == "interrupted: nothing was written"
+
+
+def test_what_is_kept_may_be_known_late(capsys):
+    kept: list[Path] = []
+
+    def work() -> None:
+        with interruptible(lambda: f"{len(kept)} files"):
+            kept.append(Path("a"))
+            raise KeyboardInterrupt
+
+    with pytest.raises(typer.Exit) as stop:
+        work()
+    assert stop.value.exit_code == INTERRUPTED
+    assert "interrupted: 1 files" in capsys.readouterr().err
