@@ -11,7 +11,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from cusick_bench.cli.common import interrupted
+from cusick_bench.cli.common import interrupted, stop_on_termination
 from cusick_bench.cli.verbosity import QUIET, VERBOSE, Version, message_options, messages, tell_less, tell_more
 
 PANELS = {
@@ -60,11 +60,11 @@ class Commands(TyperGroup):
         return command
 
     def invoke(self, ctx: Any) -> Any:
-        """Runs a command; Ctrl-C ends it with a line instead of a traceback."""
+        """Runs a command; Ctrl-C or SIGTERM ends it with a line instead of a traceback."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stop:
-            raise interrupted("nothing was written") from stop
+            raise interrupted(stop, "nothing was written") from stop
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is called for; a name that does not exist is answered with the nearest that does."""
@@ -114,4 +114,5 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="backslashreplace")  # help pages too where the encoding is ASCII
+    stop_on_termination()
     app()

@@ -1,6 +1,7 @@
 """What every command shares: notes on standard error, one JSON document on standard output, exit codes.
 
-Exit status 0: done. 1: a check failed. 2: bad usage or bad input. 130: interrupted (Ctrl-C).
+Exit status 0: done. 1: a check failed. 2: bad usage or bad input. 3: nothing could be decided (`check`).
+130: interrupted (Ctrl-C). 143: terminated (SIGTERM).
 """
 
 import functools
@@ -8,6 +9,7 @@ import json
 import logging
 import math
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +23,8 @@ from cusick_bench.cli.screen import Screen, harmless
 from cusick_bench.sim.errors import CusickError
 
 INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
+TERMINATED = 143  # exit status: 128 + SIGTERM
+UNDECIDED = 3  # exit status of a check that had too little to compare
 
 console = Screen(stderr=True)
 output = Screen()
@@ -79,37 +83,54 @@ def command_line() -> str:
     return shlex.join(["cusick-bench", *sys.argv[1:]])
 
 
-def interrupted(kept: str, go_on: bool = False) -> typer.Exit:
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: a batch system or an operator ends the program, which stops as in good order as on Ctrl-C."""
+
+
+def _terminate(number: int, frame: object) -> None:
+    raise Terminated
+
+
+def stop_on_termination() -> None:
+    """From now on SIGTERM stops this program as Ctrl-C does: workers are ended, and a line says how to go on."""
+    signal.signal(signal.SIGTERM, _terminate)
+
+
+def interrupted(stop: KeyboardInterrupt, kept: str, go_on: bool = False) -> typer.Exit:
     """Says on standard error what an interrupted command leaves behind.
 
     Args:
+        stop: What has stopped it.
         kept: What it has written.
         go_on: Whether the same command goes on from there.
 
     Returns:
         The exit to raise.
     """
-    console.print(f"\ninterrupted: {kept}", soft_wrap=True)
+    word, status = ("terminated", TERMINATED) if isinstance(stop, Terminated) else ("interrupted", INTERRUPTED)
+    console.print(f"\n{word}: {kept}", soft_wrap=True)
     if go_on:
         console.print(f"go on with: {command_line()}", soft_wrap=True)
-    return typer.Exit(INTERRUPTED)
+    return typer.Exit(status)
 
 
 @contextmanager
 def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iterator[None]:
-    """Ctrl-C ends the command with a line that says what is kept; commands that write nothing on their way need none.
+    """Ctrl-C and SIGTERM end the command with a line that says what is kept.
+
+    Commands that write nothing on their way need none.
 
     Args:
         kept: What is written by then; a function where that is only known then.
         go_on: Whether the same command goes on from there.
 
     Raises:
-        typer.Exit: Ctrl-C was pressed.
+        typer.Exit: Ctrl-C was pressed, or SIGTERM sent.
     """
     try:
         yield
     except KeyboardInterrupt as stop:
-        raise interrupted(kept if isinstance(kept, str) else kept(), go_on) from stop
+        raise interrupted(stop, kept if isinstance(kept, str) else kept(), go_on) from stop
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:

@@ -5,8 +5,10 @@ in the environment while a process is started, and only then: set for good, it w
 and set in a worker, it would come too late for a library that is already loaded.
 """
 
+import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -19,6 +21,7 @@ import torch
 
 from cusick_bench.sim.threads import thread_pool
 
+ORPHANED = 70  # exit status of a worker whose parent has ended
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
@@ -40,7 +43,8 @@ def process_pool(
         initargs: What it is given.
 
     Returns:
-        The pool; it is a context manager. Where that is left by an error or by Ctrl-C, the processes are ended at once.
+        The pool; it is a context manager. Where that is left by an error or by Ctrl-C, the processes are ended at once;
+        they end by themselves where this process ends, be it killed.
     """
     return _Pool(workers, _Context(threads), initializer, initargs)
 
@@ -103,6 +107,22 @@ class _Process(SpawnProcess):
     def start(self) -> None:
         with _environment(self._threads), _interrupts_blocked():
             super().start()
+
+    def run(self) -> None:
+        """In the new process: works until the process that started it ends, however that ends."""
+        threading.Thread(target=_end_with_parent, name="end-with-parent", daemon=True).start()
+        super().run()
+
+
+def _end_with_parent() -> None:
+    """Waits for the parent's end, which closes its end of a pipe, and then ends this process in the midst of its work.
+
+    What the process was writing appears whole or not at all (`store`), and its locks end with it.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(ORPHANED)
 
 
 @contextmanager
