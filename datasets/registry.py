@@ -88,3 +88,16 @@ def folder_of(name_or_path: str | Path) -> Path:
             remedy=f"{did_you_mean(str(name_or_path), REGISTRY)}give a folder, or one of {', '.join(REGISTRY)}",
         )
     return folder
+
+
+def is_shipped(name: str, root: Path) -> bool:
+    """Whether a loaded data set is the one that comes with the package, whose files are known by their checksums.
+
+    Args:
+        name: Name of the data set.
+        root: Folder of its files, resolved.
+
+    Returns:
+        False for a folder of the same name elsewhere.
+    """
+    return name == "synthetic" and root == _synthetic().resolve()

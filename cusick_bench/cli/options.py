@@ -69,6 +69,11 @@ FittedCloths = Annotated[
 ]
 RunFolder = Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")]
 
+Force = Annotated[
+    bool,
+    data_option("--force", help="Use silhouettes that no cloth on its plate can show (see `data audit`) all the same."),
+]
+
 # Cloth
 DENSITY = cloth_option(help="Areal density [kg/m2].")
 BENDING = cloth_option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import RunnerError
@@ -31,6 +32,7 @@ def run(
     executor: Executor | None = None,
     watcher: Watcher | None = None,
     command: Sequence[str] = (),
+    force: bool = False,
 ) -> list[dict[str, Any]]:
     """Runs the cells that are not finished yet.
 
@@ -42,11 +44,13 @@ def run(
         executor: Something else to run on, instead of a pool of `workers` processes. Its workers must see `out`.
         watcher: Called to tell how the grid gets on.
         command: Command line, for the record.
+        force: Whether to use silhouettes that no cloth on the plate can show; the record says so.
 
     Returns:
         Results in the order of the cells.
 
     Raises:
+        DataError: Without `force`, a silhouette of the cells that no cloth on the plate can show.
         RunnerError: `out` cannot be written; finished cells are kept.
     """
     if workers < 1:
@@ -54,8 +58,9 @@ def run(
     store, watcher = Store(out), watcher or Unwatched()
     store.prepare()
     dataset = load_once(source)
+    forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
     with disk_errors(out):
-        _record_run(store, dataset, cells, command)
+        _record_run(store, dataset, cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]
     watcher.begin(len(cells), len(cells) - len(waiting))
     lost: list[Cell] = []
@@ -93,7 +98,9 @@ def _record_death(cell: Cell, store: Store, watcher: Watcher) -> None:
     watcher.end(cell, "failed", failure)
 
 
-def _record_run(store: Store, dataset: DrapeDataset, cells: Sequence[Cell], command: Sequence[str]) -> None:
+def _record_run(
+    store: Store, dataset: DrapeDataset, cells: Sequence[Cell], command: Sequence[str], forced: Sequence[str]
+) -> None:
     """Writes run.json; earlier runs into the same folder stay on record in its history."""
     path = store.out / "run.json"
     history = []
@@ -112,6 +119,7 @@ def _record_run(store: Store, dataset: DrapeDataset, cells: Sequence[Cell], comm
         "cells": [cell.key for cell in cells],
         "numerics": {part: number for cell in cells for part, number in cell.numerics},
         **environment(),
+        "forced": list(forced),
         "history": history,
     }
     write_json(path, record)

@@ -1,4 +1,4 @@
 """What is irregular in a folder of drapes.
 
-audit: `audit`, `Audit`; irregularity: every kind that can be found; files, images, meshes: the checks.
+audit: `audit`, `Audit`; files, images, meshes: the checks; limits: which silhouettes are impossible.
 """

@@ -12,6 +12,7 @@ from cusick_bench.datasets import named, pairing
 from cusick_bench.datasets.audit import files as audit_files
 from cusick_bench.datasets.audit import images as audit_images
 from cusick_bench.datasets.audit import meshes as audit_meshes
+from cusick_bench.datasets.audit.limits import UNREADABLE, impossible_faults
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.checksums import CHECKSUMS, changed_files
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
@@ -36,6 +37,7 @@ class Audit:
         silhouettes: Number of silhouettes, copies in named sets left out.
         meshes: Number of mesh files.
         irregularities: Sorted by path.
+        impossible: Silhouettes that no cloth on the plate can show, by path: they stop a fit or a diagnosis.
         matches: How each mesh fits the silhouettes of its sample.
     """
 
@@ -44,6 +46,7 @@ class Audit:
     silhouettes: int
     meshes: int
     irregularities: tuple[Irregularity, ...]
+    impossible: tuple[str, ...] = ()
     matches: tuple[pairing.MeshMatch, ...] = field(default=(), repr=False)
 
     @property
@@ -61,7 +64,8 @@ class Audit:
     def document(self) -> dict[str, Any]:
         """Plain numbers and lists, as printed by `data audit --json`."""
         counts = {name: getattr(self, name) for name in ("fabrics", "samples", "silhouettes", "meshes")}
-        return counts | {"irregularities": [asdict(item) for item in self.irregularities]}
+        irregularities = [asdict(item) for item in self.irregularities]
+        return counts | {"irregularities": irregularities, "impossible": list(self.impossible)}
 
 
 def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audit:
@@ -90,10 +94,18 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
         *audit_files.check_names(layout, protocol),
         *audit_files.check_tables(layout, protocol, fabrics, found),
         *audit_images.check_images(layout, protocol, found),
+        *audit_images.check_frame(found, protocol),
         *audit_images.check_named_sets(layout, found, named.twins(layout.silhouettes, found.hashes, found.images)),
         *audit_meshes.check_meshes(layout, protocol, found, matches),
     ]
-    return Audit(**layout.counts, irregularities=tuple(sorted(set(problems))), matches=tuple(matches))
+    impossible = [path for path, fault in found.faults.items() if fault.kind in UNREADABLE]
+    impossible += [path for path, image in found.silhouettes.items() if any(impossible_faults(path, image, protocol))]
+    return Audit(
+        **layout.counts,
+        irregularities=tuple(sorted(set(problems))),
+        impossible=tuple(sorted(impossible)),
+        matches=tuple(matches),
+    )
 
 
 def _tolerant(layout: Layout, name: str, read: Callable[[Path], T], default: T, problems: list[Irregularity]) -> T:

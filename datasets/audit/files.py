@@ -8,8 +8,9 @@ from pathlib import PurePosixPath
 
 from cusick_bench.datasets import named
 from cusick_bench.datasets.files.fabrics import FILE, Fabric
-from cusick_bench.datasets.files.layout import Entry, Layout
+from cusick_bench.datasets.files.layout import Entry, Layout, is_fabric_folder
 from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.protocol_keys import NOTES
 from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_values, recognised_cloths
 from cusick_bench.datasets.irregularity import Irregularity
 
@@ -56,7 +57,7 @@ def check_tables(
     Yields:
         One item for each fault.
     """
-    for key in protocol.extra:
+    for key in protocol.extra.keys() - {NOTES}:
         yield Irregularity("protocol.json", "protocol-unknown-key", f"{key} is kept but not used")
     origin = named.sources(layout.silhouettes, found.hashes)
     recognised = recognised_cloths(layout, found)
@@ -106,7 +107,7 @@ def _folders(layout: Layout) -> Iterator[Irregularity]:
     siblings: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for folder in layout.folders:
         path = PurePosixPath(folder)
-        if " " in path.name:
+        if " " in path.name and not is_fabric_folder(path.name):
             yield Irregularity(folder, "space-in-path", "folder name holds a space")
         for start, right in _SPELLINGS:
             if path.name.lower().startswith(start) and path.name.lower() != right:

@@ -3,6 +3,9 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
+from cusick_bench.datasets.audit.limits import impossible_faults
 from cusick_bench.datasets.files.layout import Layout
 from cusick_bench.datasets.files.measure import ImageMeasure
 from cusick_bench.datasets.files.protocol import Protocol
@@ -10,6 +13,11 @@ from cusick_bench.datasets.index import Survey
 from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.datasets.named import Twin
 from cusick_bench.datasets.pairing import FIT_LIMIT
+
+_FEWEST = 3  # pictures that tell a protocol's fault from their own
+_OFF_AXIS = 1 / 30  # of the flat radius; the public release's pictures share 1/65
+_TOO_LARGE = 1.08  # flat radii that most silhouettes reach; those of the public release reach up to 1.03
+_ONLY_IMPOSSIBLE = ("image-grey", "far-off-centre")  # the other kinds are listed below those limits too
 
 
 def check_images(layout: Layout, protocol: Protocol, found: Survey) -> Iterator[Irregularity]:
@@ -26,6 +34,7 @@ def check_images(layout: Layout, protocol: Protocol, found: Survey) -> Iterator[
     for path, image in found.silhouettes.items():
         yield from _blemishes(path, image)
         yield from _on_plate(path, image, protocol)
+        yield from (fault for fault in impossible_faults(path, image, protocol) if fault.kind in _ONLY_IMPOSSIBLE)
     first: dict[str, str] = {}
     for entry in layout.silhouettes:
         digest = found.hashes.get(entry.path)
@@ -34,6 +43,37 @@ def check_images(layout: Layout, protocol: Protocol, found: Survey) -> Iterator[
         if digest in first:
             yield Irregularity(entry.path, "duplicate-image", f"identical to {first[digest]}")
         first.setdefault(digest, entry.path)
+
+
+def check_frame(found: Survey, protocol: Protocol) -> Iterator[Irregularity]:
+    """Holds the protocol's centre and scale against the pictures: what most of them share is no slip of one.
+
+    Args:
+        found: What `survey` found in the files.
+        protocol: Nominal values of the experiment.
+
+    Yields:
+        An item for a centre, and one for a scale, that do not suit the pictures.
+    """
+    images = list(found.silhouettes.values())
+    if len(images) < _FEWEST:
+        return
+    offsets = np.array([image.blemishes.centroid for image in images]) - protocol.centre_px
+    middle = np.median(offsets, axis=0)
+    spread = 1.4826 * np.median(np.abs(offsets - middle), axis=0)
+    error = 1.2533 * float(np.hypot(*spread)) / np.sqrt(len(images))  # standard error of a median
+    distance, least = float(np.hypot(*middle)), _OFF_AXIS * protocol.cloth_radius_m * protocol.px_per_m
+    if distance > max(least, 4 * error):
+        right = protocol.centre_px + middle
+        detail = f"the middles of most silhouettes lie {middle[0]:+.1f} columns, {middle[1]:+.1f} rows off it"
+        yield Irregularity("protocol.json", "protocol-centre", f"{detail}; near [{right[0]:.1f}, {right[1]:.1f}]?")
+    reach = float(np.median([image.profile.radii.max() for image in images])) / protocol.cloth_radius_m
+    if reach > _TOO_LARGE:
+        detail = f"most silhouettes reach {reach:.2f} times the flat cloth's radius"
+        yield Irregularity("protocol.json", "protocol-scale", f"{detail}; the scale may be that much too small")
+    elif 2 * sum(image.plate.fault == "shrunken-image" for image in images) > len(images):
+        detail = "the plate fits into less than half of the silhouettes, wherever it is put"
+        yield Irregularity("protocol.json", "protocol-scale", f"{detail}; the scale may be too large")
 
 
 def _blemishes(path: str, image: ImageMeasure) -> Iterator[Irregularity]:

@@ -19,6 +19,7 @@ from PIL import Image
 
 from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.sim.constants import IMAGE_SIZE
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
 _FORMATS = ("JPEG", "PNG", "BMP", "TIFF")
@@ -28,6 +29,7 @@ _MAXIMUM_BYTES = 32 << 20
 _MAXIMUM_PIXELS = 16 << 20  # checked before decoding
 _SECOND_BLOB = 0.005  # a second object above this share of the cloth's area makes the image ambiguous
 _COLOUR_STEP = 24  # grey levels by which channels may differ (JPEG colour rounding)
+_OUTLINE = 4.0  # [px of a 256 px image] of grey on either side of an outline are no fault
 _PLATE_TOLERANCE = 0.95  # share of the plate's radius that a silhouette must hold
 
 
@@ -124,7 +126,10 @@ def _content(path: Path, size: int, replace: str) -> bytes:
             path,
             "image-size",
             f"image must be {size} x {size} pixels, got {width} x {height}",
-            "scale it, or set image_size_px and px_per_m in protocol.json",
+            f"scale the image to {size} x {size}, the size that px_per_m is for, or set image_size_px, px_per_m and "
+            "centre_px in protocol.json"
+            if width == height
+            else f"crop or pad the image to a square, then scale it to {size} x {size}",
         )
     if mode not in _MODES or (transparent and (form, mode) not in _TRANSPARENT):
         kind = f"{form} of mode {mode}" + (" with transparency" if transparent else "")
@@ -227,23 +232,30 @@ def fit_plate(image: Float[ndarray, "size size"], protocol: Protocol) -> PlateFi
 
 @dataclass(frozen=True)
 class Blemishes:
-    """Faults that do not forbid the use of a silhouette.
+    """What else is odd about a silhouette, measured.
 
     Attributes:
+        cloth: Size of the cloth [px].
         specks, largest_speck: Separate objects beside the cloth, and the largest's size [px].
         holes, largest_hole: Patches of background in the cloth, and the largest's size [px].
         touches_border: Whether the cloth reaches the image's border.
+        grey: By how much pixels away from the outline are neither cloth nor background, in all, as a share of the
+            cloth's size: 0 for a silhouette, about as large as the error of its drape coefficient.
+        centroid: Column and row of the middle of the cloth [px].
     """
 
+    cloth: int
     specks: int
     largest_speck: int
     holes: int
     largest_hole: int
     touches_border: bool
+    grey: float
+    centroid: tuple[float, float]
 
 
 def blemishes(image: Float[ndarray, "size size"]) -> Blemishes:
-    """Looks for small objects, holes and a cut cloth.
+    """Looks for small objects, holes, a cut cloth and grey parts.
 
     Args:
         image: Coverage, cloth = 1.
@@ -255,4 +267,23 @@ def blemishes(image: Float[ndarray, "size size"]) -> Blemishes:
     objects, gaps = _areas(cloth), _areas(~cloth)
     border = bool(cloth[[0, -1]].any() or cloth[:, [0, -1]].any())
     largest = [parts[1] if len(parts) > 1 else 0 for parts in (objects, gaps)]
-    return Blemishes(len(objects) - 1, largest[0], len(gaps) - 1, largest[1], border)
+    size, rows, columns = int(cloth.sum()), cloth.sum(axis=1), cloth.sum(axis=0)
+    centroid = tuple(float(counts @ np.arange(len(counts))) / size for counts in (columns, rows))
+    return Blemishes(
+        size,
+        len(objects) - 1,
+        largest[0],
+        len(gaps) - 1,
+        largest[1],
+        border,
+        float(np.abs(image - cloth)[_away_from_the_outline(cloth)].sum()) / size,
+        (centroid[0], centroid[1]),
+    )
+
+
+def _away_from_the_outline(cloth: Bool[ndarray, "size size"]) -> Bool[ndarray, "size size"]:
+    """Pixels so far from the outline that smoothing, compression or a little blur cannot reach them."""
+    within, beyond = (
+        cv2.distanceTransform(part.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for part in (cloth, ~cloth)
+    )
+    return np.maximum(within, beyond) > max(_OUTLINE, _OUTLINE * len(cloth) / IMAGE_SIZE)

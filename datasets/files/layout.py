@@ -134,6 +134,18 @@ def inside_root(root: Path, relative: str) -> Path:
     return path
 
 
+def is_fabric_folder(name: str) -> bool:
+    """Whether a folder is named as the layout names fabrics: `Fabric 7`, `Fabric 1 Observations`.
+
+    Args:
+        name: Name of the folder.
+
+    Returns:
+        True for such a name.
+    """
+    return re.fullmatch(r"Fabric \d+( Observations)?", name) is not None
+
+
 def scan(root: str | Path) -> Layout:
     """Lists a folder's silhouettes and meshes; links are not followed out of it.
 

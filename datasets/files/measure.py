@@ -4,7 +4,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from cusick_bench.datasets.profile import PROFILE_ANGLES, Profile, profile_from_
 from cusick_bench.sim.cloth.obj import SUFFIXES as MESH_SUFFIXES
 
 _MOST_BYTES = 64 << 20  # as much as a mesh may have
-_VERSION = 2  # raise it when the meaning of a stored number changes
+_VERSION = 3  # raise it when the meaning of a stored number changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,16 +131,20 @@ def measure_image(path: Path, protocol: Protocol) -> ImageMeasure:
     name = hashlib.sha256(frame.encode()).hexdigest()[:16]
     try:
         key = f"image-{content_hash(path)}-{name}"
-        stored = _cached(key, PROFILE_ANGLES + 10, lambda: _measure_image(path, protocol))
+        stored = _cached(key, PROFILE_ANGLES + 14, lambda: _measure_image(path, protocol))
     except BadImage:
         raise
     except DataError as error:
         raise BadImage(error.what, where=error.where, remedy=error.remedy, kind=error.kind) from error
     fault, column, row, inscribed, coloured, *small = stored[PROFILE_ANGLES:].tolist()
+    cloth, specks, largest_speck, holes, largest_hole = map(int, small[:5])
+    touches, grey, column_of_middle, row_of_middle = small[5:]
     return ImageMeasure(
         Profile(stored[:PROFILE_ANGLES]),
         PlateFit(_PLATE_FAULTS[int(fault)], (column, row), inscribed),
-        Blemishes(*(int(value) for value in small[:4]), touches_border=bool(small[4])),
+        Blemishes(
+            cloth, specks, largest_speck, holes, largest_hole, bool(touches), grey, (column_of_middle, row_of_middle)
+        ),
         bool(coloured),
     )
 
@@ -152,10 +156,10 @@ def _measure_image(path: Path, protocol: Protocol) -> Float[ndarray, " numbers"]
     image, coloured = inspect(path, protocol)
     fit, small = fit_plate(image, protocol), blemishes(image)
     centre = (protocol.centre_px[0] - fit.shift[0], protocol.centre_px[1] - fit.shift[1])
-    radii = profile_of(image, replace(protocol, centre_px=centre)).radii
+    radii = profile_of(image, protocol, centre).radii
     faults = [_PLATE_FAULTS.index(fit.fault), *fit.shift, fit.inscribed, coloured]
-    specks = [small.specks, small.largest_speck, small.holes, small.largest_hole, small.touches_border]
-    return np.concatenate([radii, faults, specks]).astype(np.float64)
+    counts = [small.cloth, small.specks, small.largest_speck, small.holes, small.largest_hole, small.touches_border]
+    return np.concatenate([radii, faults, counts, [small.grey, *small.centroid]]).astype(np.float64)
 
 
 def _folder() -> Path:

@@ -5,6 +5,7 @@
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Real
 from pathlib import Path
@@ -15,17 +16,17 @@ from pydantic.dataclasses import dataclass
 
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.datasets.files.object_file import read_object
-from cusick_bench.sim.constants import (
-    CLOTH_RADIUS,
-    GRAVITY,
-    IMAGE_CENTRE,
-    IMAGE_SIZE,
-    PIXELS_PER_METRE,
-    PLATE_RADIUS,
-)
+from cusick_bench.datasets.files.protocol_keys import check_unknown_keys
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
 from cusick_bench.sim.render.camera import EYE_HEIGHT
 
 FILE = "protocol.json"
+CLOTH_RADII = (0.02, 0.5)  # [m]
+PLATE_RADII = (0.01, 0.4)  # [m]
+GRAVITIES = (1.0, 30.0)  # [m/s2], from the Moon's to beyond Jupiter's
+CAMERA_HEIGHTS = (0.2, 20.0)  # [m] of the eye above the plate
+PLATE_SHARE = 0.1  # the plate's diameter is at least this share of the image's width
+CLOTH_BEYOND = 0.1  # a flat cloth may reach this share of its radius beyond the image: drapes hang lower than flat
 _MAXIMUM_SIZE = 8192  # [px]
 _PROJECTIONS = {"parallel": ("parallel", "orthographic", "orthogonal"), "pinhole": ("pinhole", "perspective")}
 _DIRECTIONS = {"up": ("up",), "down": ("down",)}
@@ -46,6 +47,27 @@ def _positive(value: Any) -> float:
     if number <= 0:
         raise ValueError("must be > 0")
     return number
+
+
+def _between(bounds: tuple[float, float], unit: str, hints: dict[str, float]) -> BeforeValidator:
+    """A number within physical bounds; a value that would lie there in another unit is told so.
+
+    Args:
+        bounds: Least and most.
+        unit: Unit of both.
+        hints: Other units, and the factor that turns them into `unit`.
+    """
+
+    def checked(value: Any) -> float:
+        number = _positive(value)
+        if bounds[0] <= number <= bounds[1]:
+            return number
+        near = [f"{number:g} {name} are {number * factor:g} {unit}" for name, factor in hints.items()
+                if bounds[0] <= number * factor <= bounds[1]]  # fmt: skip
+        meant = f" ({' or '.join(near)})" if near else ""
+        raise ValueError(f"must be from {bounds[0]:g} to {bounds[1]:g} {unit}{meant}")
+
+    return BeforeValidator(checked)
 
 
 def _choice(spellings: dict[str, tuple[str, ...]]) -> BeforeValidator:
@@ -88,7 +110,12 @@ def _words(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
+_LENGTHS = {"cm": 0.01, "mm": 0.001}
 _Positive = Annotated[float, BeforeValidator(_positive)]
+_ClothRadius = Annotated[float, _between(CLOTH_RADII, "m", _LENGTHS)]
+_PlateRadius = Annotated[float, _between(PLATE_RADII, "m", _LENGTHS)]
+_CameraHeight = Annotated[float, _between(CAMERA_HEIGHTS, "m", _LENGTHS)]
+_Gravity = Annotated[float, _between(GRAVITIES, "m/s2", {"cm/s2": 0.01, "g": 9.80665})]
 _Words = Annotated[str, BeforeValidator(_words)]
 
 
@@ -109,13 +136,13 @@ class Protocol:
         captures: Capture number -> "up", "down" or "" (unknown).
         turn_over: How the cloth is turned to lie face down, in words.
         order: Order in which captures were taken, in words.
-        extra: Keys that are not used, as found.
+        extra: Remarks (unknown keys that hold text, and `notes`), as found; not used.
         camera_height_m: Height of a pinhole camera's eye above the plate [m].
     """
 
-    cloth_radius_m: _Positive = CLOTH_RADIUS
-    plate_radius_m: _Positive = PLATE_RADIUS
-    gravity_m_s2: _Positive = GRAVITY
+    cloth_radius_m: _ClothRadius = CLOTH_RADIUS
+    plate_radius_m: _PlateRadius = PLATE_RADIUS
+    gravity_m_s2: _Gravity = GRAVITY
     image_size_px: Annotated[int, BeforeValidator(_size)] = IMAGE_SIZE
     px_per_m: _Positive = PIXELS_PER_METRE
     centre_px: Annotated[tuple[float, float], BeforeValidator(_centre)] = IMAGE_CENTRE
@@ -128,7 +155,7 @@ class Protocol:
     turn_over: _Words = ""
     order: _Words = ""
     extra: dict[str, Any] = Field(default_factory=dict)
-    camera_height_m: _Positive = Field(default=EYE_HEIGHT, repr=False)
+    camera_height_m: _CameraHeight = Field(default=EYE_HEIGHT, repr=False)
 
     @property
     def overhang_m(self) -> float:
@@ -169,13 +196,36 @@ class Protocol:
             raise ValueError(f"plate_radius_m must be below cloth_radius_m, got {sizes}")
         return self
 
+    @model_validator(mode="after")
+    def _picture_holds_the_cloth(self) -> "Protocol":
+        size, (column, row) = self.image_size_px, self.centre_px
+        if not (0 <= column <= size - 1 and 0 <= row <= size - 1):
+            raise ValueError(f"centre_px must lie in the image, from 0 to {size - 1}, got [{column:g}, {row:g}]")
+        border = min(column, row, size - 1 - column, size - 1 - row) + 0.5
+        plate, cloth = self.plate_radius_m * self.px_per_m, self.cloth_radius_m * self.px_per_m
+        scale = f"px_per_m must suit images of {size} px"
+        if 2 * plate < PLATE_SHARE * size:
+            raise ValueError(
+                f"{scale}: the plate would be {2 * plate:.3g} px wide, at least {PLATE_SHARE * size:.3g} are "
+                f"plausible, got {self.px_per_m:g} px/m"
+            )
+        if plate > border or (1 - CLOTH_BEYOND) * cloth > border:
+            raise ValueError(
+                f"{scale}: from centre_px to the border are {border:.4g} px, but the plate's radius is {plate:.4g} px "
+                f"and the flat cloth's {cloth:.4g} px, got {self.px_per_m:g} px/m"
+            )
+        return self
+
 
 RELEASE = Protocol()
 """The public release's."""
 
 
 def read_protocol(path: Path) -> Protocol:
-    """Reads `protocol.json`; values that are left out keep their defaults, unknown keys are kept in `extra`.
+    """Reads `protocol.json`; values that are left out keep their defaults.
+
+    A key that is not known is a remark, kept in `extra`, where it holds text and resembles no known key; so is all
+    that stands in `notes`. Any other unknown key could be a measure that nothing would use, and is refused.
 
     Args:
         path: The file.
@@ -184,16 +234,32 @@ def read_protocol(path: Path) -> Protocol:
         The nominal values.
 
     Raises:
-        BadTable: Not a JSON object, or a value that breaks its rule.
+        BadTable: Not a JSON object, a value that breaks its rule, a key that is given twice, or an unknown key that
+            may be meant for a known one.
     """
     document = read_object(path, "protocol-invalid")
     known = {item.name for item in fields(Protocol)} - {"extra"}
     values = {key: value for key, value in document.items() if key in known}
     extra = {key: value for key, value in document.items() if key not in known}
+    check_unknown_keys(extra, sorted(known), path)
     try:
-        return Protocol(**values, extra=extra)
+        protocol = Protocol(**values, extra=extra)
     except ValidationError as error:
-        raise BadTable(_first_fault(error), where=path, remedy="correct it", kind="protocol-invalid") from error
+        of_one_key = bool(error.errors()[0]["loc"])
+        what = (not of_one_key and _defaults_of_another_size(values)) or _first_fault(error)
+        raise BadTable(what, where=path, remedy="correct it", kind="protocol-invalid") from error
+    if what := _defaults_of_another_size(values):
+        raise BadTable(what, where=path, remedy="add them", kind="protocol-invalid")
+    return protocol
+
+
+def _defaults_of_another_size(values: Mapping[str, Any]) -> str:
+    """What is missing where images have another size than those that the defaults of scale and centre belong to."""
+    missing = [key for key in ("px_per_m", "centre_px") if key not in values]
+    size = values.get("image_size_px", IMAGE_SIZE)
+    if not missing or size in (IMAGE_SIZE, [IMAGE_SIZE, IMAGE_SIZE]):
+        return ""
+    return f"image_size_px {size} needs {' and '.join(missing)} of these images too; defaults are for {IMAGE_SIZE} px"
 
 
 def _first_fault(error: ValidationError) -> str:

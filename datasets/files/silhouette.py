@@ -42,17 +42,18 @@ def camera_of(protocol: Protocol) -> Camera:
     return PinholeCamera(field, height, size, protocol.centre_px, image_y)
 
 
-def profile_of(image: Image, protocol: Protocol) -> Profile:
+def profile_of(image: Image, protocol: Protocol, centre: tuple[float, float] | None = None) -> Profile:
     """Radius-angle profile of a silhouette.
 
     Args:
         image: Coverage, cloth = 1.
         protocol: Gives scale, centre, orientation and projection.
+        centre: Column and row to start from [px], the protocol's by default.
 
     Returns:
         The profile; of a pinhole camera's image with its perspective taken out.
     """
-    profile = _apparent_profile(image, protocol)
+    profile = _apparent_profile(image, protocol, centre)
     if protocol.projection == "parallel":
         return profile
     return Profile(without_perspective(profile.radii, protocol))
@@ -124,10 +125,10 @@ def with_perspective(radii: Float[ndarray, " angles"], protocol: Protocol) -> Fl
     return radii * protocol.camera_height_m / (protocol.camera_height_m + depth)
 
 
-def _apparent_profile(image: Image, protocol: Protocol) -> Profile:
+def _apparent_profile(image: Image, protocol: Protocol, centre: tuple[float, float] | None = None) -> Profile:
     return profile_from_image(
         image,
         pixels_per_metre=protocol.px_per_m,
-        centre=protocol.centre_px,
+        centre=centre or protocol.centre_px,
         image_y=protocol.image_y,
     )

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.irregularity import KINDS
 
 FABRIC = "data/Fabric 7"
-ALWAYS = {"space-in-path"}  # the layout's own `Fabric N`
 
 
 @pytest.fixture
@@ -46,8 +46,7 @@ def found(root: Path, kind: str) -> list[str]:
 def test_clean_folder_has_none(lab):
     result = audit(lab)
     assert (result.fabrics, result.samples, result.silhouettes, result.meshes) == (1, 3, 12, 12)
-    assert set(result.kinds) == ALWAYS
-    assert found(lab, "space-in-path") == [FABRIC]
+    assert result.kinds == {}
 
 
 def _misspell(root: Path) -> str:
@@ -179,9 +178,12 @@ def _table(line: str):
     return plant
 
 
-def _protocol(root: Path) -> str:
-    (root / "protocol.json").write_text('{"weather": "fine"}')
-    return "protocol.json"
+def _protocol(document: dict) -> Callable[[Path], str]:
+    def plant(root: Path) -> str:
+        (root / "protocol.json").write_text(json.dumps(document))
+        return "protocol.json"
+
+    return plant
 
 
 def _checksum(root: Path) -> str:
@@ -202,6 +204,8 @@ PLANTED = {
     "specks": _draw(1, 2, lambda pixels: _with(pixels, slice(3, 6), slice(3, 6), 1)),
     "hole": _draw(1, 2, lambda pixels: _with(pixels, slice(120, 124), slice(90, 94), 0)),
     "touches-border": _draw(1, 2, lambda pixels: _with(pixels, slice(0, 128), slice(120, 136), 1)),
+    "image-grey": _draw(1, 2, lambda pixels: 0.8 * pixels),
+    "far-off-centre": _draw(1, 2, lambda pixels: np.roll(pixels, 30, axis=1)),
     "off-centre": _draw(1, 2, lambda pixels: np.roll(pixels, 22, axis=0)),
     "shrunken-image": _draw(1, 2, _shrink),
     "radius-beyond-cloth": _draw(1, 2, lambda pixels: _with(pixels, slice(10, 128), slice(120, 136), 1)),
@@ -218,7 +222,9 @@ PLANTED = {
     "thickness-missing": _no_table,
     "fabrics-invalid": _table("8,-1,\n"),
     "fabrics-unused": _table("8,0.3,\n"),
-    "protocol-unknown-key": _protocol,
+    "protocol-unknown-key": _protocol({"weather": "fine"}),
+    "protocol-centre": _protocol({"centre_px": [132, 122]}),
+    "protocol-scale": _protocol({"px_per_m": 560}),
     "checksum": _checksum,
 }
 
@@ -227,6 +233,12 @@ PLANTED = {
 def test_planted_irregularity_is_named_where_it_is(lab, kind):
     path = PLANTED[kind](lab)
     assert found(lab, kind) == [path]
+
+
+def test_a_scale_that_is_too_large_is_told_by_the_plate(lab):
+    (lab / "protocol.json").write_text('{"px_per_m": 1000, "cloth_radius_m": 0.12}')
+    (fault,) = [item for item in audit(lab).irregularities if item.kind == "protocol-scale"]
+    assert "the scale may be too large" in fault.detail
 
 
 @pytest.mark.usefixtures("_own_cache")
@@ -245,6 +257,7 @@ def test_series_named_in_two_ways(tmp_path):
             )
             write_mesh(home / folder / "meshes" / f"Fabric_1_Sample_{sample}_Obs_{number}.obj", *surface(profile))
     assert found(tmp_path, "folder-inconsistent") == ["data/Fabric 1 Observations"]
+    assert found(tmp_path, "space-in-path") == ["data/Fabric 1 Observations/Sample 1"]
     assert found(tmp_path, "file-inconsistent") == [
         "data/Fabric 1 Observations",
         "data/Fabric 1 Observations/Sample_2",
@@ -300,13 +313,16 @@ def test_command_prints_the_documented_keys(lab):
     result = CliRunner().invoke(app, ["audit", str(lab), "--json"])
     document = json.loads(result.stdout)
     assert result.exit_code == 0
-    assert list(document) == ["fabrics", "samples", "silhouettes", "meshes", "irregularities"]
-    assert document["irregularities"] == [
-        {"path": FABRIC, "kind": "space-in-path", "detail": "folder name holds a space"}
+    assert list(document) == ["fabrics", "samples", "silhouettes", "meshes", "irregularities", "impossible"]
+    assert document["irregularities"] == []
+    (lab / "protocol.json").write_text('{"weather": "fine"}')
+    again = json.loads(CliRunner().invoke(app, ["audit", str(lab), "--json"]).stdout)
+    assert again["irregularities"] == [
+        {"path": "protocol.json", "kind": "protocol-unknown-key", "detail": "weather is kept but not used"}
     ]
     shown = CliRunner().invoke(app, ["audit", str(lab)])
     assert "12 silhouettes" in shown.stdout
-    assert "space-in-path" in shown.stdout
+    assert "protocol-unknown-key" in shown.stdout
     missing = CliRunner().invoke(app, ["audit", str(lab / "nowhere")])
     assert missing.exit_code == 2
 

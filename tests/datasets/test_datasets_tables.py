@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -61,12 +61,13 @@ def test_protocol_changes_what_images_mean(toy):
                 "foreground": "light",
                 "image_y": "down",
                 "captures": {"1": "down", "2": "up"},
-                "humidity": 0.65,
+                "operator": "A. N. Other",
+                "notes": {"humidity": 0.65},
             }
         )
     )
     dataset = load(toy)
-    assert dataset.protocol.extra == {"humidity": 0.65}
+    assert dataset.protocol.extra == {"operator": "A. N. Other", "notes": {"humidity": 0.65}}
     assert list(dataset.index["side"][:4]) == ["down", "up", "", ""]
     sample = dataset.sample(0)
     assert sample.image.shape == (128, 128)
@@ -145,6 +146,27 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"captures": ["up"]}, "captures must map"),
         ({"plate_radius_m": 0.2}, "plate_radius_m must be below cloth_radius_m"),
         ([1, 2], "must hold one JSON object"),
+        ({"plate_radius_m": 90}, r"plate_radius_m must be from 0.01 to 0.4 m \(90 mm are 0.09 m\), got 90"),
+        ({"cloth_radius_m": 15}, r"cloth_radius_m must be from 0.02 to 0.5 m \(15 cm are 0.15 m\), got 15"),
+        ({"gravity_m_s2": 980}, r"gravity_m_s2 must be from 1 to 30 m/s2 \(980 cm/s2 are 9.8 m/s2\), got 980"),
+        ({"px_per_m": 7230}, r"px_per_m must suit images of 256 px: from centre_px to the border are 128 px, but"),
+        ({"px_per_m": 0.723}, r"the plate would be 0.13 px wide, at least 25.6 are plausible, got 0.723 px/m"),
+        ({"centre_px": [300, 4]}, r"centre_px must lie in the image, from 0 to 255, got \[300, 4\]"),
+        ({"centre_px": [60, 60]}, r"from centre_px to the border are 60.5 px, but the plate's radius is 65.07 px"),
+        ({"image_size_px": 512}, "image_size_px 512 needs px_per_m and centre_px of these images too"),
+        ({"image_size_px": 512, "px_per_m": 1446}, "image_size_px 512 needs centre_px of these images too"),
+        ({"plate_radius": 0.09}, "unknown key 'plate_radius', which holds 0.09; did you mean 'plate_radius_m'"),
+        ({"scale": 723}, "did you mean 'px_per_m'"),
+        ({"px_per_mm": 0.723}, "did you mean 'px_per_m'"),
+        ({"Centre": [1, 2]}, "did you mean 'centre_px'"),
+        ({"foregroud": "light"}, "did you mean 'foreground'"),
+        ({"background": "dark"}, "did you mean 'foreground'"),
+        ({"diameter": "30 cm"}, "did you mean 'cloth_radius_m'"),
+        (
+            {"humidity": 0.65},
+            "unknown key 'humidity', which holds 0.65; known keys are camera.* go into 'notes'",
+        ),
+        ({"lamp": ["left", "right"]}, "unknown key 'lamp'"),
     ],
 )
 def test_bad_protocols(tmp_path, document, complaint):
@@ -165,13 +187,52 @@ def test_hostile_protocols(tmp_path, text):
         read_protocol(path)
 
 
+@pytest.mark.parametrize("text", ['{"px_per_m": 723, "px_per_m": 720}', '{"notes": {"a": 1, "a": 1}}'])
+def test_a_key_is_given_once(tmp_path, text):
+    path = tmp_path / "protocol.json"
+    path.write_text(text)
+    with pytest.raises(BadTable, match="stands twice"):
+        read_protocol(path)
+
+
+def test_remarks_are_kept(tmp_path):
+    path = tmp_path / "protocol.json"
+    remarks = {"sample": "cut with scissors", "camera": "Nikon", "effect": "perspective", "notes": [1, {"scale": 2}]}
+    path.write_text(json.dumps(remarks))
+    assert read_protocol(path).extra == remarks
+    root = write_toy(tmp_path / "lab", samples=1, captures=1)
+    (root / "protocol.json").write_text(json.dumps(remarks))
+    unknown = [item.detail for item in audit(root).irregularities if item.kind == "protocol-unknown-key"]
+    assert unknown == [f"{key} is kept but not used" for key in ("camera", "effect", "sample")]
+
+
+def test_the_documented_file_and_table_are_the_protocols(tmp_path):
+    """The example of docs/drape-meter.md has every key and is read; so are the table's keys and defaults."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "drape-meter.md").read_text()
+    path = tmp_path / "protocol.json"
+    path.write_text(page.split("```json\n")[1].split("```")[0])
+    known = {item.name for item in fields(Protocol)} - {"extra"} | {"notes"}
+    assert json.loads(path.read_text()).keys() == known
+    protocol = read_protocol(path)
+    assert (protocol.projection, protocol.camera_height_m, protocol.image_y) == ("pinhole", 0.9, "down")
+    assert protocol.extra["notes"]["humidity"] == 0.65
+    rows = [line.split("|") for line in page.splitlines() if line.startswith("| `") and line.count("|") == 6]
+    table = {row[1].strip(" `"): row[3].strip() for row in rows}
+    assert table.keys() == known
+    shown = {name: json.loads(table[name]) for name in table if name != "captures" and table[name][0] in "0123456789["}
+    assert len(shown) == 7
+    for name, default in shown.items():
+        assert json.loads(json.dumps(getattr(Protocol(), name))) == default, name
+    assert (table["projection"], table["image_y"], table["foreground"]) == ("parallel", "up", "dark")
+
+
 def test_protocol_defaults_and_spellings(tmp_path):
     path = tmp_path / "protocol.json"
-    path.write_text('{"foreground": "1 - grey/255", "projection": "Perspective", "order": ["up", "down"], "room": 3}')
+    path.write_text('{"foreground": "1 - grey/255", "projection": "Perspective", "order": ["up"], "room": "3 b"}')
     protocol = read_protocol(path)
     assert (protocol.foreground, protocol.projection) == ("dark", "pinhole")
-    assert protocol.extra == {"room": 3}
-    assert protocol.order == '["up", "down"]'
+    assert protocol.extra == {"room": "3 b"}
+    assert protocol.order == '["up"]'
     assert Protocol().px_per_m == 723
     assert Protocol().captures == {1: "up", 2: "up", 3: "down", 4: "down"}
 
@@ -183,7 +244,7 @@ def test_a_protocol_is_checked_whoever_makes_it():
         Protocol(**{"px_per_metre": 723})
     with pytest.raises(ValueError, match=r"must be below cloth_radius_m, got 0\.15 >= 0\.12"):
         replace(Protocol(), plate_radius_m=0.15, cloth_radius_m=0.12)
-    assert replace(Protocol(), centre_px=(np.float64(3.0), 4.0)).centre_px == (3.0, 4.0)
+    assert replace(Protocol(), centre_px=(np.float64(120.0), 131.0)).centre_px == (120.0, 131.0)
 
 
 def test_a_wrong_value_is_named_with_its_key_rule_and_file(tmp_path):

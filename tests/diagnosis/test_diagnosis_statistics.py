@@ -139,7 +139,7 @@ def test_what_all_images_share_is_no_slip(tmp_path):
     root, folder = toy_folder(tmp_path, samples=3)
     for path in sorted(folder.iterdir()):
         sample, capture = int(path.stem.split("_")[3]), int(path.stem.split("_")[5])
-        write_image(path, draw(toy_profile(7, sample, capture), centre=(95.0, 127.5)))
+        write_image(path, draw(toy_profile(7, sample, capture), centre=(102.0, 127.5)))
     captures = read_captures(load(root), "fabric_7")
     assert len(captures) == 12
     assert captures.notes == ("12 of 12 images are off-centre, but like the others; kept",)

@@ -69,6 +69,14 @@ def _print_audit(found: Audit, every: bool) -> None:
         table.add_section()
     if groups:
         output.print(table)
+    if found.impossible:
+        count = len(found.impossible)
+        output.print(
+            f"{count} silhouette{' shows' if count == 1 else 's show'} no cloth on its plate, which stops `run` and "
+            f"`diagnose`: {found.impossible[0]}" + (f" and {count - 1} more" if count > 1 else ""),
+            highlight=False,
+            markup=False,
+        )
 
 
 @app.command("info")

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
-from cusick_bench.cli.options import Atlas, Json, Seed, SimulatedSamples, WithoutEffect, output_option
+from cusick_bench.cli.options import Atlas, Force, Json, Seed, SimulatedSamples, WithoutEffect, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis import NUMERICS_VERSION
@@ -50,6 +50,7 @@ def diagnose_data(
     ),
     summary: Annotated[Path | None, output_option("--table", help="CSV file with a row for each cloth.")] = None,
     seed: Seed = 0,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
@@ -62,7 +63,7 @@ def diagnose_data(
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     with progress_bar("reading data", len(chosen)) as bar, kept:
         for number, name in enumerate(chosen):
-            captures = read_captures(dataset, name)
+            captures = read_captures(dataset, name, force=force)
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
                 bar.say(f"{name}: {what}")
@@ -70,6 +71,7 @@ def diagnose_data(
 
             result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
+            command += " --force" if force else ""
             one = document(result, captures, emulator, command=command, version=version)
             written.append(_write(one, out))
     if summary is not None:

@@ -21,6 +21,7 @@ from cusick_bench.cli.options import (
     DropMode,
     FabricsCsv,
     FittedCloths,
+    Force,
     Json,
     Mode,
     Seeds,
@@ -81,6 +82,7 @@ class _Grid:
     seeds: int
     workers: int
     out: Path
+    force: bool
 
 
 @app.command("table-1")
@@ -90,6 +92,7 @@ def table_1(
     data: Data = "cusick",
     fabrics_csv: FabricsCsv = None,
     cloth: FittedCloths = None,
+    force: Force = False,
     solver: Solver = None,
     vertices: Vertices = 2699,
     draws: Draws = 1000,
@@ -107,7 +110,7 @@ def table_1(
     """
     settings = _settings(vertices, mode, steps, Budget(budget))
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
-    grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out)
+    grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out, force)
     cells, left_out = _run(grid)
     with _setting(out):
         (board,) = leaderboards(cells, by="test_mse")
@@ -125,6 +128,7 @@ def table_2(
     data: Data = "cusick",
     fabrics_csv: FabricsCsv = None,
     cloth: FittedCloths = None,
+    force: Force = False,
     solver: Solver = None,
     vertices: Vertices = 2699,
     draws: Draws = 1,
@@ -147,7 +151,7 @@ def table_2(
     tables, everything = [], []
     for suffix, limit in budgets.items():
         settings = _settings(vertices, mode, steps, limit)
-        cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out))
+        cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out, force))
         everything.append(cells)
         with _setting(out):
             (board,) = leaderboards(cells, by="train_mse")
@@ -198,7 +202,7 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
         )
     planned = list({cell.key: cell for cell in planned}.values())
     with GridProgress() as progress, interruptible(partial(cells_kept, progress, grid.out), go_on=True):
-        run(grid.source, planned, grid.out, workers=grid.workers, watcher=progress, command=sys.argv)
+        run(grid.source, planned, grid.out, workers=grid.workers, watcher=progress, command=sys.argv, force=grid.force)
     keys, cells = {cell.key for cell in planned}, load_cells(grid.out)
     kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
     if kept.empty:

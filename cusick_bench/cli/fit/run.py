@@ -17,6 +17,7 @@ from cusick_bench.cli.options import (
     DropMode,
     FabricsCsv,
     FittedCloths,
+    Force,
     Json,
     Law,
     LawName,
@@ -69,6 +70,7 @@ def run_command(
         str,
         data_option(help="How samples are split into training and held out."),
     ] = "paper",
+    force: Force = False,
     solver: Solvers = None,
     space: Annotated[
         str | None,
@@ -140,7 +142,7 @@ def run_command(
     )
     cells = shard(cells, only) if only else cells
     with GridProgress() as grid, interruptible(partial(cells_kept, grid, out), go_on=True):
-        results = run(source, cells, out, workers=workers, watcher=grid, command=sys.argv)
+        results = run(source, cells, out, workers=workers, watcher=grid, command=sys.argv, force=force)
     rows = [_row(result, out / "cells" / cell.key) for cell, result in zip(cells, results, strict=True)]
     if json:
         print_json({"cells": rows})

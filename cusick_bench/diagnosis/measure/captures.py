@@ -21,6 +21,7 @@ from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.image import PlateFit, fit_plate
 from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.sim.constants import PIXELS_PER_METRE
 
@@ -139,7 +140,7 @@ def captures_from_profiles(
     )
 
 
-def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
+def read_captures(dataset: DrapeDataset, fabric: str, *, force: bool = False) -> Captures:
     """Silhouettes of one fabric of a data set, with the corrections that it was loaded with.
 
     An image is left out, and a note says so, if it cannot be read, if a ray from the plate's axis meets no cloth, or
@@ -150,22 +151,27 @@ def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
     Args:
         dataset: Data.
         fabric: One of its `cloths`.
+        force: Whether to use silhouettes that no cloth on the plate can show; a note says so.
 
     Returns:
         The captures, with notes.
 
     Raises:
-        DataError: No such fabric.
+        DataError: No such fabric, or without `force` a silhouette that no cloth on the plate can show.
         DiagnosisError: No image of it can be used.
     """
     chosen = dataset.select(cloth=fabric)
-    rows, notes = [], []
+    rows, unreadable, notes = [], [], []
     for row in range(len(chosen)):
         try:
             rows.append(_read(chosen, row))
         except DataError as error:
+            unreadable.append(row)
             notes.append(f"left out: {error}")
     slips = _slips(rows)
+    used = [read.row for read, slip in zip(rows, slips, strict=True) if not slip]
+    forced = require_possible(chosen, used + unreadable, force=force)
+    notes += [f"forced: {fault}" for fault in forced]
     notes += [f"left out: {read.image}: {read.plate.fault}" for read, slip in zip(rows, slips, strict=True) if slip]
     kept = [read for read, slip in zip(rows, slips, strict=True) if not slip]
     faults = Counter(read.plate.fault for read in kept if read.plate.fault)
@@ -194,6 +200,7 @@ def read_captures(dataset: DrapeDataset, fabric: str) -> Captures:
 class _Read:
     """One silhouette; names as in `Captures`."""
 
+    row: int
     image: str
     radii: Float[ndarray, " angles"]
     area: float
@@ -210,6 +217,7 @@ def _read(dataset: DrapeDataset, row: int) -> _Read:
     if (drape.profile.radii <= 0).any():
         raise DataError("does not cover the plate's axis", where=labels["image"], remedy="correct `centre_px`")
     return _Read(
+        row,
         str(labels["image"]),
         drape.profile.radii,
         float(image.sum()) / protocol.px_per_m**2,
