@@ -4,8 +4,9 @@ What a first script needs stands here in one line (`from cusick_bench import loa
 Names are imported when they are first used: whoever asks for the version does not wait for torch.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cusick_bench.datasets.dataset import DrapeDataset, DrapeSample
@@ -87,13 +88,7 @@ __all__ = [
 
 __version__ = "0.1.0"
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    globals()[name] = value  # found without this function from now on
-    return value
+__getattr__ = lazy_names(__name__, _MODULES)
 
 
 def __dir__() -> list[str]:

@@ -3,8 +3,9 @@
 Names are imported when they are first used: whoever only measures a profile does not wait for pandas.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cusick_bench.datasets.dataset import DrapeDataset, DrapeSample
@@ -28,8 +29,4 @@ NUMERICS_VERSION = 1  # raised when an image's or a profile's numbers change: se
 
 __all__ = ["REGISTRY", "DataError", "DrapeDataset", "DrapeSample", "Profile", "Split", "load"]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(__name__, _MODULES)

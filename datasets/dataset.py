@@ -1,5 +1,7 @@
 """The data set as solvers, metrics and torch see it: a frozen table of silhouettes, and samples read on demand."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 from collections.abc import Iterable, Sequence
@@ -10,11 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-import torch
 from jaxtyping import Float
-from scipy.ndimage import shift
-from torch import Tensor
-from torch.utils.data import Dataset
 
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.image import read_silhouette
@@ -29,6 +27,7 @@ from cusick_bench.datasets.splits import Split, split_rows
 
 if TYPE_CHECKING:
     import trimesh
+    from torch import Tensor
 
     from cusick_bench.datasets.audit.audit import Audit
 
@@ -50,7 +49,7 @@ class DrapeSample:
     mesh_path: Path | None
 
     @cached_property
-    def mesh(self) -> "trimesh.Trimesh | None":
+    def mesh(self) -> trimesh.Trimesh | None:
         """The mesh [m], turned as the index says; None if there is none.
 
         Raises:
@@ -68,8 +67,11 @@ class DrapeSample:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DrapeDataset(Dataset[dict[str, Any]]):
+class DrapeDataset:
     """Silhouettes of drapes with their meshes and what is known of the cloth; made by `load`.
+
+    It has a length and items, which is all that torch's loaders ask of a data set; reading a table does not wait for
+    torch.
 
     Attributes:
         name: Name of the data set.
@@ -138,6 +140,9 @@ class DrapeDataset(Dataset[dict[str, Any]]):
         Raises:
             BadImage: The file cannot be used.
         """
+        import torch
+        from scipy.ndimage import shift
+
         row = self._row(i)
         pixels = read_silhouette(inside_root(self.root, row["image"]), self.protocol)
         columns, rows = float(row["image_shift_columns_px"]), float(row["image_shift_rows_px"])
@@ -161,7 +166,7 @@ class DrapeDataset(Dataset[dict[str, Any]]):
         profile = profile_of(image.numpy(), self.protocol)
         return DrapeSample(image, profile, self.table.iloc[i], inside_root(self.root, mesh) if mesh else None)
 
-    def select(self, **conditions: Any) -> "DrapeDataset":
+    def select(self, **conditions: Any) -> DrapeDataset:
         """The part whose rows have the given values, e.g. `select(cloth="cotton_blue", sample=[1, 2])`.
 
         Args:
@@ -280,7 +285,7 @@ class DrapeDataset(Dataset[dict[str, Any]]):
             )
         return density
 
-    def audit(self) -> "Audit":
+    def audit(self) -> Audit:
         """Every irregularity of the files in `root`."""
         from cusick_bench.datasets.audit.audit import audit
 

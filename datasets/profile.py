@@ -7,16 +7,22 @@ References:
     ISO 9073-9 (drape coefficient: share of the annulus between plate and flat cloth that the shadow covers).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.folds import FOLD_HARMONICS, FOLD_PROMINENCE, ring_folds
 from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_CENTRE, PIXELS_PER_METRE, PLATE_RADIUS
+
+if TYPE_CHECKING:
+    import torch
+
 
 PROFILE_ANGLES = 720
 
@@ -36,7 +42,7 @@ class Profile:
         """Angles [rad], counter-clockwise from +x (warp)."""
         return _angles(len(self.radii))
 
-    def rotated(self, degrees: int) -> "Profile":
+    def rotated(self, degrees: int) -> Profile:
         """The profile of the drape turned counter-clockwise about z, to the nearest angle step.
 
         Args:
@@ -47,7 +53,7 @@ class Profile:
         """
         return Profile(np.roll(self.radii, round(degrees * len(self.radii) / 360)))
 
-    def rms(self, other: "Profile") -> float:
+    def rms(self, other: Profile) -> float:
         """Root-mean-square difference of the radii.
 
         Args:
@@ -214,5 +220,5 @@ def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Floa
 
 
 def _as_array(image: ndarray | torch.Tensor) -> Float[ndarray, "height width"]:
-    pixels = image.detach().cpu().numpy() if isinstance(image, torch.Tensor) else image
+    pixels = image.detach().cpu().numpy() if hasattr(image, "detach") else image  # without waiting for torch
     return np.asarray(pixels, dtype=np.float64)

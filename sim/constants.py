@@ -13,3 +13,6 @@ IMAGE_CENTRE = (127.5, 127.5)  # [px], column and row of the plate's axis there;
 LIGHTEST_CLOTH = 0.005  # [kg/m2], half of the sheerest silk's; what is lighter is in another unit
 HEAVIEST_CLOTH = 5.0  # [kg/m2], ten times a heavy denim's; what is heavier is in g/m2
 PIXELS_PER_METRE = 723.0  # [px/m], the scale at which the release's meshes match its silhouettes in parallel projection
+FIELD_OF_VIEW = 0.5  # [rad], of the published scripts' camera
+EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
+FIELD_LENGTH = 0.02  # [m], correlation length of stiffness over a cloth, assumed: some ten yarn repeats

@@ -5,24 +5,26 @@ elastic-plastic element are exact in this way: a spring of stiffness k whose res
 threshold. Not differentiated: gradients to such effects are differences with common random numbers.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
-from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.drop import Stepper, too_far
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
-from cusick_bench.sim.outcome import flown_apart
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.cloth.material import Material
+    from cusick_bench.sim.drape import DrapeSimulator
+    from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.engine.system import DrapeSystem
 
 
 class Rank(IntEnum):
@@ -43,7 +45,7 @@ class StateLaw(ABC):
     rank: ClassVar[Rank]
 
     @abstractmethod
-    def start(self, system: DrapeSystem, parameters: Parameters) -> "State":
+    def start(self, system: DrapeSystem, parameters: Parameters) -> State:
         """The state of a cloth that lies flat, unloaded.
 
         Args:
@@ -79,7 +81,7 @@ def drop_with_history(
     simulator: DrapeSimulator,
     material: Material,
     initial: Float[Tensor, "vertices 3"],
-    rest_angle: Float[Tensor, "hinges"],
+    rest_angle: Float[Tensor, hinges],
     laws: Sequence[StateLaw],
 ) -> Float[Tensor, "vertices 3"]:
     """Drops one cloth whose laws have internal variables.
@@ -98,6 +100,12 @@ def drop_with_history(
         SimulationError: The settings ask for an equilibrium, or for self-contact, which has no drop with history.
         DrapeDiverged: The cloth flies apart.
     """
+    import torch
+
+    from cusick_bench.sim.engine.drop import Stepper, too_far
+    from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.outcome import flown_apart
+
     settings, base = simulator.settings, simulator.system
     if settings.mode != "drop":
         asked = "self-contact" if settings.self_contact > 0 else f"mode {settings.mode!r}"

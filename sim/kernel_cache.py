@@ -3,6 +3,9 @@
 Numba keeps a kernel on disk until the file that it is written in changes. The functions that it calls are compiled into
 it, and those of another file (a material law) may change unnoticed: the old law would go on being simulated. So kernels
 lie in a folder named after the content of the files whose functions others call.
+
+Files with kernels import numba from here (`from cusick_bench.sim.kernel_cache import numba`): the folder has to be
+known before a kernel is defined, and who defines none does not wait for numba.
 """
 
 import hashlib
@@ -10,6 +13,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numba
 from numba.core import config
 
 CALLED = ("sim/laws/*.py", "sim/linear/dense.py", "metrics/surface.py")
@@ -31,3 +35,8 @@ def keep_by_content() -> None:
         for old in parent.glob("kernels-*"):
             shutil.rmtree(old, ignore_errors=True)
     configuration.CACHE_DIR = str(folder)
+
+
+keep_by_content()
+
+__all__ = ["CALLED", "keep_by_content", "numba"]

@@ -1,21 +1,11 @@
 """Which threads the compiled kernels run on.
 
-GNU OpenMP starts a parallel region in 2 us where numba's own pool takes 30 to 100, and a drop starts hundreds. Its
-threads spin while they wait, which on a busy machine costs more than it gains; so they spin no longer than the gaps
-inside a step last, and then sleep. Set NUMBA_THREADING_LAYER or GOMP_SPINCOUNT to choose otherwise.
-
-OpenMP reads how long to spin while it is loaded, and torch loads the same library: `load_openmp` comes before torch,
-and puts the environment back. (Without it, on a machine with twice as many busy processes as cores, a drop took three
-times as long; loading it when the first simulator is made is too late.) `thread_pool` starts the threads, and puts
-numba's configuration back.
+`thread_pool` starts the threads, of GNU OpenMP where it is there (see `openmp`), and puts numba's configuration back.
 
 OpenMP does not survive a fork: numba would end the child. `check_fork` says so in time, and what to do.
 """
 
-import importlib
 import os
-import sys
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -26,8 +16,6 @@ from numba.np.ufunc.parallel import threading_layer
 
 from cusick_bench.sim.errors import SimulationError
 
-_SPIN_VARIABLE = "GOMP_SPINCOUNT"
-_SPINS = "2000"  # measured: 1000 to 10000 are equally fast on a quiet machine, no slower than sleeping on a busy one
 _PREFERRED = ["omp", "workqueue", "tbb"]
 
 
@@ -42,19 +30,6 @@ class ThreadPool:
 
     layer: str
     process: int
-
-
-def load_openmp() -> None:
-    """Loads GNU OpenMP such that its threads spin briefly, unless something else was asked for; starts no thread."""
-    configuration: Any = config
-    if sys.platform != "linux" or configuration.THREADING_LAYER != "default" or _SPIN_VARIABLE in os.environ:
-        return
-    os.environ[_SPIN_VARIABLE] = _SPINS
-    try:
-        with suppress(ImportError):  # numba then takes another pool
-            importlib.import_module("numba.np.ufunc.omppool")
-    finally:
-        del os.environ[_SPIN_VARIABLE]
 
 
 @lru_cache(maxsize=1)

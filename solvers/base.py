@@ -4,17 +4,22 @@ A new solver is one file with a frozen dataclass, whose fields are its options, 
 (or an entry point in the group `cusick_bench.solvers` of somebody else's package).
 """
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from cusick_bench.problem import DrapeProblem
 from cusick_bench.sim.errors import CusickError
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
+
 
 Images = Float[np.ndarray, "images size size"]
 
@@ -201,7 +206,7 @@ class Oracle(Solver):
     def options(self) -> dict[str, Any]:
         return {}
 
-    def revealing(self, heldout: HeldOut) -> "Oracle":
+    def revealing(self, heldout: HeldOut) -> Oracle:
         """The oracle with the held-out images before its eyes.
 
         Args:

@@ -1,14 +1,21 @@
 """The best point of a search, and losses that optimisers can digest."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from torch import Tensor
 
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of
-from cusick_bench.problem import DrapeProblem, Observation
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.problem import DrapeProblem, Observation
+
 
 # What an optimiser is told instead of infinity where a drape fails: worse than any loss of a silhouette (MSE
 # <= 1).

@@ -22,7 +22,6 @@ import numpy as np
 
 from cusick_bench.benchmark.functions import FUNCTIONS, NUMERICS_VERSION, AnalyticFunction, BenchmarkError, Point, hide
 from cusick_bench.runner.environment import code_state, code_text
-from cusick_bench.runner.numerics import numerics_text
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
 from cusick_bench.solvers.bayesian_optimisation.rembo import Rembo
@@ -165,6 +164,8 @@ def run_numerics(function: str, method: str) -> str:
     Returns:
         Text such as `solver rembo 1, test functions 1`.
     """
+    from cusick_bench.runner.labels import numerics_text
+
     solver = METHODS[method](FUNCTIONS[function])
     return numerics_text({f"solver {solver.name}": solver.version, "test functions": NUMERICS_VERSION})
 

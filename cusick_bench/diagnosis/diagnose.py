@@ -27,27 +27,11 @@ from cusick_bench.diagnosis.inference.verdict import Verdict, named_cause, set90
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
+from cusick_bench.diagnosis.options import Options
 from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
 from cusick_bench.sim.setup import Simulators
 
 _SEED = 20
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to diagnose.
-
-    Attributes:
-        samples: Simulated samples of each model and fold; 0 leaves the simulations, and so gap and closure, out.
-        always: Simulate also where no effect shows.
-        without: Effects that are not to be considered.
-        seed: Seed of simulations and tests.
-    """
-
-    samples: int = 24
-    always: bool = True
-    without: tuple[str, ...] = ()
-    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)

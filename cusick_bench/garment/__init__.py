@@ -1,12 +1,17 @@
 """Skirts from a digitised cloth: cut, sewn, hung on a waist, let fall and moved."""
 
-from cusick_bench.garment.body import Body
-from cusick_bench.garment.cloth import Cloth, cloth_of_cell, cloth_of_numbers
-from cusick_bench.garment.errors import GarmentError
-from cusick_bench.garment.fitting import Fitting, hang, walk
-from cusick_bench.garment.measure import SkirtMeasures, measure, spread
-from cusick_bench.garment.motion import STILL, WaistMotion
-from cusick_bench.garment.skirt import KINDS, Skirt, SkirtSize, a_line_skirt, circular_skirt
+from typing import TYPE_CHECKING
+
+from cusick_bench.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from cusick_bench.garment.body import Body
+    from cusick_bench.garment.cloth import Cloth, cloth_of_cell, cloth_of_numbers
+    from cusick_bench.garment.errors import GarmentError
+    from cusick_bench.garment.fitting import Fitting, hang, walk
+    from cusick_bench.garment.measure import SkirtMeasures, spread
+    from cusick_bench.garment.motion import STILL, WaistMotion
+    from cusick_bench.garment.skirt import KINDS, Skirt, SkirtSize, a_line_skirt, circular_skirt
 
 __all__ = [
     "KINDS",
@@ -24,7 +29,29 @@ __all__ = [
     "cloth_of_cell",
     "cloth_of_numbers",
     "hang",
-    "measure",
     "spread",
     "walk",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Body": "body",
+        "Cloth": "cloth",
+        "Fitting": "fitting",
+        "GarmentError": "errors",
+        "KINDS": "skirt",
+        "STILL": "motion",
+        "Skirt": "skirt",
+        "SkirtMeasures": "measure",
+        "SkirtSize": "skirt",
+        "WaistMotion": "motion",
+        "a_line_skirt": "skirt",
+        "circular_skirt": "skirt",
+        "cloth_of_cell": "cloth",
+        "cloth_of_numbers": "cloth",
+        "hang": "fitting",
+        "spread": "measure",
+        "walk": "fitting",
+    },
+)

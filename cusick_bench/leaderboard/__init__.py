@@ -1,11 +1,16 @@
 """Leaderboards: finished cells of a results folder, ranked with intervals, in every form."""
 
-from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, variants
-from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
-from cusick_bench.leaderboard.cells import Cells, Skipped, load_cells
-from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.formats import csv, html_table, latex, markdown, record, terminal
-from cusick_bench.leaderboard.text import COLUMNS, short, text_table
+from typing import TYPE_CHECKING
+
+from cusick_bench.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, variants
+    from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
+    from cusick_bench.leaderboard.cells import Cells, Skipped, load_cells
+    from cusick_bench.leaderboard.errors import LeaderboardError
+    from cusick_bench.leaderboard.formats import csv, html_table, latex, markdown, record, terminal
+    from cusick_bench.leaderboard.text import COLUMNS, short, text_table
 
 __all__ = [
     "COLUMNS",
@@ -31,3 +36,31 @@ __all__ = [
     "text_table",
     "variants",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "COLUMNS": "text",
+        "Cells": "cells",
+        "Estimate": "bootstrap",
+        "Leaderboard": "board",
+        "LeaderboardError": "errors",
+        "Row": "board",
+        "Skipped": "cells",
+        "csv": "formats",
+        "difference": "bootstrap",
+        "estimate": "bootstrap",
+        "html_table": "formats",
+        "interquartile_mean": "bootstrap",
+        "latex": "formats",
+        "leaderboards": "board",
+        "load_cells": "cells",
+        "markdown": "formats",
+        "metric_names": "board",
+        "record": "formats",
+        "short": "text",
+        "terminal": "formats",
+        "text_table": "text",
+        "variants": "board",
+    },
+)

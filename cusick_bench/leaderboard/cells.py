@@ -12,7 +12,7 @@ from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
-from cusick_bench.runner.numerics import numerics_text
+from cusick_bench.runner.labels import numerics_text
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")

@@ -1,34 +1,33 @@
 """Metrics of drapes: images, surfaces, profiles, and the score of a whole prediction."""
 
-from cusick_bench.metrics.calibration import coverage, fold_test, ranks
-from cusick_bench.metrics.classification import Classifier, Confusion, learn
-from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
-from cusick_bench.metrics.energy import energy_distance
-from cusick_bench.metrics.errors import MetricError
-from cusick_bench.metrics.hausdorff import hausdorff
-from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
-from cusick_bench.metrics.profile import (
-    profile_rms,
-    profile_rms_rotated,
-    quantile_distance,
-    spectrum_distance,
-)
-from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
-from cusick_bench.metrics.ruled import ruled_surface
-from cusick_bench.metrics.score import expected_best, from_levels, score, to_levels
-from cusick_bench.metrics.shape import Shape
-from cusick_bench.metrics.statistics import (
-    LOCKED,
-    PHASE_FREE,
-    SCALES,
-    STATISTICS,
-    drape_statistics,
-    image_statistics,
-    profile_statistics,
-    standardised,
-)
-from cusick_bench.metrics.surface import Surface
-from cusick_bench.metrics.variability import Variability, variability, variability_rows
+from typing import TYPE_CHECKING
+
+from cusick_bench.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from cusick_bench.metrics.calibration import coverage, fold_test, ranks
+    from cusick_bench.metrics.classification import Classifier, Confusion, learn
+    from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
+    from cusick_bench.metrics.energy import energy_distance
+    from cusick_bench.metrics.errors import MetricError
+    from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
+    from cusick_bench.metrics.profile import profile_rms, profile_rms_rotated, quantile_distance, spectrum_distance
+    from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
+    from cusick_bench.metrics.ruled import ruled_surface
+    from cusick_bench.metrics.score import expected_best, from_levels, to_levels
+    from cusick_bench.metrics.shape import Shape
+    from cusick_bench.metrics.statistics import (
+        LOCKED,
+        PHASE_FREE,
+        SCALES,
+        STATISTICS,
+        drape_statistics,
+        image_statistics,
+        profile_statistics,
+        standardised,
+    )
+    from cusick_bench.metrics.surface import Surface
+    from cusick_bench.metrics.variability import Variability, variability_rows
 
 NUMERICS_VERSION = 1  # raised when a metric's numbers change: see runner/numerics.py
 
@@ -54,7 +53,6 @@ __all__ = [
     "expected_best",
     "fold_test",
     "from_levels",
-    "hausdorff",
     "image_statistics",
     "iou",
     "iou_pairs",
@@ -67,11 +65,53 @@ __all__ = [
     "quantile_distance",
     "ranks",
     "ruled_surface",
-    "score",
     "spectrum_distance",
     "standardised",
     "to_levels",
-    "variability",
     "variability_rows",
     "variogram_score",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Classifier": "classification",
+        "Confusion": "classification",
+        "DISTRIBUTION_METRICS": "distribution",
+        "LOCKED": "statistics",
+        "MetricError": "errors",
+        "PHASE_FREE": "statistics",
+        "SCALES": "statistics",
+        "STATISTICS": "statistics",
+        "Shape": "shape",
+        "Surface": "surface",
+        "Variability": "variability",
+        "coverage": "calibration",
+        "crps": "proper_scores",
+        "distribution_scores": "distribution",
+        "drape_statistics": "statistics",
+        "energy_distance": "energy",
+        "energy_distance_of_draws": "proper_scores",
+        "energy_score": "proper_scores",
+        "expected_best": "score",
+        "fold_test": "calibration",
+        "from_levels": "score",
+        "image_statistics": "statistics",
+        "iou": "image",
+        "iou_pairs": "image",
+        "learn": "classification",
+        "mse": "image",
+        "mse_pairs": "image",
+        "profile_rms": "profile",
+        "profile_rms_rotated": "profile",
+        "profile_statistics": "statistics",
+        "quantile_distance": "profile",
+        "ranks": "calibration",
+        "ruled_surface": "ruled",
+        "spectrum_distance": "profile",
+        "standardised": "statistics",
+        "to_levels": "score",
+        "variability_rows": "variability",
+        "variogram_score": "proper_scores",
+    },
+)

@@ -15,11 +15,11 @@ References:
     ACM Transactions on Graphics 28 (2009), 74.
 """
 
-import numba
 import numpy as np
 import trimesh
 
 from cusick_bench.metrics.surface import Surface, nearest, squared_distance_to_triangle
+from cusick_bench.sim.kernel_cache import numba
 
 TOLERANCE = 5e-5  # [m], half of the 0.1 mm that the leaderboards promise
 _STACK = 4096  # pending parts of one triangle; bisection to 0.05 mm needs about 2 log2(length / tolerance)

@@ -8,13 +8,13 @@ References:
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.metrics.errors import MetricError
+from cusick_bench.sim.kernel_cache import numba
 
 _LEAF = 4  # triangles in a leaf of the tree
 _STACK = 128  # depth-first stack; a balanced tree of 2^60 leaves would need 61

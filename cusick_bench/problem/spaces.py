@@ -1,8 +1,18 @@
-"""The registered parameter spaces."""
+"""The registered parameter spaces; a name does not wait for its space."""
 
-from cusick_bench.problem.field_space import FieldSpace
-from cusick_bench.problem.space import HeterogeneousSpace, HomogeneousSpace, ParameterSpace
+from typing import TYPE_CHECKING
 
-SPACES: dict[str, type[ParameterSpace]] = {
-    space.name: space for space in (HomogeneousSpace, HeterogeneousSpace, FieldSpace)
-}
+from cusick_bench.lazy import LazyTable
+
+if TYPE_CHECKING:
+    from cusick_bench.problem.space import ParameterSpace
+
+SPACES: "LazyTable[type[ParameterSpace]]" = LazyTable(
+    {
+        "homo": "cusick_bench.problem.space:HomogeneousSpace",
+        "heter": "cusick_bench.problem.space:HeterogeneousSpace",
+        "field": "cusick_bench.problem.field_space:FieldSpace",
+    }
+)
+DEFAULT_SPACE = "homo"
+"""Of a solver that works in any space."""

@@ -1,12 +1,18 @@
 """The runner: a grid of solver x cloth x seed, metered, resumable, on one process or many."""
 
-from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
-from cusick_bench.runner.errors import RunnerError
-from cusick_bench.runner.execute import run
-from cusick_bench.runner.grid import Cell, ProblemSettings, labelled, plan, record_key, require_space, shard
-from cusick_bench.runner.progress import Unwatched, Watcher
-from cusick_bench.runner.source import Source, load_once
-from cusick_bench.runner.store import Store
+from typing import TYPE_CHECKING
+
+from cusick_bench.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
+    from cusick_bench.runner.errors import RunnerError
+    from cusick_bench.runner.execute import run
+    from cusick_bench.runner.grid import Cell, ProblemSettings, plan, record_key, require_space, shard
+    from cusick_bench.runner.labels import labelled
+    from cusick_bench.runner.progress import Unwatched, Watcher
+    from cusick_bench.runner.source import Source, load_once
+    from cusick_bench.runner.store import Store
 
 __all__ = [
     "Cell",
@@ -27,3 +33,26 @@ __all__ = [
     "run_cell",
     "shard",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Cell": "grid",
+        "ProblemSettings": "grid",
+        "RunnerError": "errors",
+        "Source": "source",
+        "Store": "store",
+        "Unwatched": "progress",
+        "Watcher": "progress",
+        "build_problem": "cell",
+        "labelled": "labels",
+        "load_once": "source",
+        "load_prediction": "cell",
+        "plan": "grid",
+        "record_key": "grid",
+        "require_space": "grid",
+        "run": "execute",
+        "run_cell": "cell",
+        "shard": "grid",
+    },
+)

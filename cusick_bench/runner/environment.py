@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import cusick_bench
-from cusick_bench.runner.numerics import numerics_text
+from cusick_bench.runner.labels import numerics_text
 
 _LIBRARIES = ("numpy", "scipy", "torch", "numba", "nlopt", "cvxpy", "botorch", "gpytorch", "cma")
 _GIT_SECONDS = 10.0  # after which a checkout on a slow disk counts as none

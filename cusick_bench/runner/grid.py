@@ -2,13 +2,15 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.problem import LOSSES, SPACES, Budget, ProblemError, canonical
+from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical
+from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.labels import labelled
 from cusick_bench.runner.numerics import LAWS, cell_numerics
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
@@ -37,7 +39,7 @@ class ProblemSettings:
             all parameters.
     """
 
-    space: str = "homo"
+    space: str = DEFAULT_SPACE
     vertices: int = 2699
     drape: DrapeSettings = field(default_factory=DrapeSettings)
     camera: str = "protocol"
@@ -134,19 +136,6 @@ class Cell:
     def key(self) -> str:
         """Name of the cell's folder."""
         return record_key(self.record())
-
-
-def labelled(solver: str, causes: Sequence[str]) -> str:
-    """A solver's name with the causes that its simulator knows of.
-
-    Args:
-        solver: Registered name, with options.
-        causes: Causes, as `plate-tilt:angle=2`.
-
-    Returns:
-        Text such as `homo + plate-tilt:angle=2`.
-    """
-    return " + ".join([solver, *causes])
 
 
 def record_key(record: dict[str, Any]) -> str:

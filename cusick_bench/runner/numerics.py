@@ -9,8 +9,6 @@ cell depends only on the versions of the parts that it uses.
 new version. After raising a version: `python tests/support/golden.py --write`.
 """
 
-from collections.abc import Mapping
-
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -74,15 +72,3 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
     """
     versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
     return dict(sorted((versions | drape_numerics("paper", with_effects=True)).items()))
-
-
-def numerics_text(versions: Mapping[str, int]) -> str:
-    """Versions in a line.
-
-    Args:
-        versions: Version of each part, by name.
-
-    Returns:
-        Text such as `engine 1, law paper 1, metrics 1`.
-    """
-    return ", ".join(f"{part} {version}" for part, version in versions.items())

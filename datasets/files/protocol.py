@@ -17,8 +17,15 @@ from pydantic.dataclasses import dataclass
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.datasets.files.object_file import read_object
 from cusick_bench.datasets.files.protocol_keys import check_unknown_keys
-from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
-from cusick_bench.sim.render.camera import EYE_HEIGHT
+from cusick_bench.sim.constants import (
+    CLOTH_RADIUS,
+    EYE_HEIGHT,
+    GRAVITY,
+    IMAGE_CENTRE,
+    IMAGE_SIZE,
+    PIXELS_PER_METRE,
+    PLATE_RADIUS,
+)
 
 FILE = "protocol.json"
 CLOTH_RADII = (0.02, 0.5)  # [m]

@@ -9,20 +9,24 @@ the distance H from the eye) to the rim, as in the ruled surfaces of the release
 with a the apparent radius, at the scale of the plate's plane, and rho the radius from the axis.
 """
 
+from __future__ import annotations
+
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count, profile_from_image
 from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
-from cusick_bench.sim.render.camera import Camera, ParallelCamera, PinholeCamera
 
-Image = Float[ndarray, "size size"] | Float[Tensor, "size size"]
+if TYPE_CHECKING:
+    from cusick_bench.sim.render.camera import Camera
+
+
+Image = 'Float[ndarray, "size size"] | Float[Tensor, "size size"]'
 
 
 def camera_of(protocol: Protocol) -> Camera:
@@ -34,6 +38,8 @@ def camera_of(protocol: Protocol) -> Camera:
     Returns:
         A camera that places points of the plate's plane where the protocol says.
     """
+    from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
+
     image_y: Any = protocol.image_y
     if protocol.projection == "parallel":
         return ParallelCamera(protocol.px_per_m, protocol.centre_px, image_y)

@@ -8,8 +8,7 @@ from numpy import ndarray
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
-
-FIELD_LENGTH = 0.02  # [m] correlation length
+from cusick_bench.sim.constants import FIELD_LENGTH
 
 
 def face_centres(mesh: Mesh) -> Float[ndarray, "faces 2"]:

@@ -15,7 +15,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.spatial import Delaunay
 
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
@@ -181,6 +180,8 @@ def _scatter(count: int, inner: float, outer: float, generator: np.random.Genera
 
 def _relax(points: ndarray, fixed: int, plate_radius: float, radius: float, spacing: float) -> ndarray:
     """Moves every point behind the first `fixed` ones to the centroid of its triangle fan, again and again."""
+    from scipy.spatial import Delaunay
+
     inside_plate = np.hypot(*points.T) < plate_radius
     for _ in range(_RELAXATION_SWEEPS):
         faces = Delaunay(points).simplices
@@ -222,6 +223,8 @@ def disc_mesh(
     Raises:
         SimulationError: Too few vertices, or radii out of order.
     """
+    from scipy.spatial import Delaunay
+
     if vertices < _MINIMUM_VERTICES:
         raise SimulationError(f"a disc needs at least {_MINIMUM_VERTICES} vertices, got {vertices}")
     if not 0 < plate_radius < radius < np.inf:

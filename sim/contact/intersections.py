@@ -8,13 +8,13 @@ References:
     Segura, Feito. Algorithms to test ray-triangle intersection: comparative study. WSCG 2001 (signed volumes).
 """
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.kernel_cache import numba
 
 
 @numba.njit(cache=True)

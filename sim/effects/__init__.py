@@ -1,8 +1,38 @@
 """What the base model leaves out, one effect a file: physics, units, bounds, typical range with source."""
 
-from cusick_bench.sim.effects.base import Effect, EffectClass, Parameter, Values
-from cusick_bench.sim.effects.registry import Cause, apply_all, effect, parse, registered
+from typing import TYPE_CHECKING
 
-__all__ = ["Cause", "Effect", "EffectClass", "Parameter", "Values", "apply_all", "effect", "parse", "registered"]
+from cusick_bench.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.effects.base import Effect, EffectClass, Parameter, Values
+    from cusick_bench.sim.effects.registry import Cause, apply_all, effect, parse, registered
 
 NUMERICS_VERSION = 1  # raised when an effect's numbers change: see runner/numerics.py
+
+__all__ = [
+    "Cause",
+    "Effect",
+    "EffectClass",
+    "Parameter",
+    "Values",
+    "apply_all",
+    "effect",
+    "parse",
+    "registered",
+]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Cause": "registry",
+        "Effect": "base",
+        "EffectClass": "base",
+        "Parameter": "base",
+        "Values": "base",
+        "apply_all": "registry",
+        "effect": "registry",
+        "parse": "registry",
+        "registered": "registry",
+    },
+)

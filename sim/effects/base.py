@@ -4,19 +4,24 @@ A new effect is one file with one subclass of `Effect` and one line in `registry
 `cusick_bench.effects`); the contract tests pick it up.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
-
-from torch import Tensor
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
+
 
 EffectClass = Literal["material", "history", "boundary", "contact", "imaging"]
 Role = Literal["severity", "direction", "radius", "size"]
-Values = Mapping[str, float | Tensor]
+Values = Mapping[str, "float | Tensor"]
 """Parameters of an effect by name."""
 
 
@@ -102,7 +107,7 @@ class Effect(ABC):
                 raise SimulationError(f"effect {self.name} has no parameter {name!r}; use {', '.join(known)}")
         full = {p.name: value.get(p.name, p.typical if p.role == "severity" else p.default) for p in self.parameters}
         for name, given in full.items():
-            p, number = known[name], float(given.detach() if isinstance(given, Tensor) else given)
+            p, number = known[name], _number(given)
             if not p.low <= number <= p.high:  # also refuses NaN
                 bounds = f"{p.low:g} to {p.high:g} {p.unit}".strip()
                 raise SimulationError(f"effect {self.name}: {name} must lie within {bounds}, got {number:g}")
@@ -123,6 +128,14 @@ class Effect(ABC):
         """
         full = self.complete(value)
         severity = full[self.severity.name]
-        if not isinstance(severity, Tensor) and severity == 0:
+        if not _is_tensor(severity) and severity == 0:
             return setup
         return self._apply(setup, full)
+
+
+def _is_tensor(value: float | Tensor) -> bool:
+    return hasattr(value, "detach")  # who only reads numbers does not wait for torch
+
+
+def _number(value: float | Tensor) -> float:
+    return float(value.detach() if _is_tensor(value) else value)  # pyright: ignore[reportAttributeAccessIssue]

@@ -4,11 +4,14 @@ A package elsewhere registers its own through an entry point in the group `cusic
 `Effect` subclass.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import entry_points
+from typing import TYPE_CHECKING
 
 from cusick_bench.sim.effects.base import Effect
 from cusick_bench.sim.effects.boundary.cut_size import CutSize
@@ -34,7 +37,10 @@ from cusick_bench.sim.effects.material.rest_curvature import RestCurvature
 from cusick_bench.sim.effects.material.rim_stiffening import RimStiffening
 from cusick_bench.sim.effects.material.stiffness_field import StiffnessField
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
+
 
 ENTRY_POINTS = "cusick_bench.effects"
 

@@ -1,7 +1,6 @@
 """Sums element results into the global matrix and into vertices: gathers in a fixed order, so bitwise repeatable."""
 
-import numba
-
+from cusick_bench.sim.kernel_cache import numba
 from cusick_bench.sim.laws.vectors import CHUNKS, kernel
 
 

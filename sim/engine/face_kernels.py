@@ -19,9 +19,9 @@ References:
     ACM Transactions on Graphics 28(4), 2009.
 """
 
-import numba
 import numpy as np
 
+from cusick_bench.sim.kernel_cache import numba
 from cusick_bench.sim.laws.paper import (
     contracted,
     curvatures,

@@ -19,9 +19,9 @@ References:
 
 import math
 
-import numba
 import numpy as np
 
+from cusick_bench.sim.kernel_cache import numba
 from cusick_bench.sim.laws.paper import paper_bending
 from cusick_bench.sim.laws.published import published_bending
 from cusick_bench.sim.laws.tables import CURVATURE_STEP, PUBLISHED

@@ -1,14 +1,17 @@
 """How a drape is simulated: law, way to the rest, support, laid-down and rest shape."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.constants import GRAVITY, PLATE_RADIUS
-from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.errors import SimulationError
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.system import Law
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ class DrapeSettings:
     backend: str = "auto"
 
     def __post_init__(self) -> None:
+        from cusick_bench.sim.cloth.shape import smooth_field
+
         for name, options in (("mode", ("drop", "equilibrium")), ("support", ("fixed", "springs"))):
             if getattr(self, name) not in options:
                 raise SimulationError(f"{name} must be one of {', '.join(options)}, got {getattr(self, name)!r}")

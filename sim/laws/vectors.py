@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-import numba
+from cusick_bench.sim.kernel_cache import numba
 
 CHUNKS = 16
 """Elements are shared out in a fixed number of chunks, so that results do not depend on the number of threads."""

@@ -14,11 +14,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import llvmlite.binding
-import numba
 import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
+
+from cusick_bench.sim.kernel_cache import numba
 
 
 def _routine(library: str, name: str, arguments: int) -> Any:

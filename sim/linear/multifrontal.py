@@ -12,11 +12,11 @@ References:
 
 from functools import cached_property
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.sim.kernel_cache import numba
 from cusick_bench.sim.linear import dense
 from cusick_bench.sim.linear.dissection import dissect
 from cusick_bench.sim.linear.elimination import EliminationTree, analyse

@@ -12,11 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.sim.constants import IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE
+from cusick_bench.sim.constants import EYE_HEIGHT, FIELD_OF_VIEW, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE
 from cusick_bench.sim.errors import SimulationError
-
-FIELD_OF_VIEW = 0.5  # [rad], of the published scripts' camera
-EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
 
 ImageY = Literal["up", "down"]
 

@@ -18,13 +18,13 @@ References:
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit
 from numpy import ndarray
 
+from cusick_bench.sim.kernel_cache import numba
 from cusick_bench.sim.render.outline import Outline, outline
 
 
-@njit(nogil=True)  # a generator that is itself cached cannot be compiled into a second kernel by a later process
+@numba.njit(nogil=True)  # a generator that is itself cached cannot be compiled into a second kernel by a later process
 def _columns(a, b, bottom, top, columns):
     """Cuts a piece of edge a-b at column borders: yields (column, from y, to y, mean x).
 
@@ -43,7 +43,7 @@ def _columns(a, b, bottom, top, columns):
         yield column, min(y0, y1), max(y0, y1), 0.5 * (x0 + x1)
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _areas(points, row, ends, span, sign, columns, image):
     """Kernel of `pixel_areas`."""
     rows = image.shape[0]
@@ -63,7 +63,7 @@ def _areas(points, row, ends, span, sign, columns, image):
             image[r, column] = min(max(image[r, column] + covered, 0.0), 1.0)
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _gradient(points, row, ends, span, sign, weight, gradient):
     """Kernel of `area_gradient`."""
     columns = weight.shape[1]

@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit
 from numpy import ndarray
+
+from cusick_bench.sim.kernel_cache import numba
 
 _ON_LEVEL = 1e-12  # a crossing nearer to a level than this fraction of the slab's height is taken to lie on it
 
@@ -74,7 +75,7 @@ class Outline(NamedTuple):
     sign: Int[ndarray, "pieces"]
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _candidates(points, faces, edges, face_edges, face_directions):
     """Edges across which the number of covering faces changes: (lower vertex, upper vertex), jump towards +x."""
     jump = np.zeros(len(edges), np.int64)
@@ -98,7 +99,7 @@ def _candidates(points, faces, edges, face_edges, face_directions):
     return ends[:count], jumps[:count]
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _edges_by_row(low, high, rows):
     """Candidates that reach into each row of pixels: CSR offsets and edges, by rising lower end within a row."""
     offset = np.zeros(rows + 1, np.int64)
@@ -118,7 +119,7 @@ def _edges_by_row(low, high, rows):
     return offset, member
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _sort(order, count, key, jump):
     """Insertion sort of nearly sorted edges by key; of equals, the one that enters a face comes first (no hole)."""
     for i in range(1, count):
@@ -130,7 +131,7 @@ def _sort(order, count, key, jump):
         order[k] = e
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _crossings(order, count, at_bottom, at_top, fraction):
     """Bubbles edges from their order at the bottom to that at the top; each exchange is a crossing."""
     found = 0
@@ -152,7 +153,7 @@ def _crossings(order, count, at_bottom, at_top, fraction):
     return np.sort(fraction[:found]), fraction
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _replace(order, count, here, started, bottom, low, high):
     """Drops the edges that end at a level and adds those that start there; returns how many are in and have started."""
     kept = 0
@@ -167,7 +168,7 @@ def _replace(order, count, here, started, bottom, low, high):
     return kept, started
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _mark(order, count, jump, y, row, sign, since, pieces):
     """Finds where the union begins and ends along the order; an edge whose part in it changes leaves a piece."""
     covering = 0
@@ -182,7 +183,7 @@ def _mark(order, count, jump, y, row, sign, since, pieces):
             sign[e], since[e] = now, y
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _sweep(points, ends, jump, rows):
     """Pieces (row, edge, from y, to y, sign) of the outline; see the module's docstring."""
     edges = len(ends)
@@ -225,7 +226,7 @@ def _sweep(points, ends, jump, rows):
     return pieces
 
 
-@njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _trace(points, faces, edges, face_edges, face_directions, rows):
     """Kernel of `outline`."""
     ends, jump = _candidates(points, faces, edges, face_edges, face_directions)

@@ -3,20 +3,20 @@
 The loop that `vanilla-bo`, `rembo` and `hesbo` share.
 """
 
+from __future__ import annotations
+
 from collections.abc import Generator
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cusick_bench.solvers.base import SolverError
-from cusick_bench.solvers.bayesian_optimisation.gaussian_process import (
-    Hyperparameters,
-    fit,
-    local_torch,
-    most_promising,
-)
 from cusick_bench.solvers.black_box.box import Point, Points, Search
 from cusick_bench.solvers.black_box.sobol import sobol_points
+
+if TYPE_CHECKING:
+    from cusick_bench.solvers.bayesian_optimisation.gaussian_process import Hyperparameters
 
 
 def bayesian_search(dimension: int, initial: int, generator: np.random.Generator) -> Search:
@@ -30,6 +30,8 @@ def bayesian_search(dimension: int, initial: int, generator: np.random.Generator
     Yields:
         Points of [-1, 1]^d; each is to be answered by its loss.
     """
+    from cusick_bench.solvers.bayesian_optimisation.gaussian_process import fit, local_torch, most_promising
+
     points, losses = yield from design(dimension, initial, generator)
     last: Hyperparameters | None = None
     while True:

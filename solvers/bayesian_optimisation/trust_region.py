@@ -9,21 +9,21 @@ References:
     NeurIPS 2019 (Sec. 2 and its supplement for the constants).
 """
 
+from __future__ import annotations
+
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.solvers.bayesian_optimisation.gaussian_process import (
-    MOST_NUMBERS,
-    Hyperparameters,
-    fit,
-    local_torch,
-    thompson,
-)
 from cusick_bench.solvers.black_box.box import Point, Points
 from cusick_bench.solvers.black_box.sobol import sobol_block
+
+if TYPE_CHECKING:
+    from cusick_bench.solvers.bayesian_optimisation.gaussian_process import Hyperparameters
+
 
 FIRST, SHORTEST, LONGEST = 0.8, 0.5**7, 1.6  # side lengths [of the unit cube]
 SUCCESSES = 3
@@ -52,7 +52,7 @@ class TrustRegion:
         """Whether the region is too small to go on with."""
         return self.length < SHORTEST
 
-    def after(self, improved: bool) -> "TrustRegion":
+    def after(self, improved: bool) -> TrustRegion:
         """The region after another point.
 
         Args:
@@ -85,6 +85,8 @@ def local_search(
     Returns:
         All points, in the unit cube, and their losses.
     """
+    from cusick_bench.solvers.bayesian_optimisation.gaussian_process import fit, local_torch, thompson
+
     last: Hyperparameters | None = None
     while not region.exhausted:
         with local_torch(int(generator.integers(2**31))):
@@ -117,6 +119,8 @@ def candidates_around(
     Returns:
         The points, in the unit cube.
     """
+    from cusick_bench.solvers.bayesian_optimisation.gaussian_process import MOST_NUMBERS
+
     dimension = len(centre)
     count = int(max(min(100 * dimension, most, MOST_NUMBERS / dimension), 2))
     sides = length * lengthscale / np.exp(np.log(lengthscale).mean())

@@ -4,18 +4,25 @@ A search is a generator: it yields a point and is sent that point's loss, inf wh
 code minimises the misfit of a drape (`BoxSolver.solve`) and a test function (`run_search`).
 """
 
+from __future__ import annotations
+
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.problem import BudgetExceeded
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
 from cusick_bench.solvers.incumbent import PENALTY, Incumbent
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
+
 
 Point = Float[np.ndarray, " dimension"]
 Points = Float[np.ndarray, "points dimension"]

@@ -12,17 +12,23 @@ References:
     Johnson, The NLopt nonlinear-optimization package, https://github.com/stevengj/nlopt.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import nlopt
 import numpy as np
 
-from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.problem import BudgetExceeded
 from cusick_bench.sim.errors import did_you_mean
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
 from cusick_bench.solvers.incumbent import PENALTY, Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
+
 
 # The nine of the benchmark; any other algorithm of NLopt that needs no second optimiser works as well.
 BENCHMARKED = (

@@ -5,17 +5,13 @@ References:
     Sobol and Niederreiter-Xing points, J. Complexity 14(4), 1998.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import torch
-from torch.quasirandom import SobolEngine
 
 from cusick_bench.solvers.black_box.box import BoxSolver, Point, Points, Search
-
-_MOST_COORDINATES = SobolEngine.MAXDIM  # that direction numbers exist for: 21,201
 
 
 def sobol_points(dimension: int, generator: np.random.Generator) -> Iterator[Point]:
@@ -31,10 +27,9 @@ def sobol_points(dimension: int, generator: np.random.Generator) -> Iterator[Poi
     Yields:
         Points of the unit cube, one after the other.
     """
-    known = min(dimension, _MOST_COORDINATES)
-    engine = SobolEngine(known, scramble=True, seed=int(generator.integers(2**31)))
+    draw = _sequence(dimension, generator)
     while True:
-        yield _with_rest(engine.draw(1, dtype=torch.float64).numpy(), dimension, generator)[0]
+        yield _with_rest(draw(1), dimension, generator)[0]
 
 
 def sobol_block(count: int, dimension: int, generator: np.random.Generator) -> Points:
@@ -48,9 +43,17 @@ def sobol_block(count: int, dimension: int, generator: np.random.Generator) -> P
     Returns:
         Points of the unit cube, one a row.
     """
-    known = min(dimension, _MOST_COORDINATES)
+    return _with_rest(_sequence(dimension, generator)(count), dimension, generator)
+
+
+def _sequence(dimension: int, generator: np.random.Generator) -> Callable[[int], Points]:
+    """A scrambled sequence in as many coordinates as there are direction numbers for, 21,201 at most."""
+    import torch
+    from torch.quasirandom import SobolEngine
+
+    known = min(dimension, SobolEngine.MAXDIM)
     engine = SobolEngine(known, scramble=True, seed=int(generator.integers(2**31)))
-    return _with_rest(engine.draw(count, dtype=torch.float64).numpy(), dimension, generator)
+    return lambda count: engine.draw(count, dtype=torch.float64).numpy()
 
 
 def _with_rest(known: Points, dimension: int, generator: np.random.Generator) -> Points:

@@ -11,18 +11,22 @@ References:
     Numerical Methods in Engineering 61(2), 2004.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.problem import DrapeProblem, TrainMesh
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
-from cusick_bench.solvers.convex.force_balance import KNOWN, NAMES, Balance, Errors, Shape, balance
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem, TrainMesh
+    from cusick_bench.solvers.convex.force_balance import Balance, Shape
+
 
 # Strain of the edges, root mean square. Drapes have 0.001 to 0.005, surfaces built from silhouettes 0.05 to 0.16.
 STRAIN_LIMIT = 0.02
@@ -90,6 +94,8 @@ class EquilibriumGap(Solver):
     needs_mesh: ClassVar[bool] = True
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        from cusick_bench.solvers.convex.force_balance import Errors, balance
+
         assert problem.train_mesh is not None
         progress("balancing forces", 0.1)
         shape, strain = self._shape(problem, problem.train_mesh)
@@ -101,6 +107,9 @@ class EquilibriumGap(Solver):
 
     def _shape(self, problem: DrapeProblem, drape: TrainMesh) -> tuple[Shape, float]:
         """The drape on its own triangles, and the strain of its edges."""
+        from cusick_bench.sim.drape import DrapeSimulator
+        from cusick_bench.solvers.convex.force_balance import Shape
+
         settings = problem.simulator.settings
         if drape.material is None:
             raise SolverError(self._without_reference(drape, settings.plate_radius))
@@ -159,6 +168,8 @@ def notes(found: Balance, strain: float) -> dict[str, Any]:
     Returns:
         Numbers, by name.
     """
+    from cusick_bench.solvers.convex.force_balance import KNOWN, NAMES
+
     entries = {
         name: {"value": float(value), "relative_sd": float(sd), "identifiable": bool(sd <= KNOWN)}
         for name, value, sd in zip(NAMES, found.theta, found.relative_sd, strict=True)

@@ -22,20 +22,25 @@ References:
     Schlenkrich, Griewank, Walther, Math. Programming 121, 2010.
 """
 
+from __future__ import annotations
+
 import contextlib
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.problem import BudgetExceeded
 from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at, require_positive
-from cusick_bench.solvers.gradient.blurred_misfit import BlurredMisfit
 from cusick_bench.solvers.gradient.gauss_newton import Adjoints, damped_step
-from cusick_bench.solvers.gradient.smooth_field import StiffnessField
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
+    from cusick_bench.solvers.gradient.smooth_field import StiffnessField
+
 
 FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px of the release
 MODES = 20.0  # independent numbers in a silhouette, halved: harmonics 1 to 20, cosine and sine
@@ -53,6 +58,8 @@ class BlurredIncumbent(Incumbent):
     """An incumbent of the problem's loss, whose gradients are those of the blurred misfit."""
 
     def __init__(self, problem: DrapeProblem, blur: float) -> None:
+        from cusick_bench.solvers.gradient.blurred_misfit import BlurredMisfit
+
         super().__init__(problem)
         self._misfit = BlurredMisfit(problem.train_image, blur, problem.protocol)
 
@@ -149,7 +156,7 @@ class Walk:
     caution: float = 1.0
 
     @classmethod
-    def at(cls, point: Point) -> "Walk":
+    def at(cls, point: Point) -> Walk:
         """A walk that begins.
 
         Args:
@@ -160,7 +167,7 @@ class Walk:
         """
         return cls(point, point, Adjoints.of(point.residual, point.product))
 
-    def on(self, fit: RegularisedFit, radius: float) -> "Walk":
+    def on(self, fit: RegularisedFit, radius: float) -> Walk:
         """The next step, wherever it leads; where the drape fails, back to the lowest point and shorter from there.
 
         Args:
@@ -215,6 +222,8 @@ class Heter(Solver):
 
     def _fit(self, problem: DrapeProblem, incumbent: BlurredIncumbent, progress: Progress) -> bool:
         """Whether the walk came to its end."""
+        from cusick_bench.solvers.gradient.smooth_field import StiffnessField
+
         field = StiffnessField(problem.simulator.mesh, self.amplitude, self.length)
         begun = self._restored(problem, incumbent, field) or self._begun(incumbent, field)
         if begun is None:

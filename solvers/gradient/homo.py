@@ -8,17 +8,21 @@ References:
     Table 1).
 """
 
+from __future__ import annotations
+
 import contextlib
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from cusick_bench.problem import BudgetExceeded, DrapeProblem
+from cusick_bench.problem import BudgetExceeded
 from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at
-from cusick_bench.solvers.descent import rounds
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class Homo(Solver):
     needs_gradient: ClassVar[bool] = True
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        from cusick_bench.solvers.descent import rounds
+
         incumbent = Incumbent(problem)
         finished = False
         with problem.meter.reserve(1), contextlib.suppress(BudgetExceeded):

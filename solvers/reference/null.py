@@ -5,15 +5,19 @@ N. `null:rotation` and `null:random-phase` offer many draws; their best-of-N row
 (whoever picks the best draw has seen the held-out image), as is any other best-of-N row.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, profile_of
-from cusick_bench.problem import DrapeProblem
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError
 from cusick_bench.solvers.reference.silhouettes import Canvas, silhouette
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
 
 
 @dataclass(frozen=True)

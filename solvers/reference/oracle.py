@@ -3,13 +3,17 @@
 "Others" of a held-out image are the remaining samples of its cloth, the training one among them (11 of 12).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from cusick_bench.problem import DrapeProblem
 from cusick_bench.solvers.base import Images, Oracle, Prediction, Progress, SolverError
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
 
 
 def _others(problem: DrapeProblem, images: Images, index: int) -> Images:

@@ -17,17 +17,17 @@ References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Sec. 4.2.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.problem import BudgetExceeded, DrapeProblem
-from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
-from cusick_bench.solvers.adam import Adam, cosine_rate
+from cusick_bench.problem import BudgetExceeded
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
@@ -38,6 +38,11 @@ from cusick_bench.solvers.variational.gaussian_posterior import (
     standard_normal,
 )
 from cusick_bench.solvers.variational.predictive import predictive_draws, with_draws
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
+    from cusick_bench.solvers.adam import Adam
+
 
 REDUCTIONS = ("sum", "mean")
 PIXELS = RELEASE.image_size_px**2  # that the loss `mse` is a mean of, whatever the image's resolution
@@ -103,6 +108,8 @@ class Bdp(Solver):
 
 
 def _tie(problem: DrapeProblem, shared: bool) -> np.ndarray:
+    from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE
+
     if not shared:
         return np.arange(problem.dimension)
     mesh = problem.space.mesh
@@ -123,8 +130,10 @@ class _Fit:
     ended: int = _RUNNING
 
     @classmethod
-    def begun(cls, solver: Bdp, problem: DrapeProblem, seed: int) -> "_Fit":
+    def begun(cls, solver: Bdp, problem: DrapeProblem, seed: int) -> _Fit:
         """From the bending level that has the training image's drape coefficient."""
+        from cusick_bench.solvers.adam import Adam
+
         incumbent, tie = Incumbent(problem), _tie(problem, solver.shared)
         with problem.meter.reserve(1):
             try:
@@ -139,7 +148,9 @@ class _Fit:
         return fit
 
     @classmethod
-    def restored(cls, solver: Bdp, problem: DrapeProblem, seed: int) -> "_Fit | None":
+    def restored(cls, solver: Bdp, problem: DrapeProblem, seed: int) -> _Fit | None:
+        from cusick_bench.solvers.adam import Adam
+
         state = problem.restore()
         if state is None:
             return None
@@ -161,6 +172,8 @@ class _Fit:
                 self._save()
 
     def _step(self) -> None:
+        from cusick_bench.solvers.adam import cosine_rate
+
         samples, size = self.solver.samples, self.problem.dimension
         first = self.adam.steps * samples
         noise = np.stack([standard_normal(self.seed, INFERENCE, first + i, size) for i in range(samples)])

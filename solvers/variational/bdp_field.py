@@ -22,25 +22,26 @@ References:
     calibration of computer models. JRSS B 63(3), 2001 (the discrepancy).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.datasets.files.silhouette import profile_of
-from cusick_bench.problem import BudgetExceeded, DrapeProblem, FieldSpace, laid_like
-from cusick_bench.problem.field_space import FIELDS
-from cusick_bench.sim.cloth.shape import fade_in
+from cusick_bench.problem import BudgetExceeded
 from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
-from cusick_bench.solvers.descent import rounds
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
-from cusick_bench.solvers.variational.cloth_inference import ClothInference, drawn_specimen
 from cusick_bench.solvers.variational.gaussian_posterior import PREDICTION, standard_normal
 from cusick_bench.solvers.variational.linearisation import Normal
 from cusick_bench.solvers.variational.predictive import predictive_draws, with_draws
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ class BdpField(Solver):
         require_positive(self, "rate")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        from cusick_bench.solvers.variational.cloth_inference import ClothInference
+
         seed, finished = int(generator.integers(2**63)), False
         incumbent, inference = Incumbent(problem), ClothInference(problem, int(seed))
         with problem.meter.reserve(1):
@@ -99,11 +102,16 @@ class BdpField(Solver):
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
         """Draws a cloth, and the fields of a specimen of it."""
+        from cusick_bench.solvers.variational.cloth_inference import drawn_specimen
+
         q = Normal(posterior["mean"], posterior["root"])
         return drawn_specimen(q, standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension))
 
     def _fitdrawn_specimen(self, incumbent: Incumbent, cloth: Float[np.ndarray, " cloth"]) -> None:
         """Fits the training image: the inferred cloth, laid down with the folds of the image, then all at once."""
+        from cusick_bench.problem import FieldSpace
+        from cusick_bench.solvers.descent import rounds
+
         space = incumbent.problem.space
         assert isinstance(space, FieldSpace)
         tau = np.zeros(space.dimension)
@@ -116,6 +124,10 @@ class BdpField(Solver):
 
 def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
     """Heights that undulate as the training silhouette's folds do, with the laying field's median amplitude [m]."""
+    from cusick_bench.problem import laid_like
+    from cusick_bench.problem.field_space import FIELDS
+    from cusick_bench.sim.cloth.shape import fade_in
+
     space = problem.space
     radii = profile_of(problem.train_image, problem.protocol).radii
     height = laid_like(radii, space.mesh, plate_radius=space.plate_radius).numpy()[:, 2]

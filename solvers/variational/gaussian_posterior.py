@@ -9,13 +9,18 @@ References:
     Differentiable Physics for Cloth Digitalization. CVPR 2024, Eq. 6-10.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.solvers.adam import Arrays
+if TYPE_CHECKING:
+    from cusick_bench.solvers.adam import Arrays
+
 
 INFERENCE, PREDICTION = range(2)  # what random numbers are for
 
@@ -50,7 +55,7 @@ class Gaussian:
     tie: Int[ndarray, " dimension"]
 
     @classmethod
-    def around(cls, mean: Float[ndarray, " pairs"], scale: float, tie: Int[ndarray, " dimension"]) -> "Gaussian":
+    def around(cls, mean: Float[ndarray, " pairs"], scale: float, tie: Int[ndarray, " dimension"]) -> Gaussian:
         """q with one scale for all.
 
         Args:

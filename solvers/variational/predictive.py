@@ -1,14 +1,20 @@
 """Posterior-predictive drapes: cloths drawn from what a solver has learned, draped in batches."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.problem import DrapeProblem, Observation
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import Prediction, Progress
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem, Observation
+
 
 TOGETHER = 8  # draped at once; also what a kill can lose
 MOST = 2  # draws tried for every one that is wanted

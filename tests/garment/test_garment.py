@@ -25,11 +25,11 @@ from cusick_bench.garment import (
     cloth_of_cell,
     cloth_of_numbers,
     hang,
-    measure,
     spread,
     walk,
 )
 from cusick_bench.garment.fitting import AIR, State
+from cusick_bench.garment.measure import measure
 from cusick_bench.problem import StiffnessPrior
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.obj import read_obj

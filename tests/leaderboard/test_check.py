@@ -20,7 +20,7 @@ from cusick_bench.leaderboard.gate.check import Gate, check
 from cusick_bench.leaderboard.gate.paired import compare, holm
 from cusick_bench.problem import Budget
 from cusick_bench.runner import ProblemSettings, Source, plan, run
-from cusick_bench.runner.numerics import numerics_text
+from cusick_bench.runner.labels import numerics_text
 from cusick_bench.sim.engine.settings import DrapeSettings
 
 CLOTHS = ("a", "b", "c", "d", "e")

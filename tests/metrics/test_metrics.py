@@ -10,7 +10,6 @@ from cusick_bench.metrics import (
     MetricError,
     Surface,
     expected_best,
-    hausdorff,
     iou,
     iou_pairs,
     mse,
@@ -21,6 +20,7 @@ from cusick_bench.metrics import (
     ruled_surface,
     spectrum_distance,
 )
+from cusick_bench.metrics.hausdorff import hausdorff
 
 ANGLES = 2 * np.pi * np.arange(720) / 720
 

@@ -1,9 +1,11 @@
 """`cusick-bench data`: what a data set holds, what is irregular in it, and what its drapes are like."""
 
+from __future__ import annotations
+
 from collections import defaultdict
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Column, Table
@@ -12,13 +14,15 @@ from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.data.synthetic import synthetic
 from cusick_bench.cli.options import Cloths, FabricsCsv, Json
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.datasets import load
-from cusick_bench.datasets.audit.audit import Audit, audit
-from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.irregularity import KINDS
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.datasets.registry import REGISTRY
-from cusick_bench.datasets.stats import ClothStatistics, statistics
+
+if TYPE_CHECKING:
+    from cusick_bench.datasets.audit.audit import Audit
+    from cusick_bench.datasets.dataset import DrapeDataset
+    from cusick_bench.datasets.stats import ClothStatistics
+
 
 app = typer.Typer(help="What a data set holds, what is irregular in it, and what its drapes are like.")
 app.command()(synthetic)
@@ -40,6 +44,8 @@ def audit_command(
     json: Json = False,
 ) -> None:
     """Look at every file and name what is irregular. Faults of the data are no failure of the command."""
+    from cusick_bench.datasets.audit.audit import audit
+
     with progress_bar("measuring files") as bar:
         found = audit(path, progress=bar.show)
     if json:
@@ -149,6 +155,8 @@ def stats_command(
     json: Json = False,
 ) -> None:
     """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""
+    from cusick_bench.datasets.stats import statistics
+
     dataset = _load(name_or_path, None, uncorrected=False)
     with progress_bar("reading cloths", len(cloth or dataset.cloths)) as bar:
         found = statistics(dataset, cloth, progress=lambda name: bar.advance())
@@ -183,6 +191,8 @@ def _stats_table(found: list[ClothStatistics]) -> Table:
 
 
 def _load(name_or_path: str, fabrics_csv: Path | None, uncorrected: bool) -> DrapeDataset:
+    from cusick_bench.datasets import load
+
     options = {"correct": False} if uncorrected else {}
     with progress_bar("measuring files") as bar:
         return load(name_or_path, fabrics_csv=fabrics_csv, progress=bar.show, **options)

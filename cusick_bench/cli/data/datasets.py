@@ -8,7 +8,6 @@ from rich.table import Column, Table
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import Json
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.registry import REGISTRY, Registered
 
 _COUNTS = ("fabrics", "samples", "silhouettes", "meshes")
@@ -38,6 +37,8 @@ def datasets(
 
 def _document(name: str, registered: Registered) -> dict[str, Any]:
     """What is known of a data set; counts and `folder` are null, and `missing` says why, where it is not here."""
+    from cusick_bench.datasets.files.layout import scan
+
     document = {
         "name": name,
         "summary": registered.summary,

@@ -9,10 +9,7 @@ import typer
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Json, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.datasets.files.checksums import CHECKSUMS
 from cusick_bench.datasets.registry import REGISTRY
-from cusick_bench.datasets.synthetic_set import files as synthetic_files
-from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
 
 SHIPPED = REGISTRY["synthetic"].folder()
 
@@ -24,6 +21,10 @@ def synthetic(
     as_json: Json = False,
 ) -> None:
     """Simulates the synthetic set from its recipe and compares every file with the shipped one."""
+    from cusick_bench.datasets.files.checksums import CHECKSUMS
+    from cusick_bench.datasets.synthetic_set import files as synthetic_files
+    from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
+
     drapes = len(synthetic_recipe.cloths()) * samples * len(synthetic_recipe.CAPTURES)
     with progress_bar("draping", drapes) as bar, interruptible(f"the drapes that were ready are in {out}"):
         made = synthetic_files.write_synthetic(out, samples=samples, step=lambda name: bar.advance())

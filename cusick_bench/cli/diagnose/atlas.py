@@ -1,10 +1,12 @@
 """`cusick-bench atlas`: drapes over the base model's parameters, from which diagnoses are made."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -14,21 +16,14 @@ from cusick_bench.cli.common import interruptible, output, print_json, user_erro
 from cusick_bench.cli.options import Atlas, Json, Workers, output_option, simulation_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.atlas.design import Design
-from cusick_bench.diagnosis.atlas.drapes import build
-from cusick_bench.diagnosis.atlas.emulator import fit
-from cusick_bench.diagnosis.atlas.points import read_points
-from cusick_bench.diagnosis.atlas.response_check import THIRDS, unexplained
-from cusick_bench.diagnosis.atlas.store import SHIPPED, Calibration, load, save
-from cusick_bench.diagnosis.calibrate import calibrate
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.evidence import NONE
-from cusick_bench.diagnosis.inference.power import FABRICS, STIFFNESS, detectable, needed
-from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.runner.store import write_atomically
-from cusick_bench.sim.effects import registered
-from cusick_bench.withheld.answers.blind import case_captures, case_folders
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.label import read_label_documents
+
+if TYPE_CHECKING:
+    from cusick_bench.diagnosis.measure.captures import Captures
+
 
 app = typer.Typer(help="Drapes over the base model's parameters, from which diagnoses are made.")
 _PLAN = Design()
@@ -64,6 +59,8 @@ def build_atlas(
     as_json: Json = False,
 ) -> None:
     """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
+    from cusick_bench.diagnosis.atlas.drapes import build
+
     design = Design(points, stiff_points, effect_points, fine_points, law_points, one_mesh_points, samples, vertices)
     kept = interruptible(f"the drapes that were ready are kept in {out}", go_on=True)
     with progress_bar("draping") as bar, kept:
@@ -83,6 +80,11 @@ def fit_atlas(
     as_json: Json = False,
 ) -> None:
     """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
+    from cusick_bench.diagnosis.atlas.emulator import fit
+    from cusick_bench.diagnosis.atlas.points import read_points
+    from cusick_bench.diagnosis.atlas.response_check import THIRDS, unexplained
+    from cusick_bench.diagnosis.atlas.store import Calibration, save
+
     design, points = read_points(folder)
     emulator = fit(design, points)
     save(out, emulator, Calibration())
@@ -113,6 +115,10 @@ def calibrate_atlas(
     as_json: Json = False,
 ) -> None:
     """Learns noise and trust in evidence from suites whose labels are open, and which are never scored again."""
+    from cusick_bench.diagnosis.atlas.store import load, save
+    from cusick_bench.diagnosis.calibrate import calibrate
+    from cusick_bench.diagnosis.inference.evidence import NONE
+
     emulator, before = load(atlas)
     found = [case for cases, labels in _pairs(suites) for case in _open_cases(cases, labels)]
     with progress_bar("cases", len(found) + sum(truth == NONE for _, truth in found)) as bar:
@@ -138,6 +144,9 @@ def _pairs(suites: list[Path]) -> list[tuple[Path, Path]]:
 
 def _open_cases(cases: Path, labels: Path) -> list[tuple[Captures, str]]:
     """Silhouettes of a suite's cases with what acts there; pairs are left out, they are no one outcome."""
+    from cusick_bench.withheld.answers.blind import case_captures, case_folders
+    from cusick_bench.withheld.format.label import read_label_documents
+
     known = read_label_documents(labels)
     found: list[tuple[Captures, str]] = []
     for folder in case_folders(cases):
@@ -160,6 +169,10 @@ def power(
     as_json: Json = False,
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
+    from cusick_bench.diagnosis.atlas.store import load
+    from cusick_bench.diagnosis.inference.power import FABRICS, STIFFNESS, detectable, needed
+    from cusick_bench.sim.effects import registered
+
     emulator, calibration = load(atlas)
     with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
         shift = needed(emulator, np.random.default_rng(0))

@@ -1,31 +1,25 @@
 """`cusick-bench diagnose`: where simulation and data differ, what causes it, how far the gap shrinks."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import pandas as pd
 import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Force, Json, Seed, SimulatedSamples, WithoutEffect, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.datasets import load
 from cusick_bench.diagnosis import NUMERICS_VERSION
-from cusick_bench.diagnosis.atlas.store import SHIPPED
-from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.diagnose import Options, diagnose
-from cusick_bench.diagnosis.document.build import document
-from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
-from cusick_bench.diagnosis.measure.captures import read_captures
-from cusick_bench.report.diagnosis.page import write_diagnosis_page
-from cusick_bench.runner.environment import version_text
-from cusick_bench.runner.numerics import diagnosis_numerics
+from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
-from cusick_bench.sim.effects import effect
-from cusick_bench.sim.setup import Simulators
+
+if TYPE_CHECKING:
+    from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
+
 
 app = typer.Typer()
 _MOST_CAUSES = 8  # that the terminal shows
@@ -54,6 +48,16 @@ def diagnose_data(
     as_json: Json = False,
 ) -> None:
     """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
+    from cusick_bench.datasets import load
+    from cusick_bench.diagnosis.atlas.store import load as load_atlas
+    from cusick_bench.diagnosis.diagnose import diagnose
+    from cusick_bench.diagnosis.document.build import document
+    from cusick_bench.diagnosis.measure.captures import read_captures
+    from cusick_bench.runner.environment import version_text
+    from cusick_bench.runner.numerics import diagnosis_numerics
+    from cusick_bench.sim.effects import effect
+    from cusick_bench.sim.setup import Simulators
+
     options = Options(samples, True, tuple(effect(name).name for name in without_effect or ()), seed)
     emulator, calibration = load_atlas(atlas)
     dataset = load(data)
@@ -104,6 +108,8 @@ class _Written:
 
 def _write(one: DiagnosisDocument, out: Path) -> _Written:
     """Writes document and page into a folder of their own."""
+    from cusick_bench.report.diagnosis.page import write_diagnosis_page
+
     folder = out / re.sub(r"[^\w.-]+", "_", one.fabric)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "diagnosis.json"
@@ -113,6 +119,8 @@ def _write(one: DiagnosisDocument, out: Path) -> _Written:
 
 def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
     """A row for each fabric."""
+    import pandas as pd
+
     rows = []
     for one in documents:
         low, high = one.closure.ci90 or (None, None)

@@ -14,8 +14,6 @@ from cusick_bench.cli.diagnose.withheld_score import score
 from cusick_bench.cli.options import Json, Workers, output_option, running_option, simulation_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
-from cusick_bench.withheld.suite.detectable import read_detectable
-from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, SUITE, Suite, generate, read_suite
 
 _cases_option = partial(typer.Option, rich_help_panel="Cases")
 
@@ -68,6 +66,9 @@ def generate_suite(
     as_json: Json = False,
 ) -> None:
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
+    from cusick_bench.withheld.suite.detectable import read_detectable
+    from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, Suite, generate
+
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
     asked = Suite(_seed(seed, labels), counts, vertices, samples, detectable and read_detectable(detectable))  # pyright: ignore[reportArgumentType]
     kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
@@ -81,6 +82,8 @@ def generate_suite(
 
 def _seed(given: int | None, labels: Path) -> int:
     """The seed that was given, or that of the suite to go on with, or a new one that cannot be guessed."""
+    from cusick_bench.withheld.suite.generate import SUITE, read_suite
+
     if given is not None:
         return given
     path = labels / SUITE

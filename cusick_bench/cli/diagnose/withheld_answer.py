@@ -22,15 +22,7 @@ from cusick_bench.cli.options import (
     output_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.diagnosis.atlas.store import SHIPPED
-from cusick_bench.diagnosis.diagnose import Options
-from cusick_bench.diagnosis.simulation.closure import Draping
-from cusick_bench.sim.effects import effect
-from cusick_bench.withheld.answers.blind import answer_suite, case_folders
-from cusick_bench.withheld.answers.oracle import oracle_closures
-from cusick_bench.withheld.answers.shown_shift import measure_shown_shifts
-from cusick_bench.withheld.format.label import PAIR, SINGLE, read_label_documents
-from cusick_bench.withheld.suite.generate import SUITE, read_suite
+from cusick_bench.diagnosis.options import SHIPPED, Options
 
 
 @user_errors
@@ -45,6 +37,9 @@ def answer(
     as_json: Json = False,
 ) -> None:
     """Answers every case from its silhouettes alone; answers that are there already are kept."""
+    from cusick_bench.sim.effects import effect
+    from cusick_bench.withheld.answers.blind import answer_suite, case_folders
+
     options = Options(samples, False, tuple(effect(name).name for name in without_effect or ()), seed)
     kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
     with progress_bar("cases", len(case_folders(cases))) as bar, kept:
@@ -67,6 +62,10 @@ def oracle(
     as_json: Json = False,
 ) -> None:
     """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
+    from cusick_bench.diagnosis.simulation.closure import Draping
+    from cusick_bench.withheld.answers.oracle import oracle_closures
+    from cusick_bench.withheld.format.label import PAIR, SINGLE, read_label_documents
+
     known = read_label_documents(labels)
     kept = interruptible(f"the closures that were ready are kept in {out}", go_on=True)
     with progress_bar("cases", sum(label.kind in (SINGLE, PAIR) for label in known.values())) as bar, kept:
@@ -94,6 +93,10 @@ def twins(
 
     Run it after `answer`, as it opens the labels. Only for suites of `withheld generate`.
     """
+    from cusick_bench.withheld.answers.shown_shift import measure_shown_shifts
+    from cusick_bench.withheld.format.label import read_label_documents
+    from cusick_bench.withheld.suite.generate import SUITE, read_suite
+
     suite = read_suite(labels.with_name(SUITE))
     kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
     with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar, kept:

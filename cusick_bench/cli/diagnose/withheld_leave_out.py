@@ -8,10 +8,7 @@ import typer
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Cases, Json, Labels, Seed, SimulatedSamples, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.diagnosis.atlas.store import SHIPPED
-from cusick_bench.diagnosis.diagnose import Options
-from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
-from cusick_bench.withheld.format.label import read_labels
+from cusick_bench.diagnosis.options import SHIPPED, Options
 
 
 @user_errors
@@ -36,6 +33,9 @@ def leave_out(
     Run it after `answer`, whose answers are frozen by then: it opens the labels to know what to leave out, and to take
     only effects strong enough to be seen. Answers that are there already are kept; `score` takes the file as any other.
     """
+    from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
+    from cusick_bench.withheld.format.label import read_labels
+
     known = read_labels(labels)
     kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
     with progress_bar("cases", len(left_out_effects(known, least))) as bar, kept:

@@ -1,8 +1,10 @@
 """`cusick-bench withheld score`: opens the labels, and prints how good the answers were."""
 
+from __future__ import annotations
+
 import hashlib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
@@ -11,21 +13,14 @@ from rich.text import Text
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
-from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
-from cusick_bench.withheld.answers.oracle import read_oracle_closures
-from cusick_bench.withheld.answers.shown_shift import read_shown_shifts
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.scoring.failures import Failure, failures
-from cusick_bench.withheld.scoring.labelled_answers import (
-    read_labelled_answers,
-    with_measured_severities,
-    with_oracle_closures,
-)
-from cusick_bench.withheld.scoring.score import Scores
-from cusick_bench.withheld.scoring.score import score as score_answers
-from cusick_bench.withheld.scoring.table import by_severity, document, headline, markdown, rows
+
+if TYPE_CHECKING:
+    from cusick_bench.withheld.scoring.failures import Failure
+    from cusick_bench.withheld.scoring.score import Scores
+
 
 _SHOWN = 20  # failures on the terminal; files have them all
 _STYLES = {"no": "red", "yes": "green", "": ""}
@@ -52,6 +47,17 @@ def score(
     --twins they are multiples of the shift that the silhouettes do show, also for effects outside the list, and cases
     that no other effect could make are counted apart.
     """
+    from cusick_bench.withheld.answers.oracle import read_oracle_closures
+    from cusick_bench.withheld.answers.shown_shift import read_shown_shifts
+    from cusick_bench.withheld.scoring.failures import failures
+    from cusick_bench.withheld.scoring.labelled_answers import (
+        read_labelled_answers,
+        with_measured_severities,
+        with_oracle_closures,
+    )
+    from cusick_bench.withheld.scoring.score import score as score_answers
+    from cusick_bench.withheld.scoring.table import document
+
     if out is not None and out.suffix != ".csv":
         raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance withheld.csv")
     answered = read_labelled_answers(answers, labels, commitment)
@@ -72,6 +78,8 @@ def score(
 
 def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict[str, Any]:
     """Where the numbers come from."""
+    from cusick_bench.runner.environment import version_text
+
     digests = (hashlib.sha256(path.read_bytes()).hexdigest() for path in (answers, labels))
     more = "".join(f" --{name} {path.name}" for name, path in given.items() if path is not None)
     return {
@@ -82,6 +90,8 @@ def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict
 
 
 def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, Any]) -> None:
+    from cusick_bench.withheld.scoring.table import markdown, rows
+
     out.parent.mkdir(parents=True, exist_ok=True)
     table = rows(scores, failed, facts).to_csv(index=False, lineterminator="\n", float_format="%.6g")
     write_atomically(out, table.encode())
@@ -91,6 +101,8 @@ def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, An
 
 
 def _show(scores: Scores, failed: list[Failure]) -> None:
+    from cusick_bench.withheld.scoring.table import by_severity, headline
+
     lines = headline(scores)
     output.print(_table(lines, lines[0].index("reached")))
     if levels := by_severity(scores):

@@ -1,16 +1,22 @@
 """How far a grid of cells is: bars with loss and time left on a terminal, a line every ten seconds elsewhere."""
 
+from __future__ import annotations
+
 import math
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from cusick_bench.cli.common import console, quiet
 from cusick_bench.cli.progress import INTERVAL, Lines, Tally, live
 from cusick_bench.cli.screen import Screen, harmless
-from cusick_bench.runner import Cell
+
+if TYPE_CHECKING:
+    from cusick_bench.runner import Cell
+
 
 MOST_CELLS = 3  # under way that a line names
 ALMOST = 0.99  # of a cell whose budget is spent, and that is scored
@@ -33,7 +39,7 @@ class GridProgress:
         self._bars = _Bars(screen) if live(screen) and not quiet() else None
         self._lines = Lines(self.line, screen, interval) if self._bars is None and not quiet() else None
 
-    def __enter__(self) -> "GridProgress":
+    def __enter__(self) -> GridProgress:
         for shown in (self._bars, self._lines):
             if shown is not None:
                 self._open.enter_context(shown)
@@ -129,7 +135,7 @@ class _Bars:
         self._grid: TaskID | None = None
         self._cells: dict[Cell, TaskID] = {}
 
-    def __enter__(self) -> "_Bars":
+    def __enter__(self) -> _Bars:
         self._progress.start()
         return self
 

@@ -1,19 +1,23 @@
 """`cusick-bench optimisers`: the gradient-free solvers on test functions, beside published results."""
 
+from __future__ import annotations
+
 import sys
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
 from cusick_bench.benchmark.optimisers import Plan, compare
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.runner.environment import code_text, environment
+
+if TYPE_CHECKING:
+    from cusick_bench.benchmark.optimiser_table import RunFile
+
 
 app = typer.Typer()
 
@@ -43,6 +47,8 @@ def optimisers(
     differ. With --out, repeating the command goes on where it was stopped, and other functions and methods join the
     same table.
     """
+    from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
+
     plan = Plan(function, dimension, evaluations, runs, tuple(solver or Plan.methods), seed)
     file = None if out is None else RunFile(out)
     document = _compare(plan, file)
@@ -73,6 +79,8 @@ def _compare(plan: Plan, file: RunFile | None) -> dict[str, Any]:
 
 def _provenance() -> str:
     """What the last runs of a table were made with."""
+    from cusick_bench.runner.environment import code_text, environment
+
     command, made = " ".join(["cusick-bench", *sys.argv[1:]]), environment()
     return (
         f"Last command: `{command}`. Hardware: {made['processor']}, {made['platform']}, {made['cores']} cores. "

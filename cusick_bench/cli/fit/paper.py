@@ -1,5 +1,7 @@
 """`cusick-bench paper`: the paper's tables, run and set with one command each, beside its published figures."""
 
+from __future__ import annotations
+
 import json
 import sys
 from collections.abc import Iterator
@@ -7,9 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import pandas as pd
 import typer
 
 from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
@@ -32,24 +33,16 @@ from cusick_bench.cli.options import (
     output_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.leaderboard import Cells, LeaderboardError, latex, leaderboards, load_cells, markdown, terminal
-from cusick_bench.leaderboard.anytime import COSTS, curves, documents, loss_at_equal_time
-from cusick_bench.leaderboard.paper import SOLVERS, PaperTable, make_table, methods, records, set_table
-from cusick_bench.leaderboard.text import provenance
+from cusick_bench.leaderboard import LeaderboardError
 from cusick_bench.problem import Budget
-from cusick_bench.report.figures.fold_variability import fold_variability, variability_table
-from cusick_bench.runner import (
-    Cell,
-    ProblemSettings,
-    RunnerError,
-    Source,
-    load_once,
-    plan,
-    require_space,
-    run,
-)
+from cusick_bench.runner import RunnerError
 from cusick_bench.runner.store import write_atomically
-from cusick_bench.sim.engine.settings import DrapeSettings
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard import Cells
+    from cusick_bench.leaderboard.paper import PaperTable
+    from cusick_bench.runner import ProblemSettings, Source
+
 
 app = typer.Typer(help="The paper's tables and figures on given data.", no_args_is_help=True, add_completion=False)
 paper_figures.register(app)
@@ -108,6 +101,12 @@ def table_1(
     Whether draws vary as samples do goes to table-1-variability. Repeating the command goes on where it was stopped.
     Exit status 1 if a cell failed.
     """
+    from cusick_bench.leaderboard import leaderboards
+    from cusick_bench.leaderboard.paper import make_table
+    from cusick_bench.leaderboard.text import provenance
+    from cusick_bench.report.figures.fold_variability import fold_variability
+    from cusick_bench.runner import Source, load_once
+
     settings = _settings(vertices, mode, steps, Budget(budget))
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out, force)
@@ -146,6 +145,11 @@ def table_2(
     time as the limit. Anytime curves go to anytime.png and anytime.json. Repeating the command goes on where it was
     stopped. Exit status 1 if a cell failed.
     """
+    from cusick_bench.leaderboard import leaderboards
+    from cusick_bench.leaderboard.anytime import loss_at_equal_time
+    from cusick_bench.leaderboard.paper import make_table
+    from cusick_bench.runner import Source
+
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     budgets = {"": Budget(budget)} | ({} if seconds is None else {"-seconds": Budget(None, seconds)})
     tables, everything = [], []
@@ -178,12 +182,19 @@ def _limit(budget: Budget) -> str:
 
 
 def _settings(vertices: int, mode: Mode, steps: int, budget: Budget) -> ProblemSettings:
+    from cusick_bench.runner import ProblemSettings
+    from cusick_bench.sim.engine.settings import DrapeSettings
+
     drape = DrapeSettings(mode=mode.value, steps=steps)
     return ProblemSettings(vertices=vertices, drape=drape, budget=budget)
 
 
 def _run(grid: _Grid) -> tuple[Cells, list[str]]:
     """Runs what is not finished yet, and reads exactly these cells, however many others lie beside them."""
+    from cusick_bench.leaderboard import load_cells
+    from cusick_bench.leaderboard.paper import SOLVERS, methods
+    from cusick_bench.runner import Cell, load_once, plan, require_space, run
+
     chosen, missing = methods(grid.solvers or SOLVERS[grid.name], grid.draws)
     if missing and grid.solvers:
         raise RunnerError(f"no solver is registered for {', '.join(missing)}; see `cusick-bench solvers`")
@@ -211,6 +222,7 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
 
 
 def _anytime(cells: Cells, title: str, out: Path, suffix: str) -> dict[str, Any]:
+    from cusick_bench.leaderboard.anytime import COSTS, curves, documents
     from cusick_bench.report.figures.anytime import save_anytime  # matplotlib is slow to import
 
     panels = {cost: curves(cells.table, cost) for cost in COSTS}
@@ -223,6 +235,12 @@ def _anytime(cells: Cells, title: str, out: Path, suffix: str) -> dict[str, Any]
 
 
 def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str = "") -> None:
+    import pandas as pd
+
+    from cusick_bench.leaderboard import latex, markdown
+    from cusick_bench.leaderboard.anytime import documents
+    from cusick_bench.leaderboard.paper import records, set_table
+
     text, lines = set_table(table), records(table)
     name = f"{table.name}{suffix}"
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
@@ -232,6 +250,11 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
 
 
 def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) -> None:
+    import pandas as pd
+
+    from cusick_bench.leaderboard import latex, markdown
+    from cusick_bench.report.figures.fold_variability import variability_table
+
     if not rows:
         tell("no variability: it takes 3 held-out samples of a cloth")
         return
@@ -254,6 +277,10 @@ def _json(document: dict[str, Any]) -> str:
 
 def _finish(tables: list[PaperTable], cells: Cells, as_json: bool, spread: list[dict[str, Any]] | None = None) -> None:
     """Prints the tables, and the variability of draws where it was asked for."""
+    from cusick_bench.leaderboard import terminal
+    from cusick_bench.leaderboard.paper import records, set_table
+    from cusick_bench.report.figures.fold_variability import variability_table
+
     if as_json:
         document = {"tables": [{"name": t.name, "rows": records(t), "notes": list(t.notes)} for t in tables]}
         print_json(document | ({} if spread is None else {"variability": spread}))

@@ -1,22 +1,25 @@
 """`cusick-bench paper figure-6`, `figure-7`, `figure-8`: the paper's figures of a results folder on given data."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.cli.progress import Bar, progress_bar
-from cusick_bench.datasets import DrapeDataset
-from cusick_bench.leaderboard import Cells, load_cells
-from cusick_bench.leaderboard.source import load_data_of
-from cusick_bench.report.figures.predictions import entrants
-from cusick_bench.report.figures.radius_angle import DRAWS, radius_angle, save_confusion, save_radius_angle
-from cusick_bench.report.figures.side_by_side import SAMPLES, Strip, fitted, held_out, save_strips
+from cusick_bench.report.figures import CLASSIFIED_DRAWS, SHOWN_SAMPLES
 from cusick_bench.runner.store import write_json
+
+if TYPE_CHECKING:
+    from cusick_bench.datasets import DrapeDataset
+    from cusick_bench.leaderboard import Cells
+    from cusick_bench.report.figures.side_by_side import Strip
+
 
 Out = Annotated[Path, output_option(help="Folder for the figure and its numbers.")]
 Solvers = Annotated[
@@ -41,6 +44,8 @@ def figure_6(
     as_json: Json = False,
 ) -> None:
     """Training samples and their fits side by side: silhouettes, and the drapes from the side."""
+    from cusick_bench.report.figures.side_by_side import fitted
+
     cells, dataset = _load(run, data, fabrics_csv)
     with _drawing(out, _cloths(cells) + 1) as bar:
         strips = fitted(cells, dataset, solver, progress=bar.begin)
@@ -56,10 +61,12 @@ def figure_7(
     data: RunsData = None,
     fabrics_csv: RunsFabricsCsv = None,
     solver: Solvers = None,
-    samples: Annotated[int, typer.Option(min=1, help="Most held-out samples of a cloth.")] = SAMPLES,
+    samples: Annotated[int, typer.Option(min=1, help="Most held-out samples of a cloth.")] = SHOWN_SAMPLES,
     as_json: Json = False,
 ) -> None:
     """Held-out samples beside each solver's draw that fits best; the choice has seen the sample."""
+    from cusick_bench.report.figures.side_by_side import held_out
+
     cells, dataset = _load(run, data, fabrics_csv)
     with _drawing(out, 2 * _cloths(cells)) as bar:
         strips = held_out(cells, dataset, solver, samples=samples, progress=bar.begin)
@@ -79,10 +86,13 @@ def figure_8(
     data: RunsData = None,
     fabrics_csv: RunsFabricsCsv = None,
     solver: Solvers = None,
-    draws: Annotated[int, typer.Option(min=1, help="Most draws of a cell to classify.")] = DRAWS,
+    draws: Annotated[int, typer.Option(min=1, help="Most draws of a cell to classify.")] = CLASSIFIED_DRAWS,
     as_json: Json = False,
 ) -> None:
     """Radius over angle of real samples and draws, and which cloth a draw belongs to."""
+    from cusick_bench.report.figures.predictions import entrants
+    from cusick_bench.report.figures.radius_angle import radius_angle, save_confusion, save_radius_angle
+
     cells, dataset = _load(run, data, fabrics_csv)
     shown = len(entrants(cells, solver, kinds=("solver", "null")))
     with _drawing(out, _cloths(cells) * (1 + shown)) as bar:
@@ -100,6 +110,9 @@ def figure_8(
 
 
 def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells, DrapeDataset]:
+    from cusick_bench.leaderboard import load_cells
+    from cusick_bench.leaderboard.source import load_data_of
+
     cells = load_cells(run)
     return cells, load_data_of(cells, data, fabrics_csv)
 
@@ -116,6 +129,8 @@ def _drawing(out: Path, steps: int) -> Iterator[Bar]:
 
 
 def _sheet(strips: list[Strip], out: Path, name: str, title: str, bar: Bar) -> Path:
+    from cusick_bench.report.figures.side_by_side import save_strips
+
     bar.begin(f"drawing {name}")
     out.mkdir(parents=True, exist_ok=True)
     save_strips(strips, out / name, title)

@@ -35,27 +35,14 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.problem import SPACES
 from cusick_bench.problem import Budget as Limits
-from cusick_bench.runner import (
-    ProblemSettings,
-    RunnerError,
-    Source,
-    Store,
-    labelled,
-    load_once,
-    plan,
-    require_space,
-    run,
-    shard,
-)
-from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
+from cusick_bench.runner import RunnerError, Store
 
 app = typer.Typer()
 
 EXECUTORS = ("process",)
 
-DEFAULT_SPACE = ProblemSettings().space
 DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
 
 
@@ -113,6 +100,9 @@ def run_command(
     A cell is one solver on one cloth with one seed. Repeating the command goes on where it was stopped. Exit status 1
     if a cell failed.
     """
+    from cusick_bench.runner import ProblemSettings, Source, load_once, plan, require_space, run, shard
+    from cusick_bench.sim.engine.settings import DrapeSettings
+
     if executor not in EXECUTORS:
         raise RunnerError(f"unknown executor {executor!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
     if space is not None:
@@ -172,6 +162,8 @@ def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
+    from cusick_bench.runner import labelled
+
     table = Table("cloth", "solver", "seed", "status", "train MSE", "test MSE", "Hausdorff [mm]", "drapes", "time [s]")
     for row in rows:
         table.add_row(

@@ -7,7 +7,6 @@ from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import Json
-from cusick_bench.solvers.registry import registered
 
 app = typer.Typer()
 
@@ -21,6 +20,8 @@ def solvers(
 
     Options are set in the name: --solver null:random-phase,draws=100. Any NLopt algorithm works as nlopt:NAME.
     """
+    from cusick_bench.solvers.registry import registered
+
     rows = [
         {
             "name": name,

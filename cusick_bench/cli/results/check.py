@@ -1,9 +1,11 @@
 """`cusick-bench check`: the regression gate; exit status 1 where a solver has become worse than the baseline."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -11,12 +13,12 @@ from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed
-from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
-from cusick_bench.leaderboard.gate.check import METRICS, Finding, Gate, Outcome, check, metrics_of_both
-from cusick_bench.leaderboard.metric_name import metric_called
-from cusick_bench.runner.environment import code_text
+from cusick_bench.leaderboard.metric_name import GATED, metric_called
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard.gate.check import Finding, Outcome
+
 
 _TESTS = {"permutation": "perm.", "t": "t", "none": "none"}
 _STYLES = {"regression": "bold red", "undecided": "yellow", "new": "cyan"}
@@ -31,7 +33,7 @@ def check_command(
     against: Annotated[Path, typer.Option(help="Baseline: a CSV or JSON file of cells, or another run's folder.")],
     metric: Annotated[
         list[str] | None,
-        typer.Option(help=f"Metric to compare, in full or short; repeatable; by default {', '.join(METRICS)}."),
+        typer.Option(help=f"Metric to compare, in full or short; repeatable; by default {', '.join(GATED)}."),
     ] = None,
     level: Annotated[float, typer.Option(help="Family-wise probability of a false alarm.")] = 0.05,
     minimum: Annotated[float, typer.Option("--minimum-effect", help="Least relative change that matters.")] = 0.02,
@@ -44,6 +46,9 @@ def check_command(
     Reruns with the same or with other seeds are compared fairly: cells are paired by cloth, and by seed where it is
     shared. Make a baseline with --write, and commit it.
     """
+    from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
+    from cusick_bench.leaderboard.gate.check import Gate, check, metrics_of_both
+
     gate = Gate(level=level, minimum=minimum, seed=seed)
     cells = read_cells(run)
     if write:
@@ -68,6 +73,9 @@ def check_command(
 
 def _facts(run: Path) -> list[str]:
     """Head of a baseline: what made it."""
+    from cusick_bench.leaderboard.cells import load_cells
+    from cusick_bench.runner.environment import code_text
+
     facts = ["Baseline of `cusick-bench check`: metrics of every cell; compare a run with `check RUN --against` this."]
     made = load_cells(run).run if run.is_dir() else {}
     for earlier in [*made.get("history", []), made] if made else []:

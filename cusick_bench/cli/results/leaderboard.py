@@ -1,26 +1,20 @@
 """`cusick-bench leaderboard`: solvers of a results folder, ranked beside the floor and the rows without physics."""
 
+from __future__ import annotations
+
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, Seed, output_option
-from cusick_bench.leaderboard import (
-    Leaderboard,
-    LeaderboardError,
-    csv,
-    html_table,
-    latex,
-    leaderboards,
-    load_cells,
-    markdown,
-    record,
-    terminal,
-    text_table,
-)
+from cusick_bench.leaderboard import LeaderboardError
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard import Leaderboard
+
 
 FORMS = (".csv", ".md", ".tex", ".html")
 
@@ -48,6 +42,8 @@ def leaderboard(
     as_json: Json = False,
 ) -> None:
     """Ranks the solvers of a results folder."""
+    from cusick_bench.leaderboard import leaderboards, load_cells, record, terminal, text_table
+
     for path in out or []:
         if path.suffix not in FORMS:
             raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(FORMS)}")
@@ -73,6 +69,8 @@ def leaderboard(
 
 
 def _form(boards: list[Leaderboard], suffix: str) -> str:
+    from cusick_bench.leaderboard import csv, html_table, latex, markdown
+
     if suffix == ".csv":
         return csv(boards)
     form = {".md": markdown, ".tex": latex, ".html": html_table}[suffix]

@@ -1,7 +1,9 @@
 """`cusick-bench report`: one self-contained HTML page of a results folder, with pictures."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -9,11 +11,14 @@ import typer
 from cusick_bench.cli.common import interruptible, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, RunsData, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.datasets import DataError, DrapeDataset
-from cusick_bench.leaderboard import Cells, leaderboards, load_cells, variants
-from cusick_bench.leaderboard.source import load_data_of
-from cusick_bench.report import ReportError, write_report
+from cusick_bench.datasets import DataError
+from cusick_bench.report import ReportError
 from cusick_bench.sim.errors import CusickError
+
+if TYPE_CHECKING:
+    from cusick_bench.datasets import DrapeDataset
+    from cusick_bench.leaderboard import Cells
+
 
 app = typer.Typer()
 
@@ -30,6 +35,9 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Writes an HTML page with the leaderboard and every fit in pictures."""
+    from cusick_bench.leaderboard import leaderboards, load_cells, variants
+    from cusick_bench.report import write_report
+
     out = out or folder / "report.html"
     if out.suffix not in (".html", ".htm"):
         raise ReportError(f"cannot write {out}: its name must end in .html")
@@ -55,6 +63,8 @@ def report(
 
 def _unseen(cells: Cells, data: str | None) -> dict[str, np.ndarray]:
     """Radii of each cloth's unseen samples [m]; empty, with a warning, where the data are not the run's."""
+    from cusick_bench.leaderboard.source import load_data_of
+
     try:
         dataset = load_data_of(cells, data)
         if dataset.content_hash not in set(cells.table["dataset_hash"]):

@@ -7,8 +7,6 @@ import typer
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, output_option
-from cusick_bench.leaderboard.cells import load_cells
-from cusick_bench.leaderboard.verification.submit import append, rows_of
 
 app = typer.Typer()
 
@@ -25,6 +23,9 @@ def submit_command(
 
     Run `verify` before, or the rows are marked *reported*.
     """
+    from cusick_bench.leaderboard.cells import load_cells
+    from cusick_bench.leaderboard.verification.submit import append, rows_of
+
     path = out or Path("leaderboards") / f"{track}.csv"
     rows = rows_of(load_cells(run), track)
     counts = append(path, rows)

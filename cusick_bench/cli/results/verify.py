@@ -1,7 +1,9 @@
 """`cusick-bench verify`: cells done again from what they stored; exit status 1 where one does not come out again."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -9,14 +11,13 @@ from rich.table import Table
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.source import load_data_of
-from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, SHAPE
-from cusick_bench.leaderboard.verification.resimulate import REDRAWN
-from cusick_bench.leaderboard.verification.submit import altered, read_rows, rows_of
-from cusick_bench.leaderboard.verification.verify import Verification, keep, verify_cell
-from cusick_bench.sim.setup import Simulators
+from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard.cells import Cells
+    from cusick_bench.leaderboard.verification.verify import Verification
+
 
 _STYLES = {"verified": "green", "rescored": "yellow", "differs": "bold red", "unreadable": "bold red"}
 
@@ -45,6 +46,11 @@ def verify_command(
     What was found is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell does not come
     out again.
     """
+    from cusick_bench.leaderboard.cells import load_cells
+    from cusick_bench.leaderboard.source import load_data_of
+    from cusick_bench.leaderboard.verification.verify import keep, verify_cell
+    from cusick_bench.sim.setup import Simulators
+
     run = target.parent.parent if (target / "cell.json").is_file() else target
     cells = load_cells(run)
     table = cells.table
@@ -76,6 +82,8 @@ def _altered(path: Path, cells: Cells) -> dict[str, list[str]]:
     Raises:
         LeaderboardError: No line of it is of this run.
     """
+    from cusick_bench.leaderboard.verification.submit import altered, read_rows, rows_of
+
     lines = {str(line["row"]): line for line in read_rows(path).to_dict("records")}
     rows = {row["row"]: row for row in rows_of(cells, "any")}
     if not lines.keys() & rows.keys():

@@ -9,9 +9,6 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.benchmark.suite import Plan
-from cusick_bench.benchmark.suite import benchmark as run_benchmark
-from cusick_bench.benchmark.text import markdown
 from cusick_bench.cli.common import output, plain, print_json, user_errors
 from cusick_bench.cli.options import Json, VerticesList, output_option
 from cusick_bench.cli.progress import progress_bar
@@ -38,6 +35,10 @@ def benchmark(
     as_json: Json = False,
 ) -> None:
     """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd."""
+    from cusick_bench.benchmark.suite import Plan
+    from cusick_bench.benchmark.suite import benchmark as run_benchmark
+    from cusick_bench.benchmark.text import markdown
+
     plan = Plan(
         vertices=tuple(vertices or Plan.vertices), rounds=rounds, batches=tuple(batch or Plan.batches),
         support="springs" if springs else "fixed", reference_steps=reference_steps,

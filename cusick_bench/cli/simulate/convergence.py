@@ -9,18 +9,19 @@ from rich.table import Table
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import DENSITY, Json, VerticesList, cloth_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
-from cusick_bench.sim.cloth.material import uniform_material
-from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.render.camera import ParallelCamera
-from cusick_bench.sim.render.silhouette import render
 
 app = typer.Typer()
 
 
 def _one(vertices: int, draw: int, density: float, bending: float) -> tuple[float, int]:
+    from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
+    from cusick_bench.sim.cloth.material import uniform_material
+    from cusick_bench.sim.cloth.mesh import disc_mesh
+    from cusick_bench.sim.drape import DrapeSimulator
+    from cusick_bench.sim.engine.settings import DrapeSettings
+    from cusick_bench.sim.render.camera import ParallelCamera
+    from cusick_bench.sim.render.silhouette import render
+
     simulator = DrapeSimulator(disc_mesh(vertices, seed=draw), DrapeSettings(seed=draw))
     drape = simulator.drape(uniform_material(density=density, bending=bending))
     image = render(drape.vertices.detach(), simulator.mesh.faces, ParallelCamera())

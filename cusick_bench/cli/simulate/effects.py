@@ -1,13 +1,18 @@
 """`cusick-bench effects`: what the base model leaves out, and how to ask for it."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import Json
-from cusick_bench.sim.effects import Effect, Parameter, registered
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.effects import Effect, Parameter
+
 
 app = typer.Typer()
 
@@ -21,6 +26,8 @@ def effects(
 
     The first parameter of each is its severity, 0 where the effect is absent; it is the typical one if not given.
     """
+    from cusick_bench.sim.effects import registered
+
     if json:
         print_json({"effects": [_document(effect) for effect in registered().values()]})
         return

@@ -1,11 +1,13 @@
 """`cusick-bench garment`: skirts from a digitised cloth."""
 
+from __future__ import annotations
+
 import time
 from dataclasses import asdict, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -26,25 +28,12 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.garment import (
-    KINDS,
-    Body,
-    Cloth,
-    Fitting,
-    GarmentError,
-    Skirt,
-    SkirtSize,
-    WaistMotion,
-    cloth_of_cell,
-    cloth_of_numbers,
-    hang,
-    measure,
-    spread,
-    walk,
-)
-from cusick_bench.garment.output import write_motion, write_rest
+from cusick_bench.garment import Body, GarmentError, WaistMotion
 from cusick_bench.runner.store import disk_errors, write_json
-from cusick_bench.sim.cloth.shape import smooth_field
+
+if TYPE_CHECKING:
+    from cusick_bench.garment import Cloth, Skirt
+
 
 app = typer.Typer(help="Skirts from a digitised cloth.", no_args_is_help=True)
 
@@ -114,6 +103,10 @@ def skirt(
     as_json: Json = False,
 ) -> None:
     """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
+    from cusick_bench.garment import KINDS, Fitting, SkirtSize, hang, spread, walk
+    from cusick_bench.garment.measure import measure
+    from cusick_bench.garment.output import write_motion, write_rest
+
     clock = time.perf_counter()
     if draws < 1:
         raise GarmentError(f"the number of draws must be at least 1, got {draws}")
@@ -162,6 +155,8 @@ def _cloth(
     name: str | None,
 ) -> Cloth:  # fmt: skip
     """The cloth of a result, or of numbers."""
+    from cusick_bench.garment import cloth_of_cell, cloth_of_numbers
+
     if (result is None) == (density is None and bending is None):
         raise GarmentError("give either --from RESULT, or --density and --bending")
     if result is not None:
@@ -183,6 +178,8 @@ def _motion(motion: Motion, amplitude: float | None, period: float, seconds: flo
 
 def _laid(pattern: Skirt, laying: float, draws: int, seed: int) -> np.ndarray:
     """How each skirt is put on: its own undulation decides where its folds form."""
+    from cusick_bench.sim.cloth.shape import smooth_field
+
     fields = [smooth_field(laying, _LAYING_LENGTH, np.random.default_rng([seed, draw, 4])) for draw in range(draws)]
     return np.stack([pattern.laid(field) for field in fields])
 

@@ -5,13 +5,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from cusick_bench.benchmark.robustness import robustness as run_robustness
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import DropMode, Json, Mode, Seed, Vertices
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import DrapeSettings
 
 app = typer.Typer()
 
@@ -29,6 +25,11 @@ def robustness(
     as_json: Json = False,
 ) -> None:
     """Drapes random cloths over the whole range of measured fabrics; exit status 1 where too few come to rest."""
+    from cusick_bench.benchmark.robustness import robustness as run_robustness
+    from cusick_bench.sim.cloth.mesh import disc_mesh
+    from cusick_bench.sim.drape import DrapeSimulator
+    from cusick_bench.sim.engine.settings import DrapeSettings
+
     simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(mode=mode.value))
     with progress_bar("draping", draws) as bar:
         found = run_robustness(simulator, draws, seed=seed, done=bar.advance)

@@ -1,5 +1,7 @@
 """`cusick-bench simulate`: one or many drapes of a cloth given by a few numbers."""
 
+from __future__ import annotations
+
 import itertools
 import math
 import time
@@ -9,12 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import torch
 import typer
-from PIL import Image
 from rich.table import Table
 
 from cusick_bench.cli.common import console, interruptible, output, print_json, user_errors
@@ -41,25 +41,18 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.datasets.profile import (
-    Profile,
-    amplitude_spectrum,
-    drape_coefficient,
-    fold_count,
-    profile_from_image,
-)
-from cusick_bench.problem import Scene, parse_causes
-from cusick_bench.sim.cloth.heterogeneity import random_heterogeneity
-from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, Material, uniform_material
-from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.cloth.obj import mesh_from_obj, write_obj
-from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
-from cusick_bench.sim.effects import Cause
-from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
-from cusick_bench.sim.render.camera import Camera, ParallelCamera, PinholeCamera
-from cusick_bench.sim.render.silhouette import render
-from cusick_bench.sim.setup import Simulators
+
+if TYPE_CHECKING:
+    import torch
+
+    from cusick_bench.datasets.profile import Profile
+    from cusick_bench.problem import Scene
+    from cusick_bench.sim.cloth.material import Material
+    from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
+    from cusick_bench.sim.effects import Cause
+    from cusick_bench.sim.render.camera import Camera
+
 
 app = typer.Typer()
 
@@ -77,6 +70,8 @@ class Outcome:
 
     def summary(self) -> dict[str, Any]:
         """What the JSON document says of the drape."""
+        from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
+
         return {
             "drape_coefficient": drape_coefficient(self.image),
             "folds": fold_count(self.profile),
@@ -90,6 +85,10 @@ class Outcome:
 
 def _write(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None:
     """Mesh, silhouette (dark cloth on white, as the release has it) and profile of one drape."""
+    from PIL import Image
+
+    from cusick_bench.sim.cloth.obj import write_obj
+
     write_obj(folder / f"{name}.obj", outcome.drape.vertices.detach().numpy(), faces)
     grey = np.round(255 * (1 - outcome.image.detach().numpy())).astype(np.uint8)
     Image.fromarray(grey).save(folder / f"{name}.png")
@@ -131,6 +130,8 @@ class Draws:
             yield range(first, end), self._batch(range(first, end))
 
     def _batch(self, numbers: range) -> DrapeBatch:
+        import torch
+
         seeds = [self.seed + number for number in numbers]
         with ThreadPoolExecutor() as pool:  # a device would wait longer for a shape than it takes to drape it
             laid = np.stack(list(pool.map(self.simulator.laid_down, seeds)))
@@ -143,10 +144,16 @@ class Draws:
 
     def scene(self, number: int) -> Scene:
         """A draw's causes, as in a later picture of it."""
+        from cusick_bench.problem import Scene
+
         plain = self.simulator
         return Scene(self.causes, plain.mesh, plain.settings, capture=2, later=True, seed=self.seed + number)
 
     def _caused(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
+        import torch
+
+        from cusick_bench.sim.setup import Simulators
+
         simulators = Simulators()
         for number in range(count):
             scene, seed = self.scene(number), self.seed + number
@@ -163,6 +170,8 @@ class Draws:
         Returns:
             The cloth, uneven where a heterogeneity is asked for.
         """
+        from cusick_bench.sim.cloth.heterogeneity import random_heterogeneity
+
         if self.heterogeneity == 0:
             return self.cloth  # its tables are shared by all elements and all draws
         generator = np.random.default_rng([self.seed, number, 2])
@@ -220,6 +229,14 @@ def simulate(
 
     The bending stiffness is that of the cloth as a plate, whatever the law. Draws with effects are made one by one.
     """
+    from cusick_bench.problem import parse_causes
+    from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, uniform_material
+    from cusick_bench.sim.cloth.mesh import disc_mesh
+    from cusick_bench.sim.cloth.obj import mesh_from_obj
+    from cusick_bench.sim.drape import DrapeSimulator
+    from cusick_bench.sim.engine.settings import DrapeSettings
+    from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
+
     rows, causes = bending_stiffnesses(bending), parse_causes(with_effect or ())
     if causes and device != "cpu":
         raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
@@ -256,6 +273,9 @@ def simulate(
 
 def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list[dict[str, Any]]:
     """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
+    from cusick_bench.datasets.profile import profile_from_image
+    from cusick_bench.sim.render.silhouette import render
+
     results: list[dict[str, Any]] = []
     faces = drawn.simulator.mesh.faces
     with progress_bar("draping", count) as bar, interruptible(partial(_kept, results, out)):

@@ -5,11 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.stats import qmc
 
-from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, NAMES
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.engine.settings import DrapeSettings
 
 BASE = "base"
 FINE = "fine-mesh"
@@ -18,7 +15,7 @@ LAWS = "other-laws"
 """The base model again, with membrane, bending curve and lengths that theta leaves open drawn at random."""
 ONE_MESH = "one-mesh"
 """The base model again, all samples of a fabric on one mesh: what an asymmetry that they share does, be it a mesh's."""
-FINE_VERTICES, FINE_SETTINGS = 1205, DrapeSettings(steps=150, step_seconds=0.03)
+FINE_VERTICES = 1205
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
 """Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
 SEED = 71
@@ -53,6 +50,8 @@ class Design:
 
     def theta(self) -> Float[ndarray, "points parameters"]:
         """The fabrics: first `points` of any stiffness in shear, then `stiff_points`."""
+        from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, NAMES
+
         shear = NAMES.index("shear")
         middle_low, middle_high = LOW.copy(), HIGH.copy()
         middle_low[shear] = middle_high[shear] = _STIFF_IN_SHEAR
@@ -92,6 +91,8 @@ class Design:
 
 def _spread(low: ndarray, high: ndarray, count: int, seed: int) -> Float[ndarray, "points parameters"]:
     """Scrambled Sobol points in a box."""
+    from scipy.stats import qmc
+
     whole = 1 << max(0, (count - 1).bit_length())
     unit = qmc.Sobol(len(low), rng=np.random.default_rng(seed)).random(whole)[:count]
     return low + unit * (high - low)

@@ -22,7 +22,6 @@ from cusick_bench.diagnosis.atlas.base_model import BaseModel
 from cusick_bench.diagnosis.atlas.design import (
     BASE,
     FINE,
-    FINE_SETTINGS,
     FINE_VERTICES,
     LAWS,
     ONE_MESH,
@@ -34,8 +33,10 @@ from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, Point, point_file, 
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.sim.effects import Effect, registered
+from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
+FINE_SETTINGS = DrapeSettings(steps=150, step_seconds=0.03)
 LEAST, MOST = 0.7, 6.0  # range of severities, in typical ones
 _PATCH_RADIUS = (0.097, 0.147)  # [m]
 _PATCH_SIZE = (0.012, 0.032)  # [m]

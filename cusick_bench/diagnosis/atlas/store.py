@@ -18,9 +18,9 @@ from cusick_bench.diagnosis.atlas.ridge import Fit
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
 
-SHIPPED = Path(__file__).with_name("atlas.npz")
 _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
 

@@ -19,9 +19,7 @@ from scipy import stats
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import Comparison, compare, holm
-
-METRICS = ("train_mse", "test_mse", "test_hausdorff_m")
-"""What is compared unless said otherwise: three, since every further one costs power."""
+from cusick_bench.leaderboard.metric_name import GATED
 
 _UNORDERED = re.compile(r"iou|cover|target|draws|floor|(_dc|_folds|_p)$")
 
@@ -37,7 +35,7 @@ class Gate:
         seed: Seed of permutations and resamples.
     """
 
-    metrics: tuple[str, ...] = METRICS
+    metrics: tuple[str, ...] = GATED
     level: float = 0.05
     minimum: float = 0.02
     seed: int = 0
@@ -49,9 +47,7 @@ class Gate:
             raise LeaderboardError(f"the minimum effect must lie in [0, 2), got {self.minimum}; 0.02 is two per cent")
         for metric in self.metrics:
             if _UNORDERED.search(metric):
-                raise LeaderboardError(
-                    f"smaller is not better in {metric!r}; compare for instance {', '.join(METRICS)}"
-                )
+                raise LeaderboardError(f"smaller is not better in {metric!r}; compare for instance {', '.join(GATED)}")
 
 
 @dataclass(frozen=True)
@@ -150,7 +146,7 @@ def _of(table: pd.DataFrame, solver: str) -> pd.DataFrame:
 
 def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> list[str]:
     shared = [name for name in gate.metrics if name in run and name in baseline]
-    if not shared or (gate.metrics != METRICS and len(shared) < len(gate.metrics)):
+    if not shared or (gate.metrics != GATED and len(shared) < len(gate.metrics)):
         raise LeaderboardError(
             f"run and baseline must both hold {', '.join(gate.metrics)}; both hold only "
             f"{', '.join(metrics_of_both(run, baseline)) or 'none'}"

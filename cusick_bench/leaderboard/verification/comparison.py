@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 
+REDRAWN = 8  # draws of a posterior that are draped again
 # What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
 MATERIAL = 1e-9  # stiffness, of its largest
 SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m

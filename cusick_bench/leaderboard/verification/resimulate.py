@@ -23,6 +23,7 @@ from torch import Tensor
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import (
+    REDRAWN,
     ROUNDED,
     Check,
     largest,
@@ -30,7 +31,7 @@ from cusick_bench.leaderboard.verification.comparison import (
     pixel_tolerance,
     relative,
 )
-from cusick_bench.metrics import from_levels, score
+from cusick_bench.metrics.score import from_levels, score
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
@@ -40,7 +41,6 @@ from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
 
-REDRAWN = 8  # draws of a posterior that are draped again
 _RERENDERED = 20  # draws whose pictures are made again from stored shapes
 
 _NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}

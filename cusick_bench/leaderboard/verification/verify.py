@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.leaderboard.verification.comparison import Check, equal, metric_checks
+from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks
 from cusick_bench.leaderboard.verification.resimulate import (
-    REDRAWN,
     cell_of,
     read_record,
     repeat,
@@ -25,7 +24,8 @@ from cusick_bench.leaderboard.verification.resimulate import (
 from cusick_bench.runner import Cell, record_key
 from cusick_bench.runner.environment import code_state, version_text
 from cusick_bench.runner.errors import RunnerError
-from cusick_bench.runner.numerics import cell_numerics, numerics_text
+from cusick_bench.runner.labels import numerics_text
+from cusick_bench.runner.numerics import cell_numerics
 from cusick_bench.runner.store import file_digests, read_json, write_json
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators

@@ -7,13 +7,13 @@ shadow on the ground. The background is transparent, so a picture sits on a ligh
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
 from cusick_bench.sim.constants import PLATE_RADIUS
+from cusick_bench.sim.kernel_cache import numba
 
 SUPERSAMPLING = 2
 _GAMMA = 2.2

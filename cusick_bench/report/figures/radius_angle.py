@@ -33,6 +33,7 @@ from cusick_bench.metrics import (
     standardised,
 )
 from cusick_bench.report.drawing.radius_over_angle import WHOLE_TURN, draw_levels, draw_turn
+from cusick_bench.report.figures import CLASSIFIED_DRAWS
 from cusick_bench.report.figures.predictions import (
     Entrant,
     check_data,
@@ -43,7 +44,6 @@ from cusick_bench.report.figures.predictions import (
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
-DRAWS = 200  # of a cell that are classified, evenly spaced
 _LINES = 12  # drawn in a panel
 _REAL, _DRAWN = "#c85a00", "#1c63b7"
 _LIMITS = (1e3 * PLATE_RADIUS - 8, 1e3 * CLOTH_RADIUS + 14)  # of the radius [mm]
@@ -122,7 +122,7 @@ def radius_angle(
     dataset: DrapeDataset,
     solvers: Sequence[str] | None = None,
     *,
-    draws: int = DRAWS,
+    draws: int = CLASSIFIED_DRAWS,
     progress: Callable[[str], None] = lambda message: None,
 ) -> RadiusAngle:
     """Compares a run's draws with the held-out samples of all its cloths.

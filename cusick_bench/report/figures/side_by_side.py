@@ -22,6 +22,7 @@ from cusick_bench.datasets.profile import Profile, profile_from_image
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import mse, mse_pairs
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
+from cusick_bench.report.figures import SHOWN_SAMPLES
 from cusick_bench.report.figures.predictions import (
     Draws,
     Entrant,
@@ -35,7 +36,6 @@ from cusick_bench.report.figures.predictions import (
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE
 
-SAMPLES = 3  # held-out samples of a cloth that are shown
 _MARGIN = 16  # [px] of a silhouette that no cloth of 15 cm reaches
 _SKY = 50  # [px] above a drape from the side
 _OUTLINE = "#eb7319"
@@ -125,7 +125,7 @@ def held_out(
     dataset: DrapeDataset,
     solvers: Sequence[str] | None = None,
     *,
-    samples: int = SAMPLES,
+    samples: int = SHOWN_SAMPLES,
     progress: Progress = _unwatched,
 ) -> list[Strip]:
     """Held-out samples beside the draw that fits each best.

@@ -23,7 +23,8 @@ from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.inference.evidence import UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.runner.environment import version_text
-from cusick_bench.runner.numerics import diagnosis_numerics, numerics_text
+from cusick_bench.runner.labels import numerics_text
+from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError

@@ -13,7 +13,6 @@ import numpy as np
 
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
-from cusick_bench.withheld.world.fabric import fabric_of
 
 Kind = Literal["null", "single", "pair", "unknown"]
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "unknown")
@@ -162,6 +161,8 @@ def _severities(
     seed: tuple[int, int], names: Sequence[str], multiple: float, detectable: DetectableSeverities | None
 ) -> tuple[dict[str, float], Literal["detectable", "typical"], int]:
     """Severities of a case's effects, what they are multiples of, and the fabric in which they can be so large."""
+    from cusick_bench.withheld.world.fabric import fabric_of
+
     if detectable is not None and names and all(name in detectable.severity for name in names):
         for attempt in range(_ATTEMPTS):
             stiffness = fabric_of(seed, attempt).stiffness

@@ -1,11 +1,14 @@
 """The cloth is cut larger or smaller than its nominal size."""
 
-from dataclasses import replace
-from typing import ClassVar
+from __future__ import annotations
 
-from cusick_bench.sim.cloth.warp import recut
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
 
 
 class CutSize(Effect):
@@ -26,4 +29,6 @@ class CutSize(Effect):
     located = "ring"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.cloth.warp import recut
+
         return replace(setup, mesh=recut(setup.mesh, setup.held, float(value["error"])))

@@ -1,12 +1,14 @@
 """The cloth's centre does not lie on the plate's axis."""
 
-from dataclasses import replace
-from typing import ClassVar
+from __future__ import annotations
 
-from cusick_bench.sim.cloth.warp import shifted
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.effects.directions import unit
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
 
 
 class OffCentre(Effect):
@@ -31,5 +33,8 @@ class OffCentre(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.cloth.warp import shifted
+        from cusick_bench.sim.effects.directions import unit
+
         x, y = (float(value["shift"]) * unit(setup.cloth_direction(float(value["direction"])))).tolist()
         return replace(setup, mesh=shifted(setup.mesh, setup.held, x, y))

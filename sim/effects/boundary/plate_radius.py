@@ -1,11 +1,14 @@
 """The plate is larger or smaller than its nominal size."""
 
-from dataclasses import replace
-from typing import ClassVar
+from __future__ import annotations
 
-from cusick_bench.sim.cloth.warp import on_plate
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
 
 
 class PlateRadius(Effect):
@@ -25,6 +28,8 @@ class PlateRadius(Effect):
     located = "ring"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.cloth.warp import on_plate
+
         radius = setup.held + float(value["error"])
         settings = replace(setup.settings, plate_radius=radius)
         return replace(setup, mesh=on_plate(setup.mesh, setup.held, radius), settings=settings)

@@ -1,15 +1,18 @@
 """The cloth slides on the plate while it is laid down."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from cusick_bench.sim.cloth.warp import shifted
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.effects.directions import unit
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
+
 
 _STREAM = 0x5119  # tells these random numbers from others of the same laying
 
@@ -30,6 +33,9 @@ class PlateSlip(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.cloth.warp import shifted
+        from cusick_bench.sim.effects.directions import unit
+
         angle = math.degrees(np.random.default_rng([*setup.laying_seed, _STREAM]).uniform(0, 2 * math.pi))
         x, y = (float(value["slide"]) * unit(setup.cloth_direction(angle))).tolist()
         return replace(setup, mesh=shifted(setup.mesh, setup.held, x, y))

@@ -1,12 +1,15 @@
 """The plate is not level."""
 
-from typing import ClassVar
+from __future__ import annotations
 
-from torch import Tensor
+from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.effects.directions import leaned
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class PlateTilt(Effect):
@@ -26,6 +29,8 @@ class PlateTilt(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.effects.directions import leaned
+
         angle, downhill = value["angle"], setup.cloth_direction(value["direction"])
 
         def tilt(shape: Tensor) -> Tensor:

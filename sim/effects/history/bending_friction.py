@@ -6,19 +6,24 @@ direction, but their magnitudes to between k and 5/3 k. The mean, k (1/3 + 2 sqr
 cloth on a mesh without preferred directions has the friction couple that is asked for.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.history import Rank, State, StateLaw
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.engine.system import DrapeSystem
+    from cusick_bench.sim.setup import Setup
+
 
 YIELD_CURVATURE = 2.0
 """Change of curvature [1/m] over which the friction turns round: a tenth of a drape's, so that loops are nearly
@@ -39,7 +44,7 @@ class HingeFriction(StateLaw):
     rank: ClassVar[Rank] = Rank.FRICTION
     ratio: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> "SlidHinges":
+    def start(self, system: DrapeSystem, parameters: Parameters) -> SlidHinges:
         """No hinge has slid yet: the friction springs are at ease in the elastic rest shape."""
         return SlidHinges(self.ratio, parameters.rest_angle)
 
@@ -54,7 +59,7 @@ class SlidHinges(State):
     """
 
     ratio: float
-    slid: Float[ndarray, "hinges"]
+    slid: Float[ndarray, hinges]
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float

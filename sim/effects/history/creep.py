@@ -1,17 +1,22 @@
 """Bending moments relax while the cloth hangs: a later picture shows it lower than the first."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.history import Rank, State, StateLaw
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.engine.system import DrapeSystem
+    from cusick_bench.sim.setup import Setup
+
 
 _REACHED, _RELAXED = 0.5, 0.75  # shares of a drop: when the elastic drape hangs, and when its moments have relaxed
 
@@ -27,7 +32,7 @@ class Relaxation(StateLaw):
     rank: ClassVar[Rank] = Rank.REST
     loss: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> "Relaxing":
+    def start(self, system: DrapeSystem, parameters: Parameters) -> Relaxing:
         """Nothing has relaxed yet."""
         return Relaxing(self.loss)
 
@@ -42,7 +47,7 @@ class Relaxing(State):
     """
 
     loss: float
-    reached: Float[ndarray, "hinges"] | None = field(default=None)
+    reached: Float[ndarray, hinges] | None = field(default=None)
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float

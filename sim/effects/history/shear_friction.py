@@ -1,19 +1,24 @@
 """Yarns rub against each other as the cloth shears: part of the shear stress opposes the last movement."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.engine.elements import Elements
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.history import Rank, State, StateLaw
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.elements import Elements
+    from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.engine.system import DrapeSystem
+    from cusick_bench.sim.setup import Setup
+
 
 YIELD_SHEAR = math.radians(0.2)
 """Change of shear angle [rad] over which the friction turns round: small against the 8 degrees of Kawabata's test."""
@@ -32,7 +37,7 @@ class FaceFriction(StateLaw):
     rank: ClassVar[Rank] = Rank.FRICTION
     ratio: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> "SlidFaces":
+    def start(self, system: DrapeSystem, parameters: Parameters) -> SlidFaces:
         """No face has slid yet."""
         return SlidFaces(self.ratio, np.zeros(len(system.elements.faces)))
 
@@ -47,7 +52,7 @@ class SlidFaces(State):
     """
 
     ratio: float
-    slid: Float[ndarray, "faces"]
+    slid: Float[ndarray, faces]
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float

@@ -1,13 +1,15 @@
 """The picture's centre is not where the plate's axis is."""
 
-from typing import ClassVar
+from __future__ import annotations
 
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.effects.directions import unit
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class CameraOffset(Effect):
@@ -31,6 +33,10 @@ class CameraOffset(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        import torch
+
+        from cusick_bench.sim.effects.directions import unit
+
         shift = torch.nn.functional.pad(value["shift"] * unit(value["direction"]), (0, 1))
 
         def move(points: Tensor) -> Tensor:

@@ -1,11 +1,15 @@
 """The picture's scale is not the nominal one."""
 
-from typing import ClassVar
+from __future__ import annotations
 
-from torch import Tensor
+from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class CameraScale(Effect):

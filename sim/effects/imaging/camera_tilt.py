@@ -1,12 +1,15 @@
 """The camera does not look straight down."""
 
-from typing import ClassVar
+from __future__ import annotations
 
-from torch import Tensor
+from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.effects.directions import leaned
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class CameraTilt(Effect):
@@ -28,6 +31,8 @@ class CameraTilt(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.effects.directions import leaned
+
         angle, direction = value["angle"], value["direction"]
 
         def tilt(points: Tensor) -> Tensor:

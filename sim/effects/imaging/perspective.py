@@ -1,13 +1,16 @@
 """The camera is near: what lies lower is seen smaller."""
 
-from typing import ClassVar
+from __future__ import annotations
 
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class Perspective(Effect):
@@ -29,6 +32,8 @@ class Perspective(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        import torch
+
         inverse = value["inverse_height"]
 
         def project(points: Tensor) -> Tensor:

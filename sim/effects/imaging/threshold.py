@@ -1,16 +1,21 @@
 """The picture was cut into cloth and background at another grey level."""
 
+from __future__ import annotations
+
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
-from torch import Tensor
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
+
 
 _BINS = 240  # of angle about the centre, 1.5 deg each
 _SAMPLES = 8  # points on each edge of the mesh
@@ -34,6 +39,8 @@ class Threshold(Effect):
     gradient = "adjoint"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        import torch
+
         shift, edges = value["shift"], setup.mesh.edges
 
         def offset(points: Tensor) -> Tensor:
@@ -45,6 +52,8 @@ class Threshold(Effect):
 
 def _normals(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]) -> Float[Tensor, "vertices 2"]:
     """Outward normal of the outline at every point's angle; it fades to 0 from halfway in to the centre."""
+    import torch
+
     constant, cosine, sine = _harmonics(_outline(points, edges))
     order = torch.arange(1, _HARMONICS + 1, dtype=torch.float64)
     distance = torch.linalg.norm(points, dim=1).clamp_min(1e-12)
@@ -59,8 +68,10 @@ def _normals(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     return (ramp * ramp * (3 - 2 * ramp))[:, None] * normal
 
 
-def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]) -> Float[Tensor, "bins"]:
+def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]) -> Float[Tensor, bins]:
     """Farthest distance from the centre in each bin of angle, over points on all edges."""
+    import torch
+
     share = np.linspace(0, 1, _SAMPLES, endpoint=False)[:, None, None]
     at = points.detach().numpy()
     first, second = at[edges[:, 0]], at[edges[:, 1]]
@@ -78,8 +89,10 @@ def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     return torch.linalg.norm(ends[:, 0] + weight * (ends[:, 1] - ends[:, 0]), dim=1)
 
 
-def _harmonics(radius: Float[Tensor, "bins"]) -> tuple[Tensor, Tensor, Tensor]:
+def _harmonics(radius: Float[Tensor, bins]) -> tuple[Tensor, Tensor, Tensor]:
     """Mean, cosine and sine coefficients of a function of angle given at the bins' middles."""
+    import torch
+
     angle = (torch.arange(_BINS, dtype=torch.float64) + 0.5) * (2 * math.pi / _BINS)
     phase = torch.arange(1, _HARMONICS + 1, dtype=torch.float64)[:, None] * angle
     return radius.mean(), torch.cos(phase) @ radius * (2 / _BINS), torch.sin(phase) @ radius * (2 / _BINS)

@@ -5,18 +5,22 @@ direction bend backwards by a third of its curvature: there the sheet shows 7/9 
 rolled up across edges, and 0.885 on the mean over all directions.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.history import Rank, State, StateLaw
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.engine.system import DrapeSystem
+    from cusick_bench.sim.setup import Setup
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class TwoSided(StateLaw, State):
     rank: ClassVar[Rank] = Rank.ELASTICITY
     convex: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> "TwoSided":
+    def start(self, system: DrapeSystem, parameters: Parameters) -> TwoSided:
         """The law itself: it has no memory."""
         return self
 

@@ -1,15 +1,19 @@
 """The cut's mark does not point along the warp."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
 
 
 @lru_cache(maxsize=16)

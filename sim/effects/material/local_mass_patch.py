@@ -1,14 +1,18 @@
 """A patch of the cloth is heavier: a label, a stain, a second layer."""
 
-from typing import ClassVar
+from __future__ import annotations
 
-import torch
+from typing import TYPE_CHECKING, ClassVar
+
 from jaxtyping import Float
-from torch import Tensor
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.effects.material.patch import PLACE, Patch
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class LocalMassPatch(Effect):
@@ -33,9 +37,11 @@ class LocalMassPatch(Effect):
     gradient = "adjoint"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        import torch
+
         patch, mass = Patch.of(value), value["mass"]
 
-        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, "points"]:
+        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
             return torch.log1p(mass * patch(points))
 
         return setup.with_added(log_mass=log_factor)

@@ -1,11 +1,15 @@
 """A patch of the cloth bends less easily: a stain, a crease, a label."""
 
+from __future__ import annotations
+
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.effects.material.patch import PLACE, Patch
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.setup import Setup
 
 
 class LocalStiffPatch(Effect):

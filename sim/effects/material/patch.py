@@ -1,14 +1,19 @@
 """Where a local effect acts on the cloth: a round patch with soft edges, in the cloth's frame."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import torch
 from jaxtyping import Float
-from torch import Tensor
 
 from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects.base import Parameter, Values
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
 
 PLACE = (
     Parameter(
@@ -41,7 +46,7 @@ class Patch:
     size: float | Tensor
 
     @classmethod
-    def of(cls, value: Values) -> "Patch":
+    def of(cls, value: Values) -> Patch:
         """The patch that parameters `PLACE` tell.
 
         Args:
@@ -52,7 +57,9 @@ class Patch:
         """
         return cls(value["direction"], value["radius"], value["size"])
 
-    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, "points"]:
+    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
+        import torch
+
         angle = torch.as_tensor(self.direction, dtype=torch.float64) * (math.pi / 180)
         x, y = points[:, 0] - self.radius * torch.cos(angle), points[:, 1] - self.radius * torch.sin(angle)
         return torch.exp(-0.5 * (x**2 + y**2) / self.size**2)

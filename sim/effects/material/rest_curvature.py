@@ -1,17 +1,21 @@
 """The cloth curls by itself: without load, and alone, it would be a cylinder."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import torch
 from jaxtyping import Float
-from torch import Tensor
 
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.cloth.shape import dihedral_angles
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
+
 
 _LOCAL_HINGES = 4
 
@@ -28,7 +32,11 @@ class Curl:
     curvature: float | Tensor
     degrees: float | Tensor
 
-    def __call__(self, mesh: Mesh) -> Float[Tensor, "hinges"]:
+    def __call__(self, mesh: Mesh) -> Float[Tensor, hinges]:
+        import torch
+
+        from cusick_bench.sim.cloth.shape import dihedral_angles
+
         corners = torch.from_numpy(mesh.hinge_corners)  # of the pattern: the grain's frame
         flat = torch.cat([corners[:, 0, :2], corners[:, :, 2]], dim=1)
         flat = flat - flat[:, :2].mean(1, keepdim=True)

@@ -1,15 +1,19 @@
 """The rim bends less easily: sealed, overlocked or frayed when it was cut."""
 
+from __future__ import annotations
+
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.setup import Setup
 
 
 class RimStiffening(Effect):
@@ -34,12 +38,14 @@ class RimStiffening(Effect):
     gradient = "adjoint"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        import torch
+
         stiffening, width = value["stiffening"], value["width"]
         rim = setup.mesh.material[setup.mesh.boundary]
         centre = torch.from_numpy(rim.mean(0))
         radius = float(np.hypot(*(rim - rim.mean(0)).T).mean())
 
-        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, "points"]:
+        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
             inward = (radius - torch.linalg.norm(points - centre, dim=1)).clamp(min=0)
             return stiffening * torch.exp(-inward / width)
 

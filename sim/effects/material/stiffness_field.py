@@ -1,17 +1,22 @@
 """Stiffness varies smoothly over the specimen."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor
 
-from cusick_bench.sim.cloth.heterogeneity import FIELD_LENGTH
-from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
+from cusick_bench.sim.constants import FIELD_LENGTH
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
-from cusick_bench.sim.setup import Setup
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from cusick_bench.sim.cloth.shape import SmoothField
+    from cusick_bench.sim.setup import Setup
+
 
 _STREAM = 0x5F1E1D  # keeps these draws apart from others of the same specimen
 
@@ -30,7 +35,9 @@ class LogField:
     spread: float | Tensor
     length: float | Tensor
 
-    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, "points"]:
+    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
+        import torch
+
         waves, phases = torch.from_numpy(self.unit.wave_vectors), torch.from_numpy(self.unit.phases)
         x, y = points[:, :1] / self.length, points[:, 1:] / self.length
         cosines = torch.cos(x * waves[:, 0] + y * waves[:, 1] + phases)  # no BLAS, as in `SmoothField`
@@ -62,6 +69,8 @@ class StiffnessField(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
+        from cusick_bench.sim.cloth.shape import smooth_field
+
         generator = np.random.default_rng([*setup.specimen_seed, _STREAM])
         stretch, bending = (
             LogField(smooth_field(1.0, 1.0, generator), value["spread"], value["length"]) for _ in range(2)
