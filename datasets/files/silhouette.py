@@ -23,10 +23,11 @@ from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
 from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from cusick_bench.sim.render.camera import Camera
 
-
-Image = 'Float[ndarray, "size size"] | Float[Tensor, "size size"]'
+    Image = Float[ndarray, "size size"] | Float[Tensor, "size size"]
 
 
 def camera_of(protocol: Protocol) -> Camera:
