@@ -80,8 +80,12 @@ def folder_of(name_or_path: str | Path) -> Path:
     """
     if str(name_or_path) in REGISTRY:
         return REGISTRY[str(name_or_path)].folder()
-    folder = Path(name_or_path).expanduser()
-    if not folder.exists():
+    try:
+        folder = Path(name_or_path).expanduser()
+        found = bool(str(name_or_path).strip()) and folder.exists()
+    except (RuntimeError, OSError, ValueError):  # no such home, a loop of links, a zero byte
+        folder, found = Path(), False
+    if not found:
         raise DataNotFound(
             "no such folder and no registered data set",
             where=str(name_or_path),

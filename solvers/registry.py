@@ -5,10 +5,13 @@ is a `Solver` subclass.
 """
 
 import ast
+import math
 from collections.abc import Callable
 from dataclasses import fields
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, get_type_hints
+
+from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
 from cusick_bench.sim.errors import did_you_mean
 from cusick_bench.solvers.base import Solver, SolverError
@@ -108,8 +111,25 @@ def make_solver(text: str) -> Solver:
                 f"{name} has no option {setting!r}; write option=value, with option one of: "
                 f"{', '.join(known) or '(none)'}"
             )
-        options[key.strip()] = _literal(value.strip())
+        if key.strip() in options:
+            raise SolverError(f"{name} has the option {key.strip()!r} twice; give it once")
+        options[key.strip()] = _checked(cls, key.strip(), _literal(value.strip()))
     return cls(**options)
+
+
+def _checked(cls: type[Solver], option: str, value: Any) -> Any:
+    """The value of an option, if it is of the type that the solver's field states."""
+    kind = get_type_hints(cls)[option]
+    try:
+        TypeAdapter(kind).validate_python(value, strict=True)
+    except PydanticSchemaGenerationError:  # a type of another package, which its solver has to check
+        return value
+    except ValidationError as error:
+        kind_name = getattr(kind, "__name__", str(kind))
+        raise SolverError(f"option {option} of {cls.name} must be {kind_name}, got {str(value)[:60]!r}") from error
+    if isinstance(value, float) and not math.isfinite(value):
+        raise SolverError(f"option {option} of {cls.name} must be finite, got {value}")
+    return value
 
 
 def _literal(text: str) -> Any:

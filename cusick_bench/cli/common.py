@@ -133,6 +133,15 @@ def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iter
         raise interrupted(stop, kept if isinstance(kept, str) else kept(), go_on) from stop
 
 
+_LONGEST_PATH = 300  # characters of a path that a message shows
+
+
+def _short(path: object) -> str:
+    """A path for a message: the end of a very long one."""
+    text = str(path)
+    return text if len(text) <= _LONGEST_PATH else "..." + text[-_LONGEST_PATH:]
+
+
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:
     """Turns errors that the user can mend into one message and exit status 2; bugs keep their traceback."""
 
@@ -145,9 +154,17 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
         except BrokenPipeError:
             raise  # whoever read the output has gone: no fault of a folder's
         except PermissionError as error:
-            message, cause = f"no permission for {error.filename}; choose another folder or change its mode", error
+            message, cause = (
+                f"no permission for {_short(error.filename)}; choose another folder or change its mode",
+                error,
+            )
         except OSError as error:
-            message, cause = f"{error.strerror} ({error.filename}); choose another folder or free some space", error
+            message, cause = (
+                f"{error.strerror} ({_short(error.filename)}); choose another folder or free some space",
+                error,
+            )
+        except MemoryError as error:
+            message, cause = f"not enough memory ({error}); take fewer vertices, draws, samples or workers", error
         fail(message)
         raise typer.Exit(2) from cause
 

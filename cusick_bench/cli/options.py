@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 from cusick_bench.sim.errors import CusickError
 
 cloth_option = partial(typer.Option, rich_help_panel="Cloth")
@@ -74,26 +75,32 @@ Force = Annotated[
     data_option("--force", help="Use silhouettes that no cloth on its plate can show (see `data audit`) all the same."),
 ]
 
+MOST_VERTICES, MOST_STEPS, MOST_DRAWS, MOST_WORKERS = 100_000, 100_000, 100_000, 1024
+"""Largest numbers that options take: what is larger has a zero too many, and would fill memory or run for weeks."""
+MOST_SAMPLES, MOST_SEEDS, MOST_CASES = 1000, 10_000, 100_000
+LARGEST_SEED = 2**63 - 1
+_BENDING_STIFFNESSES = (1e-10, 1.0)  # [N m], a thousandth of the limpest silk's and a thin board's
+
 # Cloth
 DENSITY = cloth_option(help="Areal density [kg/m2].")
 BENDING = cloth_option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")
-Stretch = Annotated[float, cloth_option(help="Membrane stiffness along warp and weft [N/m].")]
-Shear = Annotated[float, cloth_option(help="Shear stiffness [N/m].")]
+Stretch = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Membrane stiffness along warp and weft [N/m].")]
+Shear = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m].")]
 
 # Simulation
 Vertices = Annotated[
     int,
-    simulation_option(min=1, help="Vertices of the cloth's mesh, met within some per cent."),
+    simulation_option(min=1, max=MOST_VERTICES, help="Vertices of the cloth's mesh, met within some per cent."),
 ]
 VerticesList = Annotated[
     list[int] | None,
-    simulation_option("--vertices", help="Vertices of a mesh; repeatable."),
+    simulation_option("--vertices", min=1, max=MOST_VERTICES, help="Vertices of a mesh; repeatable."),
 ]
 DropMode = Annotated[
     Mode,
     simulation_option(help="Fall from flat (drop, implicit Euler), or static balance (equilibrium, Newton)."),
 ]
-Steps = Annotated[int, simulation_option(min=1, help="Steps of a drop, of 0.05 s.")]
+Steps = Annotated[int, simulation_option(min=1, max=MOST_STEPS, help="Steps of a drop, of 0.05 s.")]
 Law = Annotated[
     LawName,
     simulation_option(help="Material law: the paper's, as an energy, or that of the published program."),
@@ -115,9 +122,9 @@ Solvers = Annotated[
 ]
 Budget = Annotated[
     float,
-    fit_option(help="Drapes that a cell (solver, cloth, seed) may spend; a gradient counts as two."),
+    fit_option(min=1, max=1e9, help="Drapes that a cell (solver, cloth, seed) may spend; a gradient counts as two."),
 ]
-Seeds = Annotated[int, fit_option(min=1, help="Number of seeds.")]
+Seeds = Annotated[int, fit_option(min=1, max=MOST_SEEDS, help="Number of seeds.")]
 
 # Diagnosis
 Atlas = Annotated[Path, typer.Option(help="Fitted atlas, from `atlas fit`.")]
@@ -125,7 +132,10 @@ WithoutEffect = Annotated[
     list[str] | None, typer.Option(help="Effect to leave out of the candidates; repeatable; see `effects`.")
 ]
 SimulatedSamples = Annotated[
-    int, typer.Option("--samples", min=0, help="Simulated samples of each model; 0 leaves gap and closure out.")
+    int,
+    typer.Option(
+        "--samples", min=0, max=MOST_SAMPLES, help="Simulated samples of each model; 0 leaves gap and closure out."
+    ),
 ]
 Cases = Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")]
 Labels = Annotated[Path, typer.Argument(help="labels.json of the same cases.", metavar="LABELS")]
@@ -136,9 +146,47 @@ By = Annotated[
 ]
 
 # Running and output
-Workers = Annotated[int, running_option(min=1, help="Processes.")]
-Seed = Annotated[int, running_option(min=0, help="Seed of the random numbers of this command.")]
+Workers = Annotated[int, running_option(min=1, max=MOST_WORKERS, help="Processes.")]
+Seed = Annotated[int, running_option(min=0, max=LARGEST_SEED, help="Seed of the random numbers of this command.")]
 Json = Annotated[bool, output_option("--json", help="One JSON document on standard output.")]
+
+
+def checked_density(density: float) -> float:
+    """Makes sure that the value of `--density` is a cloth's.
+
+    Args:
+        density: Areal density [kg/m2].
+
+    Returns:
+        It.
+
+    Raises:
+        CusickError: It is no cloth's, or in another unit.
+    """
+    if not LIGHTEST_CLOTH <= density <= HEAVIEST_CLOTH:
+        raise CusickError(
+            f"areal density must be from {LIGHTEST_CLOTH} to {HEAVIEST_CLOTH} kg/m2, got {density:g}; give --density "
+            "in kg/m2, not in g/m2"
+        )
+    return density
+
+
+def checked_bending(stiffness: float) -> float:
+    """Makes sure that a bending stiffness is a cloth's.
+
+    Args:
+        stiffness: Bending stiffness [N m].
+
+    Returns:
+        It.
+
+    Raises:
+        CusickError: It is no cloth's.
+    """
+    least, most = _BENDING_STIFFNESSES
+    if not least <= stiffness <= most:
+        raise CusickError(f"bending stiffness must be from {least:g} to {most:g} N m, got {stiffness:g}; see --bending")
+    return stiffness
 
 
 def bending_stiffnesses(text: str) -> tuple[float, float, float]:
@@ -151,12 +199,13 @@ def bending_stiffnesses(text: str) -> tuple[float, float, float]:
         Bending stiffness at 0, 45 and 90 degrees from the warp [N m].
 
     Raises:
-        CusickError: It is neither.
+        CusickError: It is neither, or no cloth's.
     """
     try:
-        rows = tuple(float(word) for word in text.split(","))
+        rows = [float(word) for word in text.split(",")]
     except ValueError as error:
         raise CusickError(f"--bending takes one number or three joined by commas [N m], got {text!r}") from error
     if len(rows) not in (1, 3):
         raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
+    rows = [checked_bending(row) for row in rows]
     return (rows[0], rows[0], rows[0]) if len(rows) == 1 else (rows[0], rows[1], rows[2])

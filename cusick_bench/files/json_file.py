@@ -9,7 +9,7 @@ from cusick_bench.files.errors import BadFile
 from cusick_bench.files.regular_file import read_text
 
 _MOST_BYTES = 16 << 20
-_MOST_DIGITS = 18  # of a whole number: what 64 bits hold
+_MOST_DIGITS = 40  # of a whole number: seeds have up to 128 bits
 _DEEPEST = 64  # objects and lists within each other
 _LONGEST_SHOWN = 60  # characters of a value in a message
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -251,6 +252,7 @@ def shard(cells: list[Cell], text: str) -> list[Cell]:
         RunnerError: The text is no such fraction.
     """
     index, slash, count = text.partition("/")
-    if not (slash and index.isdigit() and count.isdigit() and 1 <= int(index) <= int(count)):
-        raise RunnerError(f"--shard takes i/n with 1 <= i <= n, such as 1/4; got {text!r}")
+    digits = all(re.fullmatch(r"\d{1,9}", part, re.ASCII) for part in (index, count))
+    if not (slash and digits and 1 <= int(index) <= int(count)):
+        raise RunnerError(f"--shard takes i/n with 1 <= i <= n < 10^9, such as 1/4; got {text[:60]!r}")
     return cells[int(index) - 1 :: int(count)]

@@ -158,7 +158,12 @@ def scan(root: str | Path) -> Layout:
     Raises:
         DataNotFound: No such folder, no permission, or nothing in it that looks like a silhouette.
     """
-    folder = Path(root).expanduser().resolve()
+    try:
+        folder = Path(root).expanduser().resolve()
+    except (RuntimeError, OSError, ValueError) as error:  # no such home, a loop of links, a zero byte
+        raise DataNotFound(
+            f"no such folder ({error})", where=root, remedy="give the folder that holds `data`"
+        ) from error
     if not folder.is_dir():
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise DataNotFound(what, where=root, remedy="give the folder that holds `data` or `Fabric N`")

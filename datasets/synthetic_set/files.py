@@ -15,12 +15,14 @@ import numpy as np
 import torch
 from PIL import Image
 
+from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.checksums import CHECKSUMS
 from cusick_bench.datasets.synthetic_set import recipe
 from cusick_bench.sim.cloth.obj import write_obj
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 
+_TRUTH = "truth.json"
 _DECIMALS = 5  # meshes are written to 0.01 mm: far above rounding noise, far below what matters
 
 
@@ -125,9 +127,17 @@ def write_synthetic(
 
     Returns:
         SHA-256 of every file, as written to `sha256.json`.
+
+    Raises:
+        DataError: The folder holds other data than this set.
     """
     cloths = recipe.cloths()
+    if (folder / "data").exists() and not (folder / _TRUTH).exists():
+        raise DataError(
+            "holds other data, which would be written over", where=folder, remedy="give another folder with --out"
+        )
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / _TRUTH).write_text(json.dumps(_truth(cloths), indent=1) + "\n")
     for cloth in cloths:
         fabric = folder / "data" / f"Fabric {cloth.number}"
         for part in ("silhouettes", "meshes"):
@@ -138,8 +148,7 @@ def write_synthetic(
             step(_name(drape))
     rows = [f"{cloth.number},{float(cloth.material.density):g},{cloth.thickness:g}" for cloth in cloths]
     (folder / "fabrics.csv").write_text("\n".join(["fabric,areal_density_kg_m2,thickness_m", *rows]) + "\n")
-    for name, document in (("protocol.json", _protocol()), ("truth.json", _truth(cloths))):
-        (folder / name).write_text(json.dumps(document, indent=1) + "\n")
+    (folder / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
     (folder / "croissant.json").unlink(missing_ok=True)
     (folder / "croissant.json").write_text(json.dumps(_croissant(checksums(folder)), indent=1) + "\n")
     digests = checksums(folder)

@@ -140,6 +140,8 @@ def parse(text: str) -> Cause:
     found, value = effect(name.strip()), {}
     for part in filter(None, rest.split(",")):
         key, equals, number = part.partition("=")
+        if key.strip() in value:
+            raise SimulationError(f"effect {name}: the parameter {key.strip()} stands twice; give it once")
         try:
             value[key.strip()] = float(number)
         except ValueError:

@@ -99,9 +99,13 @@ class NullRandomPhase(Null):
         return Prediction(problem.train_image, _stack(images, self.draws, problem, progress))
 
 
+_MOST_DRAWS = 100_000
+"""Draws of a row: as many pictures have 26 GB; what is larger has a zero too many."""
+
+
 def _positive(draws: int) -> int:
-    if draws < 1:
-        raise SolverError(f"draws must be >= 1, got {draws}")
+    if not 1 <= draws <= _MOST_DRAWS:
+        raise SolverError(f"draws must be from 1 to {_MOST_DRAWS}, got {draws}")
     return draws
 
 

@@ -13,7 +13,16 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
-from cusick_bench.cli.options import Atlas, Json, Workers, output_option, simulation_option
+from cusick_bench.cli.options import (
+    MOST_CASES,
+    MOST_SAMPLES,
+    MOST_VERTICES,
+    Atlas,
+    Json,
+    Workers,
+    output_option,
+    simulation_option,
+)
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.atlas.design import Design
 from cusick_bench.diagnosis.errors import DiagnosisError
@@ -40,21 +49,27 @@ def _root() -> None:
 def build_atlas(
     out: Annotated[Path, output_option(help="Folder of its points; a build that was stopped goes on there.")],
     points: Annotated[
-        int, _fabrics_option(min=60, help="Fabrics, all over the base model's parameters.")
+        int, _fabrics_option(min=60, max=MOST_CASES, help="Fabrics, all over the base model's parameters.")
     ] = _PLAN.points,
     stiff_points: Annotated[
-        int, _fabrics_option(min=0, help="Further fabrics that are stiff in shear.")
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Further fabrics that are stiff in shear.")
     ] = _PLAN.stiff_points,
     effect_points: Annotated[
-        int, _fabrics_option(min=0, help="Fabrics draped with every effect too.")
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped with every effect too.")
     ] = _PLAN.effect_points,
-    fine_points: Annotated[int, _fabrics_option(min=0, help="Fabrics draped on a finer mesh too.")] = _PLAN.fine_points,
-    law_points: Annotated[int, _fabrics_option(min=0, help="Fabrics draped under other laws too.")] = _PLAN.law_points,
+    fine_points: Annotated[
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped on a finer mesh too.")
+    ] = _PLAN.fine_points,
+    law_points: Annotated[
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped under other laws too.")
+    ] = _PLAN.law_points,
     one_mesh_points: Annotated[
-        int, _fabrics_option(min=0, help="Fabrics draped with all samples on one mesh too.")
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped with all samples on one mesh too.")
     ] = _PLAN.one_mesh_points,
-    samples: Annotated[int, _fabrics_option(min=2, help="Samples of each fabric.")] = _PLAN.samples,
-    vertices: Annotated[int, simulation_option(min=100, help="Vertices of the cloth's mesh.")] = _PLAN.vertices,
+    samples: Annotated[int, _fabrics_option(min=2, max=MOST_SAMPLES, help="Samples of each fabric.")] = _PLAN.samples,
+    vertices: Annotated[
+        int, simulation_option(min=100, max=MOST_VERTICES, help="Vertices of the cloth's mesh.")
+    ] = _PLAN.vertices,
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
@@ -165,7 +180,9 @@ def power(
     out: Annotated[
         Path | None, output_option(help="JSON file of the severities, as `withheld generate --detectable` takes.")
     ] = None,
-    samples: Annotated[int, typer.Option(min=2, help="Samples of a fabric, on both sides, each captured twice.")] = 12,
+    samples: Annotated[
+        int, typer.Option(min=2, max=MOST_SAMPLES, help="Samples of a fabric, on both sides, each captured twice.")
+    ] = 12,
     as_json: Json = False,
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""

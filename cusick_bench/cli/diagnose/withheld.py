@@ -11,7 +11,16 @@ from cusick_bench.cli.common import interruptible, output, print_json, user_erro
 from cusick_bench.cli.diagnose.withheld_answer import answer, oracle, twins
 from cusick_bench.cli.diagnose.withheld_leave_out import leave_out
 from cusick_bench.cli.diagnose.withheld_score import score
-from cusick_bench.cli.options import Json, Workers, output_option, running_option, simulation_option
+from cusick_bench.cli.options import (
+    MOST_CASES,
+    MOST_SAMPLES,
+    MOST_VERTICES,
+    Json,
+    Workers,
+    output_option,
+    running_option,
+    simulation_option,
+)
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
 
@@ -43,24 +52,26 @@ def generate_suite(
             min=0, help="Seed of all random choices: who knows it knows the labels. By default random, kept in LABELS."
         ),
     ] = None,
-    nulls: Annotated[int, _cases_option(min=0, help="Cases without any effect.")] = 200,
+    nulls: Annotated[int, _cases_option(min=0, max=MOST_CASES, help="Cases without any effect.")] = 200,
     singles: Annotated[
         int,
-        _cases_option(min=0, help="Cases with one effect; all effects and severities in turn."),
+        _cases_option(min=0, max=MOST_CASES, help="Cases with one effect; all effects and severities in turn."),
     ] = len(DRAWN) * len(MULTIPLES),
-    pairs: Annotated[int, _cases_option(min=0, help="Cases with two effects.")] = 22,
+    pairs: Annotated[int, _cases_option(min=0, max=MOST_CASES, help="Cases with two effects.")] = 22,
     unknown: Annotated[
         int,
-        _cases_option(min=0, help="Cases with an effect that no answerer has on its list."),
+        _cases_option(min=0, max=MOST_CASES, help="Cases with an effect that no answerer has on its list."),
     ] = 48,
     detectable: Annotated[
         Path | None,
         _cases_option(help="Table that `atlas power --out` wrote; by default typical severities count."),
     ] = None,
-    vertices: Annotated[int, simulation_option(min=100, help="Vertices of the cloth's mesh.")] = 1205,
+    vertices: Annotated[
+        int, simulation_option(min=100, max=MOST_VERTICES, help="Vertices of the cloth's mesh.")
+    ] = 1205,
     samples: Annotated[
         int,
-        _cases_option(min=1, help="Samples of each case, with two faces and two captures."),
+        _cases_option(min=1, max=MOST_SAMPLES, help="Samples of each case, with two faces and two captures."),
     ] = 12,
     workers: Workers = 2,
     as_json: Json = False,

@@ -27,12 +27,12 @@ app = typer.Typer()
 def optimisers(
     function: Annotated[str, typer.Option(help="Test function: branin or hartmann6.")] = Plan.function,
     dimension: Annotated[
-        int, typer.Option(help="Coordinates in all; only those of the function matter.")
+        int, typer.Option(min=1, max=100_000, help="Coordinates in all; only those of the function matter.")
     ] = Plan.dimension,
     evaluations: Annotated[
-        int, typer.Option(help="Evaluations of a run; 0 for as many as published.")
+        int, typer.Option(min=0, max=100_000, help="Evaluations of a run; 0 for as many as published.")
     ] = Plan.evaluations,
-    runs: Annotated[int, typer.Option(help="Runs of each method.")] = Plan.runs,
+    runs: Annotated[int, typer.Option(min=1, max=10_000, help="Runs of each method.")] = Plan.runs,
     solver: Annotated[
         list[str] | None,
         typer.Option("--solver", "--method", help="Solver without gradients; repeatable; by default all."),

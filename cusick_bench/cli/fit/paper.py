@@ -16,8 +16,8 @@ import typer
 from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
 from cusick_bench.cli.fit import paper_figures
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
-from cusick_bench.cli.options import Budget as DrapesBudget
 from cusick_bench.cli.options import (
+    MOST_DRAWS,
     Data,
     DropMode,
     FabricsCsv,
@@ -32,6 +32,7 @@ from cusick_bench.cli.options import (
     fit_option,
     output_option,
 )
+from cusick_bench.cli.options import Budget as DrapesBudget
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard import LeaderboardError
 from cusick_bench.problem import Budget
@@ -54,7 +55,9 @@ Solver = Annotated[
 ]
 Draws = Annotated[
     int,
-    fit_option(min=1, help="Draws of each solver that learns a distribution, and of the random-phase row."),
+    fit_option(
+        min=1, max=MOST_DRAWS, help="Draws of each solver that learns a distribution, and of the random-phase row."
+    ),
 ]
 Seconds = Annotated[
     float | None,

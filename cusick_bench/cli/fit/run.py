@@ -11,6 +11,7 @@ from rich.table import Table
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
+    LARGEST_SEED,
     Budget,
     CameraName,
     Data,
@@ -65,9 +66,9 @@ def run_command(
     ] = None,
     loss: Annotated[str, fit_option(help="Training loss: mse, profile or mse+profile.")] = "mse",
     budget: Budget = DEFAULT_BUDGET,
-    seconds: Annotated[float | None, fit_option(help="Wall time that a cell may spend [s].")] = None,
+    seconds: Annotated[float | None, fit_option(max=1e9, help="Wall time that a cell may spend [s].")] = None,
     seeds: Seeds = 1,
-    seed: Annotated[int, fit_option(min=0, help="First seed.")] = 0,
+    seed: Annotated[int, fit_option(min=0, max=LARGEST_SEED, help="First seed.")] = 0,
     vertices: Vertices = 2699,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,

@@ -41,6 +41,8 @@ def report(
     out = out or folder / "report.html"
     if out.suffix not in (".html", ".htm"):
         raise ReportError(f"cannot write {out}: its name must end in .html")
+    if out.is_dir():
+        raise ReportError(f"cannot write {out}: it is a folder; choose another --out")
     cells = load_cells(folder)
     boards = leaderboards(cells, by=by, seed=seed)
     kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")

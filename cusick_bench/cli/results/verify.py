@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
+from cusick_bench.cli.options import MOST_DRAWS, Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
@@ -37,7 +37,9 @@ def verify_command(
     committed: Annotated[
         Path | None, typer.Option("--against", help="Table of `submit` whose lines of this run are compared as well.")
     ] = None,
-    draws: Annotated[int, typer.Option(min=0, help="Draws of each cell's posterior to drape again.")] = REDRAWN,
+    draws: Annotated[
+        int, typer.Option(min=0, max=MOST_DRAWS, help="Draws of each cell's posterior to drape again.")
+    ] = REDRAWN,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, plain, print_json, user_errors
-from cusick_bench.cli.options import Json, VerticesList, output_option
+from cusick_bench.cli.options import MOST_STEPS, MOST_VERTICES, Json, VerticesList, output_option
 from cusick_bench.cli.progress import progress_bar
 
 app = typer.Typer()
@@ -20,13 +20,17 @@ app = typer.Typer()
 @user_errors
 def benchmark(
     vertices: VerticesList = None,
-    rounds: Annotated[int, typer.Option(min=1, help="Times of each case, taken in turn.")] = 5,
-    batch: Annotated[list[int] | None, typer.Option(help="Members of a batch; repeatable.")] = None,
+    rounds: Annotated[int, typer.Option(min=1, max=1000, help="Times of each case, taken in turn.")] = 5,
+    batch: Annotated[list[int] | None, typer.Option(min=1, max=4096, help="Members of a batch; repeatable.")] = None,
     springs: Annotated[
         bool, typer.Option(help="Hold the plate by springs, as published, instead of fixing it.")
     ] = False,
-    reference_steps: Annotated[int, typer.Option(min=1, help="Steps compared with plain autograd.")] = 10,
-    gradient_vertices: Annotated[int, typer.Option(help="Mesh size of the gradient check.")] = 1205,
+    reference_steps: Annotated[
+        int, typer.Option(min=1, max=MOST_STEPS, help="Steps compared with plain autograd.")
+    ] = 10,
+    gradient_vertices: Annotated[
+        int, typer.Option(min=60, max=MOST_VERTICES, help="Mesh size of the gradient check.")
+    ] = 1205,
     device: Annotated[
         str | None,
         typer.Option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),

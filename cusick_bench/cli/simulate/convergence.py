@@ -7,7 +7,15 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import DENSITY, Json, VerticesList, cloth_option
+from cusick_bench.cli.options import (
+    DENSITY,
+    MOST_DRAWS,
+    Json,
+    VerticesList,
+    checked_bending,
+    checked_density,
+    cloth_option,
+)
 from cusick_bench.cli.progress import progress_bar
 
 app = typer.Typer()
@@ -34,7 +42,9 @@ def convergence(
     vertices: VerticesList = None,
     density: Annotated[float, DENSITY] = 0.192,
     bending: Annotated[float, cloth_option(help="Bending stiffness [N m].")] = 1.4e-5,
-    draws: Annotated[int, typer.Option(min=2, help="Drapes per size, each with its own mesh and laying.")] = 8,
+    draws: Annotated[
+        int, typer.Option(min=2, max=MOST_DRAWS, help="Drapes per size, each with its own mesh and laying.")
+    ] = 8,
     as_json: Json = False,
 ) -> None:
     """Drapes one cloth on meshes of several sizes: how much drape coefficient and folds depend on the mesh.
@@ -42,6 +52,7 @@ def convergence(
     Without --vertices the meshes have 297, 1205, 2699 and 7496.
     """
     sizes = vertices or [297, 1205, 2699, 7496]
+    checked_density(density), checked_bending(bending)
     rows: list[dict[str, Any]] = []
     with progress_bar("draping", len(sizes) * draws) as bar:
         for size in sizes:

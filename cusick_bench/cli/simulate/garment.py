@@ -17,12 +17,14 @@ from cusick_bench.cli.common import interruptible, output, plain, print_json, us
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
+    MOST_SAMPLES,
     Json,
     Seed,
     Shear,
     Stretch,
     Vertices,
     bending_stiffnesses,
+    checked_density,
     cloth_option,
     output_option,
     simulation_option,
@@ -76,7 +78,7 @@ def skirt(
     shear: Shear = 60.0,
     heterogeneity: Annotated[
         float,
-        cloth_option(help="Standard deviation of log stiffness between elements, where the fit has none."),
+        cloth_option(max=3, help="Standard deviation of log stiffness between elements, where the fit has none."),
     ] = 0.1,
     name: Annotated[str | None, cloth_option(help="Name of the cloth; a colour in it is used.")] = None,
     kind: Annotated[Kind, _skirt_option(help="Cut of the skirt.")] = Kind.circular,
@@ -86,18 +88,18 @@ def skirt(
         float | None,
         _motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg."),
     ] = None,
-    period: Annotated[float, _motion_option(help="Period of the motion [s].")] = 1.2,
-    duration: Annotated[float, _motion_option(help="How long the waist moves [s].")] = 2.4,
-    draws: Annotated[int, simulation_option(help="Skirts, each of its own draw of the cloth.")] = 4,
+    period: Annotated[float, _motion_option(max=600, help="Period of the motion [s].")] = 1.2,
+    duration: Annotated[float, _motion_option(max=600, help="How long the waist moves [s].")] = 2.4,
+    draws: Annotated[int, simulation_option(max=MOST_SAMPLES, help="Skirts, each of its own draw of the cloth.")] = 4,
     laying_height: Annotated[
         float,
         simulation_option(help="Standard deviation of the heights in which each skirt is put on [m]."),
     ] = 0.01,
     vertices: Vertices = 2500,
-    waist: Annotated[float, _skirt_option(help="Radius of the waist [m].")] = 0.11,
-    length: Annotated[float, _skirt_option(help="Length from waist to hem [m].")] = 0.35,
-    hem: Annotated[float, _skirt_option(help="Radius of the A-line skirt's hem [m].")] = 0.22,
-    hip: Annotated[float, _skirt_option(help="Radius of the hips [m]; 0 for no body in the skirt.")] = 0.13,
+    waist: Annotated[float, _skirt_option(max=1, help="Radius of the waist [m].")] = 0.11,
+    length: Annotated[float, _skirt_option(max=2, help="Length from waist to hem [m].")] = 0.35,
+    hem: Annotated[float, _skirt_option(max=3, help="Radius of the A-line skirt's hem [m].")] = 0.22,
+    hip: Annotated[float, _skirt_option(max=2, help="Radius of the hips [m]; 0 for no body in the skirt.")] = 0.13,
     seed: Seed = 0,
     out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
     as_json: Json = False,
@@ -165,7 +167,11 @@ def _cloth(
         raise GarmentError("a cloth given by numbers needs both --density and --bending")
     else:
         cloth = cloth_of_numbers(
-            density=density, bending=bending_stiffnesses(bending), stretch=stretch, shear=shear, spread=deviation
+            density=checked_density(density),
+            bending=bending_stiffnesses(bending),
+            stretch=stretch,
+            shear=shear,
+            spread=deviation,
         )
     return cloth if name is None else replace(cloth, name=name)
 

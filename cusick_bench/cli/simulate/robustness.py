@@ -6,7 +6,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import DropMode, Json, Mode, Seed, Vertices
+from cusick_bench.cli.options import MOST_DRAWS, DropMode, Json, Mode, Seed, Vertices
 from cusick_bench.cli.progress import progress_bar
 
 app = typer.Typer()
@@ -15,11 +15,11 @@ app = typer.Typer()
 @app.command()
 @user_errors
 def robustness(
-    draws: Annotated[int, typer.Option(min=1, help="Random cloths.")] = 1000,
+    draws: Annotated[int, typer.Option(min=1, max=MOST_DRAWS, help="Random cloths.")] = 1000,
     vertices: Vertices = 1205,
     mode: DropMode = Mode.equilibrium,
     least: Annotated[
-        float, typer.Option("--minimum-share", help="Share of the cloths that has to come to rest.")
+        float, typer.Option("--minimum-share", min=0, max=1, help="Share of the cloths that has to come to rest.")
     ] = 0.995,
     seed: Seed = 0,
     as_json: Json = False,

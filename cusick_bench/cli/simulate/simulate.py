@@ -21,6 +21,7 @@ from cusick_bench.cli.common import console, interruptible, output, print_json, 
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
+    MOST_DRAWS,
     CameraName,
     CameraOption,
     DropMode,
@@ -35,6 +36,7 @@ from cusick_bench.cli.options import (
     Vertices,
     WithEffect,
     bending_stiffnesses,
+    checked_density,
     cloth_option,
     output_option,
     running_option,
@@ -187,21 +189,25 @@ def simulate(
     shear: Shear = 60.0,
     heterogeneity: Annotated[
         float,
-        cloth_option(help="Standard deviation of log stiffness over the cloth, a smooth field of 2 cm."),
+        cloth_option(min=0, max=3, help="Standard deviation of log stiffness over the cloth, a smooth field of 2 cm."),
     ] = 0.0,
     laying_height: Annotated[
         float,
         cloth_option(
-            help="Standard deviation of the heights in which the cloth is laid down, which decide where it folds [m]."
+            min=0,
+            max=0.1,
+            help="Standard deviation of the heights in which the cloth is laid down, which decide where it folds [m].",
         ),
     ] = 1e-3,
     rest_height: Annotated[
         float,
-        cloth_option(help="Standard deviation of the rest shape's height [m]."),
+        cloth_option(min=0, max=0.1, help="Standard deviation of the rest shape's height [m]."),
     ] = 0.0,
     draws: Annotated[
         int,
-        cloth_option(min=1, help="Number of drapes, each with its own random shapes; draped in batches."),
+        cloth_option(
+            min=1, max=MOST_DRAWS, help="Number of drapes, each with its own random shapes; draped in batches."
+        ),
     ] = 1,
     vertices: Vertices = 2699,
     mesh: Annotated[
@@ -242,7 +248,10 @@ def simulate(
         raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
     cloth = uniform_material(
-        density=density, bending=(factor * rows[0], factor * rows[1], factor * rows[2]), stretch=stretch, shear=shear
+        density=checked_density(density),
+        bending=(factor * rows[0], factor * rows[1], factor * rows[2]),
+        stretch=stretch,
+        shear=shear,
     )
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
