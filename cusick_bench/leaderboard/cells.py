@@ -10,6 +10,7 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.plausible import metric_of, name_of, seed_of
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
 from cusick_bench.runner.labels import numerics_text
@@ -58,6 +59,17 @@ class Cells:
     table: pd.DataFrame
     skipped: tuple[Skipped, ...]
 
+    def require_sound(self) -> None:
+        """Refuses a folder that holds cells whose numbers cannot be believed.
+
+        Raises:
+            LeaderboardError: Some cell is damaged.
+        """
+        damaged = [cell for cell in self.skipped if cell.status == "damaged"]
+        if damaged:
+            more = f" ({len(damaged) - 1} more are damaged)" if len(damaged) > 1 else ""
+            raise LeaderboardError(f"{damaged[0].folder / 'result.json'}: {damaged[0].reason}{more}")
+
 
 def load_cells(folder: Path | str) -> Cells:
     """Reads every cell below a results folder.
@@ -100,9 +112,9 @@ def _read_cell(folder: Path) -> dict[str, Any] | Skipped:
     except FileNotFoundError:
         identity = _identity(folder / "cell.json")
         return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **identity)
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         identity = _identity(folder / "cell.json")
-        return Skipped(folder, "damaged", f"{error}; delete the folder and repeat the run command", **identity)
+        return Skipped(folder, "damaged", f"{error}; repeat the run command, which runs the cell again", **identity)
 
 
 def _read_result(folder: Path) -> dict[str, Any] | Skipped:
@@ -115,13 +127,14 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
         return Skipped(folder, "failed", str(result.get("failure") or "no reason recorded"), **identity)
     if not (folder / "done").exists():
         raise FileNotFoundError("no done marker")
-    metrics = {name: _number(value) for name, value in result["metrics"].items()}
-    if not math.isfinite(metrics.get("train_mse", math.nan)):
-        raise ValueError("result.json has no finite train_mse")
-    spent = {f"spent_{name}": _number(value) for name, value in result.get("spent", {}).items()}
+    test = tuple(int(row) for row in result.get("test", ()))
+    metrics = {name: metric_of(name, value) for name, value in result["metrics"].items()}
+    for name in ("train_mse", "test_mse") if test else ("train_mse",):
+        if not math.isfinite(metrics.get(name, math.nan)):
+            raise ValueError(f"result.json has no finite {name}")
+    spent = {f"spent_{name}": metric_of(f"spent_{name}", value) for name, value in result.get("spent", {}).items()}
     known = {name: result.get(name, "") for name in _IDENTITY} | _code(result)
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
-    test = tuple(int(row) for row in result.get("test", ()))
     problem = {"kind": str(result["kind"]), **known, "test": test, "settings": settings}
     return {**identity, **problem, **spent, **metrics, "folder": folder}
 
@@ -131,15 +144,6 @@ def _code(result: dict[str, Any]) -> dict[str, str]:
     if numerics := result.get("numerics"):
         return {"code_version": numerics_text(numerics), "commit": code_text(result)}
     return {"code_version": str(result.get("code_version", "")), "commit": ""}
-
-
-def _number(value: Any) -> float:
-    """A metric; null stands for NaN."""
-    if value is None:
-        return math.nan
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"result.json holds {value!r} where a number belongs")
-    return float(value)
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -154,15 +158,15 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _identity(path: Path) -> dict[str, Any]:
     try:
         return _named(_read_json(path))
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return {}
 
 
 def _named(record: dict[str, Any]) -> dict[str, Any]:
     """Solver, with the causes that its simulator knew of, cloth and seed."""
     causes = [str(cause) for cause in (record.get("settings") or {}).get("causes", ())]
-    solver = labelled(str(record["solver"]), causes)
-    return {"solver": solver, "cloth": str(record["cloth"]), "seed": int(record["seed"])}
+    solver = labelled(name_of("solver", record["solver"]), causes)
+    return {"solver": solver, "cloth": name_of("cloth", record["cloth"]), "seed": seed_of(record["seed"])}
 
 
 def _read_run(folder: Path) -> dict[str, Any]:

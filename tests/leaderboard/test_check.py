@@ -78,7 +78,7 @@ class TestStatistics:
         found = check(after, before, Gate(METRICS)).regressions
         assert {finding.solver for finding in found} == {"exact"}
         assert {finding.metric for finding in found} == set(METRICS)
-        assert found[0].change.value == pytest.approx(0.05 / 1.025)
+        assert found[0].ratio.value == pytest.approx(1.05)
 
     @pytest.mark.parametrize(("factor", "expected"), [(1.015, "unchanged"), (0.9, "unchanged"), (1.03, "regression")])
     def test_small_changes_and_better_ones_are_none(self, factor, expected):
@@ -272,3 +272,79 @@ class TestCommand:
         write_baseline(pd.concat([table, table.iloc[:1]]), tmp_path / "double.csv", [])
         with pytest.raises(LeaderboardError, match="more than once"):
             read_cells(tmp_path / "double.csv")
+
+    @pytest.mark.parametrize(
+        ("line", "message"),
+        [
+            ("homo,a,0,done,nan", "line 3: train_mse must be finite, got nan"),
+            ("homo,a,0,done,inf", "line 3: train_mse must be finite, got inf"),
+            ("homo,a,0,done,-1e9", "line 3: train_mse must lie in [0, 1], got -1e+09"),
+            ("homo,a,0,done,2", "line 3: train_mse must lie in [0, 1], got 2"),
+            ("homo,a,0,done,good", "line 3: train_mse must be a number"),
+            ("null,a,0,done,0.01", "line 3: solver must be a name"),
+            (",a,0,done,0.01", "line 3: solver must be a name"),
+            ("homo,None,0,done,0.01", "line 3: cloth must be a name"),
+            ("homo,a,-1,done,0.01", "line 3: seed must be a whole number"),
+            ("homo,a,0,perfect,0.01", "line 3: status must be done or failed"),
+        ],
+    )
+    @pytest.mark.parametrize("side", ["run", "baseline"])
+    def test_what_no_cell_can_say_ends_with_status_2_and_the_line(self, tmp_path, line, message, side):
+        good = "solver,cloth,seed,status,train_mse\nnull:disc,a,0,done,0.02\n"
+        for name in ("run", "baseline"):
+            (tmp_path / f"{name}.csv").write_text(good + (f"{line}\n" if name == side else ""))
+        words = ["check", str(tmp_path / "run.csv"), "--against", str(tmp_path / "baseline.csv")]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 2, result.output
+        assert f"{side}.csv, {message}" in " ".join(result.output.split())
+
+    def test_a_damaged_cell_of_a_run_ends_with_status_2(self, first, tmp_path):
+        run = Path(shutil.copytree(first, tmp_path / "run"))
+        path = next(run.glob("cells/*/result.json"))
+        result = json.loads(path.read_text())
+        path.write_text(json.dumps(result | {"metrics": result["metrics"] | {"train_mse": -1e9}}))
+        result = CliRunner().invoke(app, ["check", str(run), "--against", str(first)])
+        assert result.exit_code == 2, result.output
+        assert f"{path}: train_mse must lie in [0, 1]" in " ".join(result.output.split())
+
+    @pytest.mark.parametrize("lacking", ["run", "baseline"])
+    def test_a_number_that_only_one_side_has_is_not_passed_over(self, files, tmp_path, lacking):
+        table = read_cells(files[0])
+        for name in ("run", "baseline"):
+            found = table.copy()
+            if name == lacking:
+                found.loc[0, "train_mse"] = np.nan
+            write_baseline(found, tmp_path / f"{name}.csv", [])
+        result = CliRunner().invoke(
+            app, ["check", str(tmp_path / "run.csv"), "--against", str(tmp_path / "baseline.csv")]
+        )
+        assert result.exit_code == 2
+        assert f"has no train_mse in the {lacking}" in " ".join(result.output.split())
+
+    def test_where_nothing_can_be_decided_the_status_is_3(self, tmp_path):
+        cell = {"solver": "s", "cloth": "a", "seed": 0, "status": "done", "train_mse": 0.01}
+        write_baseline(pd.DataFrame([cell]), tmp_path / "one.csv", [])
+        status, document = self.check(tmp_path / "one.csv", "--against", tmp_path / "one.csv")
+        assert (status, document["decided"], document["regressions"]) == (3, False, 0)
+        failed = pd.DataFrame([cell | {"status": "failed", "train_mse": None}, cell | {"cloth": "b"}])
+        write_baseline(failed, tmp_path / "other.csv", [])
+        write_baseline(failed.assign(cloth=["b", "a"]), tmp_path / "apart.csv", [])
+        assert self.check(tmp_path / "apart.csv", "--against", tmp_path / "other.csv")[0] == 3
+
+    def test_changes_are_told_as_ratios(self, files, tmp_path):
+        """Ten times as large is x 10 and a tenth x 0.1; a symmetric change would say +163.6 and -163.6 %."""
+        table = read_cells(files[0])
+        write_baseline(table.loc[table["solver"] == "exact"], tmp_path / "before.csv", [])
+        for factor in (10.0, 0.1):
+            after = table.loc[table["solver"] == "exact"].assign(train_mse=lambda t, f=factor: t["train_mse"] * f)
+            write_baseline(after, tmp_path / "after.csv", [])
+            words = [tmp_path / "after.csv", "--against", tmp_path / "before.csv", "--metric", "train_mse"]
+            (finding,) = self.check(*words)[1]["findings"]
+            assert finding["ratio"] == pytest.approx(factor, rel=1e-6)
+            shown = CliRunner().invoke(app, ["check", *map(str, words)]).output
+            assert f"x {factor:g}" in shown
+            assert "%" not in shown.split("could see")[1].split("A regression")[0]
+
+    def test_help_says_what_the_statuses_mean(self):
+        text = " ".join(CliRunner().invoke(app, ["check", "--help"]).output.split())
+        assert "3 if nothing could be decided" in text

@@ -184,9 +184,9 @@ def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
 @pytest.mark.parametrize(
     ("by", "values", "order"),
     [
-        ("test_dc_cover_90", {"sure": 0.35, "wide": 1.0, "right": 0.88}, ["right", "wide", "sure"]),
+        ("test_dc_cover_90", {"sure": 0.35, "wide": 0.99, "right": 0.88}, ["right", "wide", "sure"]),
         ("test_dc_cover_50", {"sure": 0.45, "wide": 0.8, "right": 0.52}, ["right", "sure", "wide"]),
-        ("test_fold_p", {"alike": 0.6, "rejected": 0.001, "near": 0.2}, ["alike", "near", "rejected"]),
+        ("test_fold_p", {"alike": 0.6, "rejected": 0.01, "near": 0.2}, ["alike", "near", "rejected"]),
         ("test_iou", {"alike": 0.95, "far": 0.7, "near": 0.9}, ["alike", "near", "far"]),
         ("test_energy_distance", {"alike": -0.1, "far": 2.0, "near": 0.9}, ["alike", "near", "far"]),
     ],
@@ -366,3 +366,46 @@ def test_command_refuses_with_status_2(tmp_path):
     assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
     write_cell(tmp_path, "homo", "blue")
     assert CliRunner().invoke(app, [str(tmp_path), "--out", str(tmp_path / "x.doc")]).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"test_mse": -1e9}, "test_mse must lie in [0, 1], got -1e+09"),
+        ({"test_mse": 1.5}, "test_mse must lie in [0, 1], got 1.5"),
+        ({"train_mse": None}, "no finite train_mse"),
+        ({"test_mse": "0.01x"}, "test_mse must be a number"),
+        ({"test_mse": True}, "test_mse must be a number"),
+        ({"test_mse": float("nan")}, "NaN"),
+        ({"test_mse": float("inf")}, "Infinity"),
+        ({"test_hausdorff_m": -0.01}, "test_hausdorff_m must lie in [0, 10], got -0.01"),
+        ({"train_dc": 3.0}, "train_dc must lie in [-0.1, 1.1], got 3"),
+        ({"test_iou": 1.01}, "test_iou must lie in [0, 1]"),
+        ({"seed": -1}, "seed must be a whole number"),
+    ],
+)
+def test_a_cell_that_says_what_no_cell_can_say_is_no_row(tmp_path, noise, changes, reason):
+    write_solver(tmp_path, "homo", lambda cloth, seed: DIFFICULTY[cloth])
+    seed = changes.pop("seed", 9)
+    folder = write_cell(tmp_path, "liar", "blue", seed, **changes)
+    result = CliRunner().invoke(app, [str(tmp_path), "--json"])
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert {row["solver"] for row in document["rows"]} == {"homo", "repeat of the same drape"}
+    (skipped,) = document["skipped"]
+    assert (skipped["path"], skipped["status"]) == (str(folder), "damaged")
+    assert reason in skipped["reason"]
+
+
+@pytest.mark.parametrize("name", [None, "", "null", "None", "nan", 7, ["homo"]])
+@pytest.mark.parametrize("field", ["solver", "cloth"])
+def test_a_cell_without_a_name_is_no_row(tmp_path, name, field):
+    write_solver(tmp_path, "null:disc", lambda cloth, seed: DIFFICULTY[cloth])
+    folder = write_cell(tmp_path, "homo", "blue")
+    result = json.loads((folder / "result.json").read_text())
+    (folder / "result.json").write_text(json.dumps(result | {field: name}))
+    cells = load_cells(tmp_path)
+    assert set(cells.table["solver"]) == {"null:disc"}
+    assert f"{field} must be a name" in cells.skipped[0].reason
+    with pytest.raises(LeaderboardError, match=rf"result\.json: {field} must be a name"):
+        cells.require_sound()

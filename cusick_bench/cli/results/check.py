@@ -1,4 +1,7 @@
-"""`cusick-bench check`: the regression gate; exit status 1 where a solver has become worse than the baseline."""
+"""`cusick-bench check`: the regression gate.
+
+Exit status 1 where a solver has become worse than the baseline, 3 where nothing could be decided.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import typer
 from rich import box
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, tell, user_errors
+from cusick_bench.cli.common import UNDECIDED, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import GATED, metric_called
@@ -41,7 +44,10 @@ def check_command(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Says which solvers have become worse than a committed baseline; exit status 1 if any has.
+    """Says which solvers have become worse than a committed baseline.
+
+    Exit status 0 if none has, 1 if any has, 2 if an input is bad (a metric that is NaN or no such number, a solver
+    without a name), 3 if nothing could be decided: no cells in common, or too few.
 
     Reruns with the same or with other seeds are compared fairly: cells are paired by cloth, and by seed where it is
     shared. Make a baseline with --write, and commit it.
@@ -69,6 +75,8 @@ def check_command(
     _show(outcome, as_json)
     if outcome.regressions:
         raise typer.Exit(1)
+    if not outcome.decided:
+        raise typer.Exit(UNDECIDED)
 
 
 def _facts(run: Path) -> list[str]:
@@ -89,18 +97,29 @@ def _facts(run: Path) -> list[str]:
 def _show(outcome: Outcome, as_json: bool) -> None:
     if as_json:
         findings = [finding.record() for finding in outcome.findings]
-        print_json({"regressions": len(outcome.regressions), "findings": findings, "notes": list(outcome.notes)})
+        print_json(
+            {
+                "regressions": len(outcome.regressions),
+                "decided": outcome.decided,
+                "findings": findings,
+                "notes": list(outcome.notes),
+            }
+        )
         return
     output.print(_table(outcome))
     for note in outcome.notes:
         output.print(note, style="dim", soft_wrap=True)
-    word = f"{len(outcome.regressions)} regressions" if outcome.regressions else "no regression"
-    output.print(word, style="bold red" if outcome.regressions else "bold green")
+    if outcome.regressions:
+        output.print(f"{len(outcome.regressions)} regressions", style="bold red")
+    elif outcome.decided:
+        output.print("no regression", style="bold green")
+    else:
+        output.print("nothing could be decided: no cells in common, or too few", style="bold yellow")
 
 
 def _table(outcome: Outcome) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for head in ("verdict", "solver", "metric", "before", "now", "change [95 %]", "p (Holm)", "test", "could see", ""):
+    for head in ("verdict", "solver", "metric", "before", "now", "ratio [95 %]", "p (Holm)", "test", "could see", ""):
         folded = head in ("solver", "")
         table.add_column(head, no_wrap=not folded, overflow="fold", min_width=18 if head == "solver" else None)
     for finding in outcome.findings:
@@ -111,10 +130,10 @@ def _table(outcome: Outcome) -> Table:
             finding.metric,
             _number(finding.before),
             _number(finding.after),
-            _change(finding),
+            _ratio(finding),
             _p(finding.p),
             f"{_TESTS[test.test]}, n = {test.units}" if test else "",
-            _percent(test.detectable) if test else "",
+            _times(test.detectable) if test else "",
             finding.detail,
             style=_STYLES.get(finding.verdict, ""),
         )
@@ -129,13 +148,11 @@ def _p(value: float) -> str:
     return "" if not isfinite(value) else "< .001" if value < 1e-3 else f"{value:.3f}"
 
 
-def _percent(value: float) -> str:
-    return f"{100 * value:.1f} %" if isfinite(value) else ""
+def _times(value: float) -> str:
+    return f"x {value:.3g}" if isfinite(value) else ""
 
 
-def _change(finding: Finding) -> str:
-    change = finding.change
-    if not isfinite(change.value):
-        return ""
-    interval = f" [{100 * change.low:+.1f}, {100 * change.high:+.1f}]" if isfinite(change.low) else ""
-    return f"{100 * change.value:+.1f} %{interval}"
+def _ratio(finding: Finding) -> str:
+    ratio = finding.ratio
+    interval = f" [{ratio.low:.3g}, {ratio.high:.3g}]" if isfinite(ratio.low) else ""
+    return f"{_times(ratio.value)}{interval}" if isfinite(ratio.value) else ""

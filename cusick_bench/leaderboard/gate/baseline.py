@@ -7,19 +7,20 @@ JSON, `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}
 
 import hashlib
 from collections.abc import Iterable
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from cusick_bench.files import read_csv, read_json, read_text
+from cusick_bench.files import read_csv, read_json
 from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.plausible import metric_of, name_of, seed_of
 from cusick_bench.runner.store import write_atomically
 
 IDENTITY = ("solver", "cloth", "seed")
+STATUSES = ("done", "failed")
 KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_profile_rms_m", "test_dc_error")
 """Metrics that a baseline keeps; `check` compares some of them."""
 
@@ -38,10 +39,13 @@ def read_cells(path: Path) -> pd.DataFrame:
         A row a cell: solver, cloth, seed, status ("done" or "failed"), what is known of its problem, metrics.
 
     Raises:
-        LeaderboardError: There is no such file, it holds no cells, or some of them twice.
+        LeaderboardError: There is no such file, it holds no cells, some of them twice, or one that is damaged: without
+            a name, or with a metric that is none.
     """
     if path.is_dir():
-        table = _of_run(load_cells(path))
+        cells = load_cells(path)
+        cells.require_sound()
+        table = _of_run(cells)
     elif path.is_file():
         table = _of_file(path)
     else:
@@ -108,29 +112,47 @@ def _of_run(cells: Cells) -> pd.DataFrame:
 
 def _of_file(path: Path) -> pd.DataFrame:
     try:
-        if path.suffix == ".json":
-            table = _of_json(read_json(path, remedy=""))
-        else:
-            read_csv(path, remedy="", comment="#")  # no column twice, no line too long
-            text = read_text(path, remedy="", most_bytes=_MOST_BYTES)
-            table = pd.read_csv(StringIO(text), comment="#")
-    except (ValueError, pd.errors.ParserError) as error:
+        entries = _of_json(path) if path.suffix == ".json" else _of_csv(path)
+    except ValueError as error:
         raise LeaderboardError(f"{path} is no table of cells ({error}); make it anew with `check --write`") from error
-    missing = [name for name in IDENTITY if name not in table]
+    names = {name for _, entry in entries for name in entry}
+    missing = [name for name in IDENTITY if name not in names]
     if missing:
-        hint = "a leaderboard has a line a solver, not a cell; " if {"rank", "cloths"} <= set(table) else ""
+        hint = "a leaderboard has a line a solver, not a cell; " if {"rank", "cloths"} <= names else ""
         raise LeaderboardError(
             f"{path} lacks the column {missing[0]!r}: {hint}make it with `check RUN --against FILE --write`"
         )
-    if table.empty:
+    if not entries:
         raise LeaderboardError(f"{path} holds no cells")
-    status = table["status"].fillna("done") if "status" in table else "done"
-    names = {"solver": str, "cloth": str, "seed": int}
-    return table.assign(status=status).astype(names).sort_values(list(IDENTITY), ignore_index=True)
+    table = pd.DataFrame([_cell(where, entry) for where, entry in entries])
+    return table.astype({"seed": int}).sort_values(list(IDENTITY), ignore_index=True)
 
 
-def _of_json(document: Any) -> pd.DataFrame:
+def _of_csv(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Lines of a CSV file with where they stand, empty cells as None."""
+    table = read_csv(path, remedy="", comment="#", most_bytes=_MOST_BYTES)
+    if not table.rows:
+        return [(str(path), dict.fromkeys(table.header))] if not set(IDENTITY) <= set(table.header) else []
+    return [(f"{path}, line {line}", {name: text or None for name, text in row.items()}) for line, row in table.rows]
+
+
+def _of_json(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Cells of a JSON file with where they stand, their metrics beside the rest."""
+    document: Any = read_json(path, remedy="")
     cells = document.get("cells") if isinstance(document, dict) else document
     if not isinstance(cells, list) or not all(isinstance(cell, dict) for cell in cells):
         raise ValueError('it must hold {"cells": [{"solver": ..., "cloth": ..., "seed": ..., metrics}]}')
-    return pd.DataFrame([{**cell, **(cell.get("metrics") or {})} for cell in cells])
+    return [(f"{path}, cell {place}", {**cell, **(cell.get("metrics") or {})}) for place, cell in enumerate(cells, 1)]
+
+
+def _cell(where: str, entry: dict[str, Any]) -> dict[str, Any]:
+    """A cell of a file, its numbers as numbers; raises LeaderboardError where it says what no cell can say."""
+    try:
+        cell = entry | {"solver": name_of("solver", entry.get("solver")), "cloth": name_of("cloth", entry.get("cloth"))}
+        cell["seed"] = seed_of(entry.get("seed"))
+        cell["status"] = entry.get("status") or "done"
+        if cell["status"] not in STATUSES:
+            raise ValueError(f"status must be {' or '.join(STATUSES)}, got {cell['status']!r}")
+        return cell | {name: metric_of(name, entry[name]) for name in entry if name.startswith(("train_", "test_"))}
+    except ValueError as error:
+        raise LeaderboardError(f"{where}: {error}; correct the file, or make it anew with `check --write`") from error

@@ -31,7 +31,7 @@ class Gate:
     Attributes:
         metrics: Metrics to compare, of which smaller is better.
         level: Family-wise probability of a false alarm.
-        minimum: Relative change below which nobody cares.
+        minimum: Relative change below which nobody cares: .02 stands for a ratio of 1.02.
         seed: Seed of permutations and resamples.
     """
 
@@ -57,7 +57,8 @@ class Finding:
     Attributes:
         solver: Solver.
         metric: Metric, or "cells" where cells are missing or failed.
-        verdict: "regression", "unchanged" (no regression was found), "undecided" (too few cells) or "new".
+        verdict: "regression", "unchanged" (no regression was found), "undecided" (too few cells, or none in common) or
+            "new".
         detail: What there is to say, "" where the numbers say it.
         before: Mean over the compared cells in the baseline.
         after: The same now.
@@ -75,16 +76,16 @@ class Finding:
     p: float = nan
 
     @property
-    def change(self) -> Estimate:
-        """Relative change with its 95 % interval."""
-        return self.comparison.change if self.comparison else Estimate(nan, nan, nan)
+    def ratio(self) -> Estimate:
+        """After / before with its 95 % interval."""
+        return self.comparison.ratio if self.comparison else Estimate(nan, nan, nan)
 
     def record(self) -> dict[str, Any]:
         """The line, flat, for JSON."""
         test = self.comparison
         return {
             **{name: getattr(self, name) for name in ("solver", "metric", "verdict", "detail", "before", "after", "p")},
-            **self.change.columns("change"),
+            **self.ratio.columns("ratio"),
             "test": test.test if test else "",
             "units": test.units if test else 0,
             "detectable": test.detectable if test else nan,
@@ -108,6 +109,12 @@ class Outcome:
         """The lines for which the gate closes."""
         return [finding for finding in self.findings if finding.verdict == "regression"]
 
+    @property
+    def decided(self) -> bool:
+        """Whether anything could be said of any solver: there were cells in common, and enough of them."""
+        compared = any(finding.comparison and finding.verdict == "unchanged" for finding in self.findings)
+        return compared or bool(self.regressions)
+
 
 def check(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate | None = None) -> Outcome:
     """Compares a run with a baseline.
@@ -121,11 +128,14 @@ def check(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate | None = None) -
         A line a solver and metric, worst first.
 
     Raises:
-        LeaderboardError: Other data or settings than the baseline's, no solver or no metric in common.
+        LeaderboardError: Other data or settings than the baseline's, no metric in common, or one that only one of the
+            two has measured of a cloth.
     """
     gate = gate or Gate()
     metrics = _shared_metrics(run, baseline, gate)
     _require_same_problem(run, baseline)
+    for metric in metrics:
+        _require_measured(run, baseline, metric)
     known, present = set(baseline["solver"]), set(run["solver"])
     findings = [_gone(solver, baseline) for solver in sorted(known - present)]
     findings += [_new(solver, run) for solver in sorted(present - known)]
@@ -184,6 +194,22 @@ def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
                 )
 
 
+def _require_measured(run: pd.DataFrame, baseline: pd.DataFrame, metric: str) -> None:
+    """A finished cell without a number would drop out of the comparison, and nobody would know."""
+    tables = {"run": run, "baseline": baseline}
+    done = {name: table.loc[table["status"] == "done"] for name, table in tables.items()}
+    lacking = {name: table.loc[table[metric].isna()] for name, table in done.items()}
+    measured = {name: table.loc[table[metric].notna()] for name, table in done.items()}
+    for name, other in (("run", "baseline"), ("baseline", "run")):
+        known = set(zip(measured[other]["solver"], measured[other]["cloth"], strict=True))
+        for solver, cloth, seed in zip(*(lacking[name][column] for column in ("solver", "cloth", "seed")), strict=True):
+            if (solver, cloth) in known:
+                raise LeaderboardError(
+                    f"{solver} on {cloth}, seed {seed}, has no {metric} in the {name}, and the {other} has one; run it "
+                    "again, or choose other metrics with --metric"
+                )
+
+
 def _listed(names: set[Any]) -> str:
     return ", ".join(sorted(str(name)[:12] for name in names))
 
@@ -238,7 +264,7 @@ def _judged(findings: Sequence[Finding], gate: Gate) -> Iterator[Finding]:
         if isnan(p):
             yield replace(finding, detail=finding.detail or "one cell decides nothing")
         else:
-            large = finding.comparison is None or finding.change.value >= gate.minimum
+            large = finding.comparison is None or finding.ratio.value >= 1 + gate.minimum
             worse = p <= gate.level and large
             yield replace(finding, p=p, verdict="regression" if worse else "unchanged")
 
@@ -252,6 +278,8 @@ def _notes(findings: Sequence[Finding], gate: Gate) -> Iterator[str]:
     blind = [f"{f.solver} {f.metric}" for f in compared if f.verdict == "undecided"]
     if blind:
         yield f"Too few cells to tell anything of {', '.join(blind)}: add cloths or seeds."
-    weak = sorted({f.solver for f in compared if f.comparison and f.comparison.detectable > max(0.05, gate.minimum)})
+    weak = sorted(
+        {f.solver for f in compared if f.comparison and f.comparison.detectable > 1 + max(0.05, gate.minimum)}
+    )
     if weak:
         yield f"A change of 5 % could have been missed in {', '.join(weak)}: add cloths or seeds to both runs."

@@ -5,8 +5,9 @@ only partly shared, what is left is the cloth. For a cloth with values b (before
 
     d = (mean a - mean b) / mean of all of them,
 
-relative, bounded by 2 in size, and of either sign equally often if nothing has changed. The change of a solver is the
-mean over cloths; the statement is about these cloths.
+relative, and of either sign equally often if nothing has changed. The test is about the mean of d over cloths; the
+statement is about these cloths. What is shown is the ratio after / before, its geometric mean over cloths: a value
+that is ten times as large is "x 10", where d would be 1.6.
 
 Two tests, chosen by the number of cells and never by their values. With many: the labels "before" and "after" are
 permuted within each cloth (for a shared seed: their sign flipped), which is exact whatever the noise. With so few that
@@ -19,7 +20,7 @@ References:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import comb, inf, isnan, log, nan
+from math import comb, exp, inf, isnan, log, nan
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +32,7 @@ from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
 PERMUTATIONS = 20_000
 POWER = 0.8  # at which a change counts as detectable
 _SPARE = 10  # permutations needed, in multiples of those that reach the level at all
+_LARGEST = 1e6  # ratio that is told; beyond lie values that were 0
 _ROUNDING = 1e-6  # relative changes that a baseline's digits and a machine's arithmetic can make
 
 
@@ -60,14 +62,15 @@ class Comparison:
     """Change of one metric of one solver.
 
     Attributes:
-        change: Mean relative change over the cloths with its 95 % interval; positive is worse.
+        ratio: Geometric mean over the cloths of after / before, with its 95 % interval; above 1 is worse.
         p: Probability of as great a change if nothing has changed; NaN where cells are too few for any test.
         test: "permutation", "t" or "none".
         units: Paired values behind it.
-        detectable: Change that would be found in four of five cases; NaN where no test can be made.
+        detectable: Ratio that would be found in four of five cases; infinite where none would, NaN where no test can
+            be made.
     """
 
-    change: Estimate
+    ratio: Estimate
     p: float
     test: str
     units: int
@@ -113,19 +116,19 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
     """
     pairs = blocks(before, after)
     changes = _changes(pairs)
-    change = estimate(changes, mean, generator)
+    ratio = _exponential(estimate(_log_ratios(pairs), mean, generator))
     units = len(changes)
     observed = _statistic(pairs)
     if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
         null = _permuted(pairs, generator)
         p = (1 + np.count_nonzero(null >= observed - _ROUNDING)) / (1 + PERMUTATIONS)
         spread = float(np.std(null))
-        return Comparison(change, float(p), "permutation", units, spread * float(_reach(level, inf)))
+        return Comparison(ratio, float(p), "permutation", units, _ratio(spread * float(_reach(level, inf))))
     if units < 2:
-        return Comparison(change, nan, "none", units, nan)
+        return Comparison(ratio, nan, "none", units, nan)
     values = np.array(list(changes.values()))
     error = float(values.std(ddof=1)) / np.sqrt(units)
-    return Comparison(change, _student(values, error), "t", units, error * float(_reach(level, units - 1)))
+    return Comparison(ratio, _student(values, error), "t", units, _ratio(error * float(_reach(level, units - 1))))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -177,6 +180,33 @@ def _changes(pairs: Blocks) -> dict[tuple[str, int], float]:
 def _change(block: Block, scale: float) -> float:
     change = float(block.after.mean() - block.before.mean()) / scale
     return 0.0 if abs(change) < _ROUNDING else change
+
+
+def _log_ratios(pairs: Blocks) -> dict[tuple[str, int], float]:
+    """Logarithm of after / before of every block, by cloth and place."""
+    return {
+        (cloth, place): _log_ratio(float(block.before.mean()), float(block.after.mean()))
+        for cloth, group in pairs.items()
+        for place, block in enumerate(group)
+    }
+
+
+def _log_ratio(before: float, after: float) -> float:
+    """Logarithm of after / before; of a value that is or was 0, that of the largest ratio that is told."""
+    if abs(after - before) <= _ROUNDING * max(abs(before), abs(after)):
+        return 0.0
+    if before <= 0 or after <= 0:
+        return log(_LARGEST) if after > before else -log(_LARGEST)
+    return max(-log(_LARGEST), min(log(_LARGEST), log(after / before)))
+
+
+def _exponential(value: Estimate) -> Estimate:
+    return Estimate(exp(value.value), exp(value.low), exp(value.high))
+
+
+def _ratio(change: float) -> float:
+    """The ratio a / b of two values whose relative change (a - b) / ((a + b) / 2) is given."""
+    return (2 + change) / (2 - change) if change < 2 else inf
 
 
 def _permuted(pairs: Blocks, generator: np.random.Generator) -> Float[ndarray, " permutations"]:

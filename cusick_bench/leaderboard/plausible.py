@@ -1,0 +1,112 @@
+"""What a row may say: names that are names, metrics within the limits that their meaning sets.
+
+A mean squared error of coverages lies in [0, 1], a distance is not negative, a drape coefficient is a share of an
+area. A number outside is a fault of a file or of a program, never a score, and would rank first.
+"""
+
+import re
+from math import inf, isfinite, isnan
+from typing import Any
+
+_NOWHERE = ("", "nan", "none", "null", "undefined")
+_SLACK = 1e-9  # of rounding, beyond a limit
+_TALLEST = 10.0  # [m]: no drape is larger
+_LIMITS = tuple(
+    (re.compile(pattern), low, high)
+    for pattern, low, high in (
+        (r"(^|_)mse($|_)|_iou($|_)|_cover_\d+$|_p$", 0.0, 1.0),
+        (r"_m$", 0.0, _TALLEST),
+        (r"_dc(_target)?$", -0.1, 1.1),  # of the ring beyond the plate; camera and rim blur it a little
+        (r"_dc_(error|crps)$", 0.0, 1.2),
+        (r"_folds($|_)", 0.0, 180.0),  # a fold a degree and a valley between them
+        (r"energy_distance", -10.0, inf),  # unbiased, so that it may lie a little below 0
+        (r"^spent_|^draws$|_score$|_bias$", 0.0, inf),
+    )
+)
+
+
+def implausible(name: str, value: float) -> str:
+    """Why a value of a metric is none.
+
+    Args:
+        name: Name of the metric or cost.
+        value: Its value; NaN stands for one that was not measured.
+
+    Returns:
+        The rule and the value; "" where the value is one.
+    """
+    if isnan(value):
+        return ""
+    if not isfinite(value):
+        return f"{name} must be finite, got {value}"
+    for pattern, low, high in _LIMITS:
+        if pattern.search(name):
+            if low - _SLACK <= value <= high + _SLACK:
+                return ""
+            limits = f"lie in [{low:g}, {high:g}]" if isfinite(high) else f"be at least {low:g}"
+            return f"{name} must {limits}, got {value:g}"
+    return ""
+
+
+def name_of(what: str, value: Any) -> str:
+    """A name that stands in a file.
+
+    Args:
+        what: What it names, such as `solver`.
+        value: What the file holds.
+
+    Returns:
+        The name.
+
+    Raises:
+        ValueError: It is none, but empty, null or no text.
+    """
+    if not isinstance(value, str) or value.strip().lower() in _NOWHERE:
+        raise ValueError(f"{what} must be a name, got {value!r}")
+    return value
+
+
+def seed_of(value: Any) -> int:
+    """A seed that stands in a file.
+
+    Args:
+        value: What the file holds: a whole number, or its text.
+
+    Returns:
+        The seed.
+
+    Raises:
+        ValueError: It is no whole number of at least 0.
+    """
+    text = str(value).strip()
+    if isinstance(value, bool) or not re.fullmatch(r"\d{1,18}(\.0+)?", text):
+        raise ValueError(f"seed must be a whole number >= 0, got {value!r}")
+    return int(text.partition(".")[0])
+
+
+def metric_of(name: str, value: Any) -> float:
+    """A metric that stands in a file.
+
+    Args:
+        name: Name of the metric.
+        value: What the file holds; None or an empty text where it was not measured.
+
+    Returns:
+        The number; NaN where it was not measured.
+
+    Raises:
+        ValueError: It is no number, or one that this metric cannot have.
+    """
+    if value is None or value == "":
+        return float("nan")
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        number = float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{name} must be a number, got {value!r}") from error
+    if isnan(number):
+        raise ValueError(f"{name} must be finite, got {value}")
+    if rule := implausible(name, number):
+        raise ValueError(rule)
+    return number
