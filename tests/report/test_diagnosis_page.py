@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation, Text
 
 from cusick_bench.diagnosis.atlas.base_model import DENSITY, NAMES, cloth
-from cusick_bench.diagnosis.document.model import BaseParameters, DiagnosisDocument, Profiles, StatisticRow
+from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts, DiagnosisDocument, Profiles, StatisticRow
 from cusick_bench.diagnosis.measure.captures import captures_from_profiles
 from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
 from cusick_bench.report.diagnosis.bars import Bar, bars_graph, closure_graph, gap_graph
@@ -599,14 +599,16 @@ def test_outlines_are_counter_clockwise_from_warp():
 
 def test_cloth_in_words_is_the_base_models_cloth():
     theta = np.array([-6.5, 0.4, 0.1, 0.2, 4.0, 0.2, -0.3])
-    rows = cloth_in_words(BaseParameters(**dict(zip(NAMES, theta.tolist(), strict=True))), DENSITY)
+    rows = cloth_in_words(
+        BaseParameters(**dict(zip(NAMES, theta.tolist(), strict=True))), DataCounts(areal_density_kg_m2=DENSITY)
+    )
     values = {meaning: value for _, value, meaning in rows}
     material = cloth(theta)
     mean = float(material.bending[0, 0] * material.bending[2, 0]) ** 0.5
     assert values["at 150 g/m²"] == f"{1e6 * mean:.2g} µN m"
     ratio = float(material.bending[0, 0] / material.bending[2, 0])
     assert values["factor between the bending stiffness of the two"] == f"× {ratio:.2f}"
-    assert len(cloth_in_words(BaseParameters(bending=-6.5), None)) == 1
+    assert len(cloth_in_words(BaseParameters(bending=-6.5), DataCounts())) == 1
 
 
 @pytest.mark.parametrize(

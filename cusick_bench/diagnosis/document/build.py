@@ -234,6 +234,9 @@ def _counts(captures: Captures) -> model.DataCounts:
         down=int((captures.side == "down").sum()),
         later=len(captures) - len(drapes),
         areal_density_kg_m2=finite(captures.areal_density),
+        cloth_radius_m=captures.protocol.cloth_radius_m,
+        plate_radius_m=captures.protocol.plate_radius_m,
+        gravity_m_s2=captures.protocol.gravity_m_s2,
     )
 
 

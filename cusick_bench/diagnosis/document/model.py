@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.verdict import Verdict
 from cusick_bench.files import BadFile, parse_json, read_text
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, PLATE_RADIUS
 
 _MOST_BYTES = 16 << 20
 
@@ -142,6 +143,9 @@ class DataCounts(Part):
         down: Those of the lower face.
         later: Those that are not the first of their sample and face.
         areal_density_kg_m2: Mass per area [kg/m2].
+        cloth_radius_m: Radius of the flat cloth [m]; the document's lengths are those of a cloth of 150 mm.
+        plate_radius_m: Radius of the plate [m].
+        gravity_m_s2: Gravity [m/s2].
     """
 
     samples: int | None = None
@@ -150,6 +154,9 @@ class DataCounts(Part):
     down: int | None = None
     later: int | None = None
     areal_density_kg_m2: float | None = None
+    cloth_radius_m: float = CLOTH_RADIUS
+    plate_radius_m: float = PLATE_RADIUS
+    gravity_m_s2: float = GRAVITY
 
 
 class StatisticRow(Part):

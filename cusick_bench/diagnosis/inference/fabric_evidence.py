@@ -177,9 +177,26 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
             f"over {protocol.cloth_radius_m:g} m = {ratio:.3g}; drape samples of "
             f"{2 * protocol.plate_radius_m / nominal_ratio:.3g} m, or correct protocol.json"
         )
-    factor = CLOTH_RADIUS / protocol.cloth_radius_m
-    nominal = replace(protocol, cloth_radius_m=CLOTH_RADIUS, plate_radius_m=PLATE_RADIUS)
-    return replace(captures, radii=captures.radii * factor, protocol=nominal), list(captures.notes)
+    factor, notes = CLOTH_RADIUS / protocol.cloth_radius_m, list(captures.notes)
+    if factor != 1:
+        notes.append(
+            f"lengths are those of the atlas' cloth of {1e3 * CLOTH_RADIUS:g} mm radius; for this one, of "
+            f"{1e3 * protocol.cloth_radius_m:g} mm, multiply them by {1 / factor:.4g}"
+        )
+    if protocol.projection == "pinhole":
+        notes.append(
+            "radii are corrected for the pinhole camera of protocol.json as those of straight generators from the "
+            "plate's edge to the rim: what is left of perspective may show as an effect of the camera"
+        )
+    nominal = replace(
+        protocol,
+        cloth_radius_m=CLOTH_RADIUS,
+        plate_radius_m=PLATE_RADIUS,
+        px_per_m=protocol.px_per_m / factor,
+        camera_height_m=protocol.camera_height_m * factor,
+    )
+    scaled = replace(captures, radii=captures.radii * factor, area=captures.area * factor**2, protocol=nominal)
+    return scaled, notes
 
 
 def sample_statistics(captures: Captures) -> SampleStatistics:

@@ -23,11 +23,9 @@ from cusick_bench.datasets.files.image import PlateFit, fit_plate
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.sim.constants import PIXELS_PER_METRE
 
 ANGLES = 360  # a radius per degree: twelve to the narrowest fold
 SIDES = ("up", "down", "")
-_PIXEL = 1 / PIXELS_PER_METRE  # [m]
 _SLIP = 4.0  # robust standard deviations from the fabric's median; what lies nearer belongs to its spread
 
 
@@ -168,7 +166,7 @@ def read_captures(dataset: DrapeDataset, fabric: str, *, force: bool = False) ->
         except DataError as error:
             unreadable.append(row)
             notes.append(f"left out: {error}")
-    slips = _slips(rows)
+    slips = _slips(rows, 1 / chosen.protocol.px_per_m)
     used = [read.row for read, slip in zip(rows, slips, strict=True) if not slip]
     forced = require_possible(chosen, used + unreadable, force=force)
     notes += [f"forced: {fault}" for fault in forced]
@@ -228,15 +226,20 @@ def _read(dataset: DrapeDataset, row: int) -> _Read:
     )
 
 
-def _slips(rows: Sequence[_Read]) -> list[bool]:
-    """Which images do not hold the plate and lie apart from the others by place (first harmonic) or size."""
+def _slips(rows: Sequence[_Read], pixel: float) -> list[bool]:
+    """Which images do not hold the plate and lie apart from the others by place (first harmonic) or size.
+
+    Args:
+        rows: The images.
+        pixel: Width of a pixel [m], below which no distance tells.
+    """
     if not rows:
         return []
     radii = np.stack([read.radii for read in rows])
     transform = np.fft.rfft(radii, axis=1)[:, :2] / radii.shape[1]
     place = np.stack([2 * np.real(transform[:, 1]), 2 * np.imag(transform[:, 1]), np.real(transform[:, 0])], axis=1)
     distance = np.abs(place - np.median(place, axis=0))
-    scale = np.maximum(1.4826 * np.median(distance, axis=0), _PIXEL)
+    scale = np.maximum(1.4826 * np.median(distance, axis=0), pixel)
     apart = np.any(distance > _SLIP * scale, axis=1)
     return [bool(read.plate.fault) and far for read, far in zip(rows, apart.tolist(), strict=True)]
 

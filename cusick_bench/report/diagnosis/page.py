@@ -89,6 +89,6 @@ def diagnosis_page(document: DiagnosisDocument) -> DiagnosisPage:
         closure=closure_section(document),
         steps=step_table(document),
         next=next_section(document),
-        cloth=cloth_in_words(document.base, document.data.areal_density_kg_m2),
+        cloth=cloth_in_words(document.base, document.data),
         provenance=[(name, getattr(made, key)) for key, name in _PROVENANCE.items() if getattr(made, key)],
     )

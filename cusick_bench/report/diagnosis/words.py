@@ -7,7 +7,6 @@ from math import exp, log2
 from cusick_bench.diagnosis.atlas.base_model import LAYING_HEIGHT, REST_HEIGHT
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.report.diagnosis.number_format import measure, plain
-from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
 
 VERDICTS: Mapping[str, tuple[str, str]] = {
     "none": ("No unmodelled effect", "The base model explains these drapes within their natural spread."),
@@ -200,12 +199,12 @@ def place_in_words(angle: tuple[float, float] | None, radius: tuple[float, float
     return ", ".join(parts)
 
 
-def cloth_in_words(base: BaseParameters, density: float | None) -> list[tuple[str, str, str]]:
+def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, str, str]]:
     """Parameters of the base model that fit best; logarithms are undone.
 
     Args:
         base: The parameters.
-        density: Mass per area [kg/m2], None if unknown; only with it is there a stiffness in N m.
+        data: Gives density, radius and gravity; only with a density is there a stiffness in N m.
 
     Returns:
         Name, value, meaning.
@@ -213,8 +212,8 @@ def cloth_in_words(base: BaseParameters, density: float | None) -> list[tuple[st
     rows = []
     if (bending := _exponential(base.bending)) is not None:
         rows.append(("bending stiffness", f"{plain(bending, 3)} ρgR³", "in multiples of weight times radius cubed"))
-        if density is not None:
-            stiffness = bending * density * GRAVITY * CLOTH_RADIUS**3
+        if (density := data.areal_density_kg_m2) is not None:
+            stiffness = bending * density * data.gravity_m_s2 * data.cloth_radius_m**3
             rows.append(("", f"{1e6 * stiffness:.2g} µN m", f"at {1e3 * density:.0f} g/m²"))
     for level, words, meaning in (
         (base.anisotropy, "warp to weft", "factor between the bending stiffness of the two"),

@@ -1,0 +1,94 @@
+"""The same drapes under another laboratory's protocol are diagnosed alike, or it is said why not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from other_laboratory import LARGE_IMAGES, NEAR_CAMERA, SMALL_CLOTH, write_laboratory
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
+from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence, to_atlas
+from cusick_bench.diagnosis.measure.captures import Captures, read_captures
+from cusick_bench.diagnosis.measure.statistics import FREE, RESOLUTION, capture_statistics
+from cusick_bench.report.diagnosis.words import cloth_in_words
+
+CLOTH = "fabric_3"
+
+
+@pytest.fixture(scope="module")
+def laboratories(tmp_path_factory) -> dict[str, Path]:
+    cases = {"release": RELEASE, "large images": LARGE_IMAGES, "small cloth": SMALL_CLOTH, "near camera": NEAR_CAMERA}
+    return {
+        name: write_laboratory(tmp_path_factory.mktemp("lab"), protocol, samples=6) for name, protocol in cases.items()
+    }
+
+
+def captures(laboratories: dict[str, Path], name: str) -> Captures:
+    return read_captures(load(laboratories[name]), CLOTH)
+
+
+def evidence(of: Captures) -> FabricEvidence:
+    return fabric_evidence(of, load_atlas()[0], 1.0, np.random.default_rng(0))
+
+
+def rows(of: Captures) -> np.ndarray:
+    """Statistics in the atlas' lengths."""
+    scaled, _ = to_atlas(of)
+    return capture_statistics(scaled.cloth_frame(), scaled.protocol)
+
+
+@pytest.mark.parametrize("name", ["large images", "small cloth"])
+def test_statistics_and_evidence_agree_with_the_releases_protocol(laboratories, name):
+    ours, nominal = captures(laboratories, name), captures(laboratories, "release")
+    assert (ours.sample.tolist(), ours.side.tolist()) == (nominal.sample.tolist(), nominal.side.tolist())
+    scale = ours.protocol.cloth_scale
+    error = np.abs(ours.radii / scale - nominal.radii)  # a pixel of the release is 1.4 mm
+    assert error.max() < 5e-4
+    assert error.mean() < 1e-4
+    assert to_atlas(ours)[0].area == pytest.approx(nominal.area, rel=1e-3)
+    apart = np.abs(rows(ours) - rows(nominal))[:, list(FREE)] / RESOLUTION[list(FREE)]
+    assert np.median(apart) < 0.2
+    assert np.quantile(apart, 0.95) < 1.2
+    found, expected = evidence(ours), evidence(nominal)
+    assert found.causes.p == pytest.approx(expected.causes.p, abs=0.05)
+    for effect, probability in expected.causes.probability(1.0).items():
+        assert found.causes.probability(1.0)[effect] == pytest.approx(probability, abs=0.1), effect
+
+
+def test_lengths_of_another_cloth_are_said_to_be_scaled(laboratories):
+    _, notes = to_atlas(captures(laboratories, "small cloth"))
+    assert notes == [
+        "lengths are those of the atlas' cloth of 150 mm radius; for this one, of 120 mm, multiply them by 0.8"
+    ]
+    assert to_atlas(captures(laboratories, "large images"))[1] == []
+
+
+def test_perspective_is_taken_out_and_said(laboratories):
+    ours, nominal = captures(laboratories, "near camera"), captures(laboratories, "release")
+    assert np.abs(ours.radii - nominal.radii).mean() < 1.5e-3
+    (note,) = to_atlas(ours)[1]
+    assert "radii are corrected for the pinhole camera" in note
+
+
+def test_another_ratio_of_plate_to_cloth_is_refused_with_the_reason(tmp_path):
+    root = write_laboratory(tmp_path, RELEASE, samples=3, captures=(1,))
+    (root / "protocol.json").write_text('{"plate_radius_m": 0.075}')
+    with pytest.raises(DiagnosisError, match=r"atlas is for plate over cloth = 0\.6, this protocol has 0\.075 m over"):
+        to_atlas(read_captures(load(root), CLOTH))
+    command = CliRunner().invoke(app, ["diagnose", str(root), "--samples", "0", "--out", str(tmp_path / "out")])
+    assert command.exit_code == 2
+
+
+def test_stiffness_is_that_of_the_laboratorys_cloth_and_gravity():
+    base = BaseParameters(bending=-6.5)
+    data = DataCounts(areal_density_kg_m2=0.2)
+    other = DataCounts(areal_density_kg_m2=0.2, cloth_radius_m=0.12, gravity_m_s2=9.81)
+    (_, nominal, _), (_, scaled, _) = cloth_in_words(base, data)[1], cloth_in_words(base, other)[1]
+    assert nominal == f"{1e6 * np.exp(-6.5) * 0.2 * 9.8 * 0.15**3:.2g} µN m"
+    assert scaled == f"{1e6 * np.exp(-6.5) * 0.2 * 9.81 * 0.12**3:.2g} µN m"
