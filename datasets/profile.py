@@ -220,5 +220,5 @@ def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Floa
 
 
 def _as_array(image: ndarray | torch.Tensor) -> Float[ndarray, "height width"]:
-    pixels = image.detach().cpu().numpy() if hasattr(image, "detach") else image  # without waiting for torch
+    pixels = image if isinstance(image, ndarray) else image.detach().cpu().numpy()
     return np.asarray(pixels, dtype=np.float64)

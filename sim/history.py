@@ -81,7 +81,7 @@ def drop_with_history(
     simulator: DrapeSimulator,
     material: Material,
     initial: Float[Tensor, "vertices 3"],
-    rest_angle: Float[Tensor, hinges],
+    rest_angle: Float[Tensor, " hinges"],
     laws: Sequence[StateLaw],
 ) -> Float[Tensor, "vertices 3"]:
     """Drops one cloth whose laws have internal variables.

@@ -67,6 +67,12 @@ def registered() -> dict[str, type[Solver]]:
     return solvers
 
 
+def solver_names() -> list[str]:
+    """Names of all registered solvers; nothing of other packages is imported."""
+    names = [solver.name for solver in _BUILT_IN] + [f"nlopt:{algorithm}" for algorithm in BENCHMARKED]
+    return [*names, *(entry.name for entry in entry_points(group=ENTRY_POINTS))]
+
+
 def solver_class(name: str) -> type[Solver]:
     """The solver of a name.
 

@@ -13,14 +13,24 @@ import cusick_bench
 IMPORT_SECONDS = 0.05
 
 
+PACKAGES = [
+    "cusick_bench",
+    *(f"cusick_bench.{name}" for name in ("datasets", "garment", "leaderboard", "metrics", "problem", "report")),
+    "cusick_bench.runner",
+    "cusick_bench.sim.effects",
+]
+
+
 def test_every_offered_name_is_the_one_of_its_module():
     for name in cusick_bench.__all__:
         value = getattr(cusick_bench, name)
         assert getattr(import_module(value.__module__), name) is value
 
 
-def test_names_are_listed_once_and_for_type_checkers_too():
-    tree = ast.parse(Path(cusick_bench.__file__).read_text(encoding="utf-8"))
+@pytest.mark.parametrize("package", PACKAGES)
+def test_names_are_listed_once_and_for_type_checkers_too(package):
+    offering = import_module(package)
+    tree = ast.parse(Path(str(offering.__file__)).read_text(encoding="utf-8"))
     guarded = next(node for node in tree.body if isinstance(node, ast.If))
     imported = {
         alias.name: f"{node.module}"
@@ -28,9 +38,10 @@ def test_names_are_listed_once_and_for_type_checkers_too():
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert sorted(imported) == sorted(cusick_bench.__all__)
+    assert sorted(imported) == sorted(offering.__all__)
     for name, module in imported.items():
-        assert getattr(import_module(module), name) is getattr(cusick_bench, name)
+        assert getattr(import_module(module), name) is getattr(offering, name)
+        assert not Path(str(offering.__file__)).with_name(f"{name}.py").exists(), f"the module {name} would hide it"
 
 
 def test_dir_shows_names_that_are_not_imported_yet():

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from cusick_bench.cli.completion import complete_cloth, complete_data, complete_effect, complete_solver
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 from cusick_bench.sim.errors import CusickError
 
@@ -47,12 +48,13 @@ class CameraName(StrEnum):
 # Data
 Data = Annotated[
     str,
-    data_option(help="Name of a data set, see `datasets`, or a folder in its layout."),
+    data_option(help="Name of a data set, see `datasets`, or a folder in its layout.", autocompletion=complete_data),
 ]
 RunsData = Annotated[
     str | None,
     data_option(
-        help="Data set of the run: name or folder; by default the run's own, or else the folder in CUSICK_DATA."
+        help="Data set of the run: name or folder; by default the run's own, or else the folder in CUSICK_DATA.",
+        autocompletion=complete_data,
     ),
 ]
 FabricsCsv = Annotated[
@@ -63,10 +65,16 @@ RunsFabricsCsv = Annotated[
     Path | None,
     data_option(help="Table of areal densities; by default the run's own."),
 ]
-Cloths = Annotated[list[str] | None, data_option("--cloth", help="Cloth; repeatable; by default all.")]
+Cloths = Annotated[
+    list[str] | None, data_option("--cloth", help="Cloth; repeatable; by default all.", autocompletion=complete_cloth)
+]
 FittedCloths = Annotated[
     list[str] | None,
-    data_option("--cloth", help="Cloth; repeatable; by default all, of the public release the paper's five."),
+    data_option(
+        "--cloth",
+        help="Cloth; repeatable; by default all, of the public release the paper's five.",
+        autocompletion=complete_cloth,
+    ),
 ]
 RunFolder = Annotated[Path, typer.Argument(help="Results folder, as given to `run --out`.", metavar="RUN")]
 
@@ -112,13 +120,18 @@ CameraOption = Annotated[
 WithEffect = Annotated[
     list[str] | None,
     simulation_option(
-        metavar="NAME:param=value,...", help="Effect that the base model leaves out; repeatable; see `effects`."
+        metavar="NAME:param=value,...",
+        help="Effect that the base model leaves out; repeatable; see `effects`.",
+        autocompletion=complete_effect,
     ),
 ]
 
 # Fit
 Solvers = Annotated[
-    list[str] | None, fit_option("--solver", help="Solver, NAME or NAME,option=value; repeatable; see `solvers`.")
+    list[str] | None,
+    fit_option(
+        "--solver", help="Solver, NAME or NAME,option=value; repeatable; see `solvers`.", autocompletion=complete_solver
+    ),
 ]
 Budget = Annotated[
     float,
@@ -129,7 +142,10 @@ Seeds = Annotated[int, fit_option(min=1, max=MOST_SEEDS, help="Number of seeds."
 # Diagnosis
 Atlas = Annotated[Path, typer.Option(help="Fitted atlas, from `atlas fit`.")]
 WithoutEffect = Annotated[
-    list[str] | None, typer.Option(help="Effect to leave out of the candidates; repeatable; see `effects`.")
+    list[str] | None,
+    typer.Option(
+        help="Effect to leave out of the candidates; repeatable; see `effects`.", autocompletion=complete_effect
+    ),
 ]
 SimulatedSamples = Annotated[
     int,

@@ -12,7 +12,7 @@ with a the apparent radius, at the scale of the plate's plane, and rho the radiu
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from cusick_bench.sim.render.camera import Camera
 
-    Image = Float[ndarray, "size size"] | Float[Tensor, "size size"]
+    Image: TypeAlias = Float[ndarray, "size size"] | Float[Tensor, "size size"]
 
 
 def camera_of(protocol: Protocol) -> Camera:

@@ -103,6 +103,11 @@ def registered() -> dict[str, Effect]:
     return found
 
 
+def effect_names() -> list[str]:
+    """Names of all registered effects; nothing of other packages is imported."""
+    return [effect.name for effect in _BUILT_IN] + [entry.name for entry in entry_points(group=ENTRY_POINTS)]
+
+
 def effect(name: str) -> Effect:
     """An effect by name.
 

@@ -11,6 +11,7 @@ import typer
 from rich.table import Column, Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.completion import complete_data
 from cusick_bench.cli.data.synthetic import synthetic
 from cusick_bench.cli.options import Cloths, FabricsCsv, Json
 from cusick_bench.cli.progress import progress_bar
@@ -31,7 +32,12 @@ _CLOTH = Column("cloth", no_wrap=True)
 _SHOWN = 3  # irregularities of a kind that are listed without --all
 
 NameOrPath = Annotated[
-    str, typer.Argument(help="Name of a data set, see `datasets`, or a folder in its layout.", metavar="DATA")
+    str,
+    typer.Argument(
+        help="Name of a data set, see `datasets`, or a folder in its layout.",
+        metavar="DATA",
+        autocompletion=complete_data,
+    ),
 ]
 Uncorrected = Annotated[bool, typer.Option("--uncorrected", help="Take names of mesh files at their word.")]
 

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from cusick_bench.benchmark.optimisers import Plan, compare
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 
@@ -35,7 +36,12 @@ def optimisers(
     runs: Annotated[int, typer.Option(min=1, max=10_000, help="Runs of each method.")] = Plan.runs,
     solver: Annotated[
         list[str] | None,
-        typer.Option("--solver", "--method", help="Solver without gradients; repeatable; by default all."),
+        typer.Option(
+            "--solver",
+            "--method",
+            help="Solver without gradients; repeatable; by default all.",
+            autocompletion=complete_solver,
+        ),
     ] = None,
     seed: Seed = Plan.seed,
     out: Annotated[Path | None, output_option(help="Folder for finished runs, and a table of them.")] = None,

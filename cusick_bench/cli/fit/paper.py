@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
+from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.fit import paper_figures
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
@@ -51,7 +52,10 @@ paper_figures.register(app)
 Out = Annotated[Path, output_option(help="Folder for cells and tables; finished cells in it are kept.")]
 Solver = Annotated[
     list[str] | None,
-    fit_option(help="Solver: NAME, NAME,option=value or NAME@space; repeatable; by default all of the table."),
+    fit_option(
+        help="Solver: NAME, NAME,option=value or NAME@space; repeatable; by default all of the table.",
+        autocompletion=complete_solver,
+    ),
 ]
 Draws = Annotated[
     int,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
+from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.cli.progress import Bar, progress_bar
 from cusick_bench.report.figures import CLASSIFIED_DRAWS, SHOWN_SAMPLES
@@ -24,7 +25,11 @@ if TYPE_CHECKING:
 Out = Annotated[Path, output_option(help="Folder for the figure and its numbers.")]
 Solvers = Annotated[
     list[str] | None,
-    fit_option("--solver", help="Solver to show; repeatable; by default no oracles, and in figure 6 no nulls."),
+    fit_option(
+        "--solver",
+        help="Solver to show; repeatable; by default no oracles, and in figure 6 no nulls.",
+        autocompletion=complete_solver,
+    ),
 ]
 
 

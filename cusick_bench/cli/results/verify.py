@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import MOST_DRAWS, Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -30,7 +31,9 @@ def verify_command(
     target: Annotated[
         Path, typer.Argument(help="Folder of `run --out`, or of one of its cells (RUN/cells/KEY).", metavar="RUN")
     ],
-    solver: Annotated[list[str] | None, fit_option(help="Solver; repeatable; by default all.")] = None,
+    solver: Annotated[
+        list[str] | None, fit_option(help="Solver; repeatable; by default all.", autocompletion=complete_solver)
+    ] = None,
     cloth: Cloths = None,
     data: RunsData = None,
     fabrics_csv: RunsFabricsCsv = None,

@@ -59,7 +59,7 @@ class SlidHinges(State):
     """
 
     ratio: float
-    slid: Float[ndarray, hinges]
+    slid: Float[ndarray, " hinges"]
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float

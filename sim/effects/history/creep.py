@@ -47,7 +47,7 @@ class Relaxing(State):
     """
 
     loss: float
-    reached: Float[ndarray, hinges] | None = field(default=None)
+    reached: Float[ndarray, " hinges"] | None = field(default=None)
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float

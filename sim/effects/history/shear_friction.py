@@ -52,7 +52,7 @@ class SlidFaces(State):
     """
 
     ratio: float
-    slid: Float[ndarray, faces]
+    slid: Float[ndarray, " faces"]
 
     def advance(
         self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float

@@ -68,7 +68,7 @@ def _normals(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     return (ramp * ramp * (3 - 2 * ramp))[:, None] * normal
 
 
-def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]) -> Float[Tensor, bins]:
+def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]) -> Float[Tensor, " bins"]:
     """Farthest distance from the centre in each bin of angle, over points on all edges."""
     import torch
 
@@ -89,7 +89,7 @@ def _outline(points: Float[Tensor, "vertices 2"], edges: Int[ndarray, "edges 2"]
     return torch.linalg.norm(ends[:, 0] + weight * (ends[:, 1] - ends[:, 0]), dim=1)
 
 
-def _harmonics(radius: Float[Tensor, bins]) -> tuple[Tensor, Tensor, Tensor]:
+def _harmonics(radius: Float[Tensor, " bins"]) -> tuple[Tensor, Tensor, Tensor]:
     """Mean, cosine and sine coefficients of a function of angle given at the bins' middles."""
     import torch
 

@@ -41,7 +41,7 @@ class LocalMassPatch(Effect):
 
         patch, mass = Patch.of(value), value["mass"]
 
-        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
+        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
             return torch.log1p(mass * patch(points))
 
         return setup.with_added(log_mass=log_factor)

@@ -57,7 +57,7 @@ class Patch:
         """
         return cls(value["direction"], value["radius"], value["size"])
 
-    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
+    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
         import torch
 
         angle = torch.as_tensor(self.direction, dtype=torch.float64) * (math.pi / 180)

@@ -32,7 +32,7 @@ class Curl:
     curvature: float | Tensor
     degrees: float | Tensor
 
-    def __call__(self, mesh: Mesh) -> Float[Tensor, hinges]:
+    def __call__(self, mesh: Mesh) -> Float[Tensor, " hinges"]:
         import torch
 
         from cusick_bench.sim.cloth.shape import dihedral_angles

@@ -45,7 +45,7 @@ class RimStiffening(Effect):
         centre = torch.from_numpy(rim.mean(0))
         radius = float(np.hypot(*(rim - rim.mean(0)).T).mean())
 
-        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
+        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
             inward = (radius - torch.linalg.norm(points - centre, dim=1)).clamp(min=0)
             return stiffening * torch.exp(-inward / width)
 

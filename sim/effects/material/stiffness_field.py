@@ -35,7 +35,7 @@ class LogField:
     spread: float | Tensor
     length: float | Tensor
 
-    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, points]:
+    def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
         import torch
 
         waves, phases = torch.from_numpy(self.unit.wave_vectors), torch.from_numpy(self.unit.phases)
