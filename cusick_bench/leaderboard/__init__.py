@@ -10,7 +10,16 @@ if TYPE_CHECKING:
     from cusick_bench.leaderboard.cells import Cells, Skipped, load_cells
     from cusick_bench.leaderboard.errors import LeaderboardError
     from cusick_bench.leaderboard.formats import csv, html_table, latex, markdown, record, terminal
-    from cusick_bench.leaderboard.text import COLUMNS, short, text_table
+    from cusick_bench.leaderboard.stiffness import (
+        StiffnessRow,
+        cell_records,
+        stiffness_csv,
+        stiffness_records,
+        stiffness_rows,
+        stiffness_rows_csv,
+        stiffness_table,
+    )
+    from cusick_bench.leaderboard.text import COLUMNS, short, significant, text_table
 
 __all__ = [
     "COLUMNS",
@@ -20,6 +29,8 @@ __all__ = [
     "LeaderboardError",
     "Row",
     "Skipped",
+    "StiffnessRow",
+    "cell_records",
     "csv",
     "difference",
     "estimate",
@@ -32,6 +43,12 @@ __all__ = [
     "metric_names",
     "record",
     "short",
+    "significant",
+    "stiffness_csv",
+    "stiffness_records",
+    "stiffness_rows",
+    "stiffness_rows_csv",
+    "stiffness_table",
     "terminal",
     "text_table",
     "variants",
@@ -47,6 +64,8 @@ __getattr__ = lazy_names(
         "LeaderboardError": "errors",
         "Row": "board",
         "Skipped": "cells",
+        "StiffnessRow": "stiffness",
+        "cell_records": "stiffness",
         "csv": "formats",
         "difference": "bootstrap",
         "estimate": "bootstrap",
@@ -59,6 +78,12 @@ __getattr__ = lazy_names(
         "metric_names": "board",
         "record": "formats",
         "short": "text",
+        "significant": "text",
+        "stiffness_csv": "stiffness",
+        "stiffness_records": "stiffness",
+        "stiffness_rows": "stiffness",
+        "stiffness_rows_csv": "stiffness",
+        "stiffness_table": "stiffness",
         "terminal": "formats",
         "text_table": "text",
         "variants": "board",

@@ -11,6 +11,7 @@ import pandas as pd
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, seed_of
+from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
 from cusick_bench.runner.labels import numerics_text
@@ -50,7 +51,7 @@ class Cells:
         run: Contents of `run.json`, empty where there is none.
         table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `code_version` (versions
             of the numerics; of cells of before they had any, a fingerprint of the source), `commit`, `test` (index rows
-            of the unseen samples), `spent_*`, all metrics, and `folder`.
+            of the unseen samples), `spent_*`, all metrics, `stiffness` (a `FoundStiffness`, or None), and `folder`.
         skipped: The other cells.
     """
 
@@ -136,7 +137,7 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     known = {name: result.get(name, "") for name in _IDENTITY} | _code(result)
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
     problem = {"kind": str(result["kind"]), **known, "test": test, "settings": settings}
-    return {**identity, **problem, **spent, **metrics, "folder": folder}
+    return {**identity, **problem, **spent, **metrics, "stiffness": read_stiffness(result), "folder": folder}
 
 
 def _code(result: dict[str, Any]) -> dict[str, str]:

@@ -79,16 +79,16 @@ def latex(board: Leaderboard | TextTable) -> str:
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def html_table(board: Leaderboard) -> str:
+def html_table(board: Leaderboard | TextTable) -> str:
     """An HTML `table` element; rows carry their kind as a class.
 
     Args:
-        board: A leaderboard.
+        board: A leaderboard, or any table of strings.
 
     Returns:
         Text of the element.
     """
-    text = text_table(board)
+    text = _text(board)
     return "\n".join(
         [
             '<table class="leaderboard">',

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import floor, isfinite, log10
 from pathlib import Path
 
 from cusick_bench.leaderboard.board import Leaderboard, Row
@@ -91,6 +91,22 @@ def short(value: float, digits: int = 4) -> str:
         return ""
     text = f"{value:.{digits}f}"
     return text.replace("0.", ".", 1) if text.startswith(("0.", "-0.")) else text
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A positive number with so many significant digits, without exponent: `0.000221`, `1.31`, `2690`.
+
+    Args:
+        value: The number.
+        digits: Significant digits.
+
+    Returns:
+        Text, empty for NaN.
+    """
+    if not isfinite(value):
+        return ""
+    places = digits - 1 - floor(log10(value)) if value > 0 else 0
+    return f"{value:.{max(places, 0)}f}"
 
 
 def with_interval(estimate: Estimate | None) -> str:

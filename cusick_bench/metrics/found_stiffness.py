@@ -66,7 +66,14 @@ class Quantity:
         return Quantity(factor * self.value, self.ci90 and (factor * self.ci90[0], factor * self.ci90[1]))
 
     def holds(self, truth: float) -> bool | None:
-        """Whether the interval holds a number; None without one."""
+        """Whether the interval holds a number.
+
+        Args:
+            truth: The number.
+
+        Returns:
+            Whether it does; None without an interval.
+        """
         return None if self.ci90 is None else self.ci90[0] <= truth <= self.ci90[1]
 
 

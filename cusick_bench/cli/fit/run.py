@@ -1,9 +1,10 @@
 """`cusick-bench run`: solvers on cloths; repeat the command to go on where it was stopped."""
 
+import os
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -40,9 +41,14 @@ from cusick_bench.problem import Budget as Limits
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner import RunnerError, Store
 
+if TYPE_CHECKING:
+    from cusick_bench.metrics.found_stiffness import FoundStiffness
+
 app = typer.Typer()
 
 EXECUTORS = ("process",)
+
+STIFFNESS_FILE = "stiffness.csv"
 
 DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
 
@@ -98,8 +104,8 @@ def run_command(
 ) -> None:
     """Run solvers on cloths, score them on held-out samples, and keep every number with what made it.
 
-    A cell is one solver on one cloth with one seed. Repeating the command goes on where it was stopped. Exit status 1
-    if a cell failed.
+    A cell is one solver on one cloth with one seed. Repeating the command goes on where it was stopped. The stiffness
+    that was found is printed, and written to OUT/stiffness.csv. Exit status 1 if a cell failed.
     """
     from cusick_bench.runner import ProblemSettings, Source, load_once, plan, require_space, run, shard
     from cusick_bench.sim.engine.settings import DrapeSettings
@@ -134,17 +140,47 @@ def run_command(
     cells = shard(cells, only) if only else cells
     with GridProgress() as grid, interruptible(partial(cells_kept, grid, out), go_on=True):
         results = run(source, cells, out, workers=workers, watcher=grid, command=sys.argv, force=force)
+    found = [_stiffness(result) for result in results]
     rows = [_row(result, out / "cells" / cell.key) for cell, result in zip(cells, results, strict=True)]
+    _write_stiffness(out)
     if json:
         print_json({"cells": rows})
     else:
         output.print(_table(rows))
+        if any(found):
+            from cusick_bench.cli.fit.stiffness_table import stiffness_table
+
+            output.print(stiffness_table(rows, found))
         tell(f"next: cusick-bench leaderboard {out}")
     if any(row["status"] == "failed" for row in rows):
         raise typer.Exit(1)
 
 
+def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":
+    from cusick_bench.metrics.found_stiffness import read_stiffness
+
+    try:
+        return read_stiffness(result)
+    except ValueError as error:
+        raise RunnerError(f"result.json of {result['solver']} on {result['cloth']} is damaged: {error}") from error
+
+
+def _write_stiffness(out: Path) -> None:
+    """The stiffness of all finished cells of the folder, whoever ran them."""
+    from cusick_bench.leaderboard import LeaderboardError, load_cells, stiffness_csv
+
+    try:
+        text = stiffness_csv(load_cells(out))
+    except LeaderboardError:  # no cell has finished
+        return
+    part = out / f"{STIFFNESS_FILE}.{os.getpid()}.part"  # other shards may be at it
+    part.write_text(text, encoding="utf-8")
+    part.replace(out / STIFFNESS_FILE)
+
+
 def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
+    from cusick_bench.metrics.found_stiffness import stiffness_document
+
     metrics, spent = result["metrics"], result["spent"]
     return {
         "solver": result["solver"],
@@ -156,6 +192,7 @@ def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:
         "train_mse": metrics.get("train_mse"),
         "test_mse": metrics.get("test_mse"),
         "hausdorff_m": metrics.get("test_hausdorff_m"),
+        **{name: result.get(name, none) for name, none in stiffness_document(None).items()},
         "seconds": spent.get("wall_seconds"),
         "forward_equivalents": spent.get("forward_equivalents"),
         "path": str(path),

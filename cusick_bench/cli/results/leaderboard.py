@@ -13,7 +13,7 @@ from cusick_bench.cli.options import By, Json, RunFolder, Seed, output_option
 from cusick_bench.leaderboard import LeaderboardError
 
 if TYPE_CHECKING:
-    from cusick_bench.leaderboard import Leaderboard
+    from cusick_bench.leaderboard import Leaderboard, StiffnessRow
 
 
 FORMS = (".csv", ".md", ".tex", ".html")
@@ -36,23 +36,37 @@ def leaderboard(
         list[Path] | None,
         output_option(help="File for the table: .csv (every number), .md, .tex or .html; repeatable."),
     ] = None,
+    stiffness: Annotated[
+        list[Path] | None,
+        output_option(help="File for the stiffness found, by solver and cloth: .csv, .md, .tex or .html; repeatable."),
+    ] = None,
     by: By = "test_mse",
     statistic: Annotated[StatisticName, typer.Option(help="Average over cells.")] = StatisticName.mean,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Ranks the solvers of a results folder."""
-    from cusick_bench.leaderboard import leaderboards, load_cells, record, terminal, text_table
+    """Ranks the solvers of a results folder, and says what stiffness they found."""
+    from cusick_bench.leaderboard import (
+        leaderboards,
+        load_cells,
+        record,
+        stiffness_records,
+        stiffness_rows,
+        stiffness_table,
+        terminal,
+        text_table,
+    )
 
-    for path in out or []:
+    for path in [*(out or []), *(stiffness or [])]:
         if path.suffix not in FORMS:
             raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(FORMS)}")
     cells = load_cells(folder)
     boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)
+    found = stiffness_rows(cells, seed=seed)
     for path in out or []:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(_form(boards, path.suffix), encoding="utf-8")
-        tell(f"wrote {path}")
+        _write(path, _form(boards, path.suffix))
+    for path in stiffness or []:
+        _write(path, _stiffness_form(found, path.suffix))
     if as_json:
         skipped = [
             {"path": cell.folder, "status": cell.status, "reason": cell.reason, "solver": cell.solver}
@@ -60,12 +74,32 @@ def leaderboard(
             for cell in cells.skipped
         ]
         rows = [record(board, row) for board in boards for row in board.rows]
-        print_json({"rows": rows, "skipped": skipped, "notes": [note for board in boards for note in board.notes]})
+        notes = [note for board in boards for note in board.notes]
+        print_json({"rows": rows, "stiffness": stiffness_records(found), "skipped": skipped, "notes": notes})
         return
     for board in boards:
         output.print(terminal(board, output.width))
         for note in text_table(board).notes:
             output.print(note, style="dim")
+    if found:
+        table = stiffness_table(found)
+        output.print(terminal(table, output.width))
+        for note in table.notes:
+            output.print(note, style="dim")
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    tell(f"wrote {path}")
+
+
+def _stiffness_form(rows: list[StiffnessRow], suffix: str) -> str:
+    from cusick_bench.leaderboard import html_table, latex, markdown, stiffness_rows_csv, stiffness_table
+
+    if suffix == ".csv":
+        return stiffness_rows_csv(rows)
+    return {".md": markdown, ".tex": latex, ".html": html_table}[suffix](stiffness_table(rows))
 
 
 def _form(boards: list[Leaderboard], suffix: str) -> str:

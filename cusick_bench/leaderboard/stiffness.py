@@ -1,0 +1,320 @@
+"""What solvers found of the cloths' stiffness: a row for each solver and cloth, over its seeds, beside the truth.
+
+Stiffnesses are averaged in the logarithm (geometric means). Where the truth is known a row has two scores: the error
+factor exp(mean |log(found / true)|) over directions and seeds, 1 for a perfect answer, and the coverage, the share of
+the 90 % intervals of posteriors that hold the truth. Solvers without physics have no stiffness: a row without numbers.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, isfinite, log, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.leaderboard.board import variants
+from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean
+from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.text import Column, TextTable, short, significant
+from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity
+from cusick_bench.metrics.stiffness import BENDING, GF_CM2_PER_CM, STRETCH
+
+_MICRO = 1e6  # shown in uN m
+
+CELL_COLUMNS = (
+    "dataset", "cloth", "solver", "seed", "quantity", "direction", "unit", "value", "ci90_low", "ci90_high",
+    "value_gf_cm2_cm", "ci90_low_gf_cm2_cm", "ci90_high_gf_cm2_cm", "spread_log", "true", "ratio", "ratio_ci90_low",
+    "ratio_ci90_high", "path",
+)  # fmt: skip
+"""Columns of `stiffness.csv`."""
+
+
+@dataclass(frozen=True)
+class StiffnessRow:
+    """What one solver found of one cloth.
+
+    Attributes:
+        solver: Name with options, and what sets it apart from others of that name.
+        dataset: Name of the data set.
+        cloth: Cloth; "" for all cloths together.
+        cells: Number of finished cells that have a stiffness.
+        bending: Geometric mean over seeds of the bending stiffness of each direction, with its interval over seeds
+            [N m]; empty for all cloths together.
+        stretch: The same of membrane stiffness [N/m].
+        true_bending: True bending stiffness [N m]; empty where it is not known.
+        true_stretch: True membrane stiffness [N/m]; empty where it is not known.
+        interval_factor: Half width of the posterior's 90 % interval of bending stiffness as a factor, geometric mean
+            over directions and seeds; NaN without a posterior.
+        error_factor: exp(mean |log ratio|) of bending stiffness; NaN where the truth is not known.
+        stretch_error_factor: The same of membrane stiffness.
+        coverage: Share of the 90 % intervals of bending stiffness that hold the truth; NaN where there are none.
+    """
+
+    solver: str
+    dataset: str
+    cloth: str
+    cells: int
+    bending: Mapping[str, Estimate]
+    stretch: Mapping[str, Estimate]
+    true_bending: Mapping[str, float]
+    true_stretch: Mapping[str, float]
+    interval_factor: float
+    error_factor: float
+    stretch_error_factor: float
+    coverage: float
+
+
+def stiffness_rows(cells: Cells, *, seed: int = 0) -> list[StiffnessRow]:
+    """Sums up what the cells of a results folder found.
+
+    Args:
+        cells: From `load_cells`.
+        seed: Seed of the bootstrap over seeds.
+
+    Returns:
+        A row for each solver and cloth, and one for all cloths of a solver where their truth is known, or where it has
+        no stiffness at all; no rows where no cell has one.
+    """
+    generator = np.random.default_rng(seed)
+    rows: list[StiffnessRow] = []
+    for (solver, variant), group in variants(cells.table):
+        label = f"{solver} ({variant})" if variant else solver
+        for dataset, of_set in group.groupby("dataset", sort=True):
+            of_cloths = [
+                (str(cloth), found) for cloth, part in of_set.groupby("cloth", sort=True) if (found := _found(part))
+            ]
+            rows += [_row(label, str(dataset), cloth, found, generator) for cloth, found in of_cloths]
+            every = {key: one for _, found in of_cloths for key, one in found.items() if one.true_bending}
+            if not of_cloths or (len(of_cloths) > 1 and every):
+                count = len(every) or len(of_set)
+                rows.append(StiffnessRow(label, str(dataset), "", count, {}, {}, {}, {}, *_scores(every.values())))
+    return rows if any(row.bending for row in rows) else []
+
+
+def stiffness_table(rows: Sequence[StiffnessRow]) -> TextTable:
+    """Sets the rows in strings.
+
+    Args:
+        rows: From `stiffness_rows`.
+
+    Returns:
+        A table with a line a row, cloth by cloth.
+    """
+    ordered = sorted(rows, key=lambda row: (row.dataset, row.cloth == "", row.cloth))
+    written = [(column, [entry(row) for row in ordered]) for column, entry in _COLUMNS]
+    kept = [(column, texts) for column, texts in written if any(texts) or not column.optional]
+    return TextTable(
+        title="stiffness found",
+        columns=tuple(column for column, _ in kept),
+        kinds=tuple("floor" if row.cloth == "" else "" for row in ordered),
+        entries=tuple(zip(*(texts for _, texts in kept), strict=True)),
+        notes=tuple(_notes(rows)),
+    )
+
+
+def stiffness_records(rows: Iterable[StiffnessRow]) -> list[dict[str, Any]]:
+    """Every row in full, flat.
+
+    Args:
+        rows: From `stiffness_rows`.
+
+    Returns:
+        Values by column: `bending_warp_N_m` with `_low`, `_high` (95 % over seeds) and `_true`, ...
+    """
+    return [_record(row) for row in rows]
+
+
+def stiffness_rows_csv(rows: Iterable[StiffnessRow]) -> str:
+    """`stiffness_records` as a table.
+
+    Args:
+        rows: From `stiffness_rows`.
+
+    Returns:
+        Text of the file.
+    """
+    return pd.DataFrame(stiffness_records(rows)).to_csv(index=False, lineterminator="\n")
+
+
+def cell_records(cells: Cells) -> list[dict[str, Any]]:
+    """What every cell found, a record for each quantity and direction: the lines of `stiffness.csv`.
+
+    Args:
+        cells: From `load_cells`.
+
+    Returns:
+        Values by column; empty where something is not known.
+    """
+    records: list[dict[str, Any]] = []
+    for _, cell in cells.table.iterrows():
+        found = cell.get("stiffness")
+        if not isinstance(found, FoundStiffness):
+            continue
+        identity = {name: cell[name] for name in ("dataset", "cloth", "solver", "seed")}
+        path = {"path": f"cells/{Path(str(cell['folder'])).name}"}
+        for direction, one in found.bending.items():
+            record = identity | {"quantity": "bending", "direction": direction, "unit": "N m"} | _interval("", one)
+            record |= _interval("_gf_cm2_cm", one.times(1 / GF_CM2_PER_CM))
+            record |= {"spread_log": found.spread.get(direction, "")}
+            records.append(record | _against(found.true_bending, found.bending_ratio, direction) | path)
+        for direction, one in found.stretch.items():
+            record = identity | {"quantity": "stretch", "direction": direction, "unit": "N/m"} | _interval("", one)
+            records.append(record | _against(found.true_stretch, found.stretch_ratio, direction) | path)
+    return records
+
+
+def stiffness_csv(cells: Cells) -> str:
+    """`cell_records` as a table.
+
+    Args:
+        cells: From `load_cells`.
+
+    Returns:
+        Text of the file, only a heading where no cell has a stiffness.
+    """
+    return pd.DataFrame(cell_records(cells), columns=list(CELL_COLUMNS)).to_csv(index=False, lineterminator="\n")
+
+
+Found = dict[tuple[str, int], FoundStiffness]
+
+
+def _found(part: pd.DataFrame) -> Found:
+    """By cloth and seed; cells without a stiffness are left out."""
+    if "stiffness" not in part:
+        return {}
+    cells = zip(part["cloth"], part["seed"], part["stiffness"], strict=True)
+    return {(str(cloth), int(seed)): one for cloth, seed, one in cells if isinstance(one, FoundStiffness)}
+
+
+def _row(label: str, dataset: str, cloth: str, found: Found, generator: np.random.Generator) -> StiffnessRow:
+    first = next(iter(found.values()))
+    bending = {name: _over_seeds({key: one.bending[name] for key, one in found.items()}, generator) for name in BENDING}
+    stretch = {name: _over_seeds({key: one.stretch[name] for key, one in found.items()}, generator) for name in STRETCH}
+    true = dict(first.true_bending or {}), dict(first.true_stretch or {})
+    return StiffnessRow(label, dataset, cloth, len(found), bending, stretch, *true, *_scores(found.values()))
+
+
+def _over_seeds(values: Mapping[tuple[str, int], Quantity], generator: np.random.Generator) -> Estimate:
+    logs = estimate({key: log(max(one.value, 1e-300)) for key, one in values.items()}, mean, generator)
+    return Estimate(*(exp(one) if isfinite(one) else nan for one in (logs.value, logs.low, logs.high)))
+
+
+def _scores(found: Iterable[FoundStiffness]) -> tuple[float, float, float, float]:
+    """Interval factor, error factors of bending and of stretch, coverage."""
+    cells = list(found)
+    widths = [
+        log(one.ci90[1] / one.ci90[0]) / 2
+        for cell in cells
+        for one in cell.bending.values()
+        if one.ci90 and one.ci90[0]
+    ]
+    held = [
+        one.holds(cell.true_bending[name]) for cell in cells if cell.true_bending for name, one in cell.bending.items()
+    ]
+    known = [one for one in held if one is not None]
+    return (
+        exp(np.mean(widths)) if widths else nan,
+        _error_factor(cell.bending_ratio for cell in cells),
+        _error_factor(cell.stretch_ratio for cell in cells),
+        float(np.mean(known)) if known else nan,
+    )
+
+
+def _error_factor(ratios: Iterable[Quantities]) -> float:
+    logs = [abs(log(max(one.value, 1e-300))) for ratio in ratios for one in ratio.values()]
+    return exp(np.mean(logs)) if logs else nan
+
+
+def _bending(direction: str, factor: float) -> Callable[[StiffnessRow], str]:
+    return lambda row: _with_interval(row.bending.get(direction), factor)
+
+
+def _stretch(direction: str) -> Callable[[StiffnessRow], str]:
+    return lambda row: _with_interval(row.stretch.get(direction), 1.0)
+
+
+def _with_interval(one: Estimate | None, factor: float) -> str:
+    if one is None:
+        return "-"
+    text = significant(factor * one.value)
+    if isfinite(one.low):
+        text += f" [{significant(factor * one.low)}, {significant(factor * one.high)}]"
+    return text
+
+
+def _column(head: str, unit: str, meaning: str, **options: Any) -> Column:
+    return Column(head, unit, meaning, lambda row: "", **options)
+
+
+_COLUMNS: tuple[tuple[Column, Callable[[StiffnessRow], str]], ...] = (
+    (_column("cloth", "", "cloth", left=True), lambda row: row.cloth or "all cloths"),
+    (_column("solver", "", "solver and its options", left=True), lambda row: row.solver),
+    (_column("cells", "", "finished cells, one a seed", rarity=3), lambda row: str(row.cells)),
+    *((_column(name, "µN m", f"bending stiffness of the {name}"), _bending(name, _MICRO)) for name in BENDING),
+    *(
+        (_column(name, "gf cm²/cm", f"bending stiffness of the {name}", rarity=2), _bending(name, 1 / GF_CM2_PER_CM))
+        for name in BENDING
+    ),
+    (
+        _column("posterior", "×/÷", "half width of the posterior's 90 % interval, as a factor", optional=True),
+        lambda row: significant(row.interval_factor),
+    ),
+    (
+        _column("error", "×/÷", "exp(mean |log found / true|) of bending stiffness; 1 is perfect", optional=True),
+        lambda row: significant(row.error_factor),
+    ),
+    (
+        _column("cover", "90 %", "per cent of the 90 % intervals of bending that hold the truth", optional=True),
+        lambda row: short(1e2 * row.coverage, 0),
+    ),
+    *((_column(name, "N/m", f"membrane stiffness, {name}", rarity=1), _stretch(name)) for name in STRETCH),
+    (
+        _column("stretch err", "×/÷", "exp(mean |log found / true|) of stretch", rarity=1, optional=True),
+        lambda row: significant(row.stretch_error_factor),
+    ),
+)
+"""Columns of `stiffness_table`, with how a row's entry is written."""
+
+
+def _notes(rows: Sequence[StiffnessRow]) -> Iterator[str]:
+    yield (
+        "Bending stiffness of the direction that bends [µN m; 1 gf cm²/cm = 98.0665 µN m], stretch in N/m: geometric "
+        "means over seeds, with 95 % bootstrap intervals over three seeds or more."
+    )
+    if any(isfinite(row.interval_factor) for row in rows):
+        yield "posterior ×/÷: half width of the 90 % interval over cloths drawn from the posterior, as a factor."
+    if any(isfinite(row.error_factor) for row in rows):
+        yield (
+            "error ×/÷: exp(mean |log(found / true)|), 1 for a perfect answer; cover: per cent of the 90 % intervals "
+            "that hold the truth."
+        )
+
+
+def _record(row: StiffnessRow) -> dict[str, Any]:
+    record: dict[str, Any] = {"solver": row.solver, "dataset": row.dataset, "cloth": row.cloth, "cells": row.cells}
+    for quantity, unit, names, found, true in (
+        ("bending", "N_m", BENDING, row.bending, row.true_bending),
+        ("stretch", "N_per_m", STRETCH, row.stretch, row.true_stretch),
+    ):
+        for name in names:
+            column = f"{quantity}_{name}_{unit}"
+            record |= found.get(name, Estimate(nan, nan, nan)).columns(column) | {f"{column}_true": true.get(name, nan)}
+    for name in BENDING:
+        record[f"bending_{name}_gf_cm2_cm"] = row.bending[name].value / GF_CM2_PER_CM if row.bending else nan
+    scores = ("interval_factor", "error_factor", "stretch_error_factor", "coverage")
+    return record | {name: getattr(row, name) for name in scores}
+
+
+def _interval(suffix: str, one: Quantity) -> dict[str, Any]:
+    low, high = one.ci90 or ("", "")
+    return {f"value{suffix}": one.value, f"ci90_low{suffix}": low, f"ci90_high{suffix}": high}
+
+
+def _against(true: Mapping[str, float] | None, ratios: Quantities, direction: str) -> dict[str, Any]:
+    if true is None:
+        return {}
+    ratio = ratios[direction]
+    low, high = ratio.ci90 or ("", "")
+    return {"true": true[direction], "ratio": ratio.value, "ratio_ci90_low": low, "ratio_ci90_high": high}

@@ -1,0 +1,81 @@
+"""`cusick-bench run` says what stiffness it found: in its JSON, its table, `result.json` and `stiffness.csv`."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.runner import load_prediction
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+WORDS = ["run", "--data", "synthetic", "--cloth", "fabric_3", "--vertices", "97", "--steps", "10", "--budget", "6"]
+SOLVERS = ("homo", "bdp,draws=2,steps=1", "null:disc")
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("run")
+
+
+@pytest.fixture(scope="module")
+def cells(out) -> dict[str, dict]:
+    words = [*WORDS, *(word for solver in SOLVERS for word in ("--solver", solver)), "--out", str(out)]
+    result = CliRunner().invoke(app, [*words, "--json"])
+    assert result.exit_code == 0, result.output
+    return {cell["solver"]: cell for cell in json.loads(result.stdout)["cells"]}
+
+
+def test_json_has_value_and_interval_of_each_direction(cells):
+    for solver in SOLVERS[:2]:
+        stiffness = cells[solver]["stiffness"]
+        assert set(stiffness) == {"warp", "weft", "bias"}
+        assert all(set(one) == {"value", "ci90"} for one in stiffness.values())
+        assert all(1e-9 < one["value"] < 1e-3 for one in stiffness.values())  # N m
+        assert set(cells[solver]["stretch"]) == {"warp", "weft", "shear"}
+    assert all(one["ci90"] is None for one in cells["homo"]["stiffness"].values())
+    for one in cells["bdp,draws=2,steps=1"]["stiffness"].values():
+        low, high = one["ci90"]
+        assert low < one["value"] < high
+
+
+def test_ratio_is_to_the_truth_of_the_shipped_set(cells):
+    truth = json.loads((Path(__file__).parents[2] / "datasets/synthetic/truth.json").read_text())
+    for direction, row in (("warp", 2), ("weft", 0), ("bias", 1)):
+        table = truth["fabrics"]["3"]["bending_N_m"][row]
+        true = (table[0] * table[1] * table[2] * table[3] * table[4]) ** 0.2
+        found = cells["homo"]["stiffness"][direction]["value"]
+        assert cells["homo"]["truth_ratio"]["stiffness"][direction]["value"] == pytest.approx(found / true)
+
+
+def test_a_solver_without_physics_has_none(cells):
+    for key in ("stiffness", "stretch", "truth_ratio", "stiffness_gf_cm2_cm"):
+        assert cells["null:disc"][key] is None
+    assert cells["null:disc"]["units"]["stiffness"] == "N m"
+
+
+def test_files_hold_the_same(cells, out):
+    for solver, cell in cells.items():
+        result = json.loads((Path(cell["path"]) / "result.json").read_text())
+        for key in ("stiffness", "stretch", "truth_ratio", "stiffness_curve"):
+            assert result[key] == cell[key], (solver, key)
+    with (out / "stiffness.csv").open() as file:
+        lines = [line for line in csv.DictReader(file) if line["quantity"] == "bending"]
+    assert {line["solver"] for line in lines} == set(SOLVERS[:2])
+    for line in lines:
+        assert float(line["value"]) == cells[line["solver"]]["stiffness"][line["direction"]]["value"]
+        assert (out / line["path"]).is_dir()
+    draws = load_prediction(Path(cells[SOLVERS[1]]["path"]))["bending_draws"]
+    assert draws.shape == (400, 3)
+
+
+def test_table_shows_both_units_and_a_dash_where_there_is_none(cells, out):
+    words = [*WORDS, *(word for solver in SOLVERS for word in ("--solver", solver)), "--out", str(out)]
+    text = CliRunner().invoke(app, words).stdout
+    for expected in ("bending [µN m]", "[gf cm²/cm]", "stretch [N/m]", "/ true", "warp", "weft", "bias"):
+        assert expected in text
+    (line,) = [line for line in text.splitlines() if "null:disc" in line and " - " in line]
+    assert "0.0" not in line
