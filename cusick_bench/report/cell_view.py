@@ -9,7 +9,9 @@ import trimesh
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import Profile, profile_from_image
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import profile_of
+from cusick_bench.datasets.profile import Profile
 from cusick_bench.files import BadFile, parse_json, read_text
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
@@ -31,6 +33,7 @@ class CellView:
         faces: Triangles of `vertices`.
         simulated: Whether `vertices` is a simulated drape.
         trace: Best loss after each evaluation, as (forward-equivalents, loss).
+        protocol: How the silhouettes are taken.
     """
 
     fit: Float[ndarray, "256 256"]
@@ -40,23 +43,25 @@ class CellView:
     faces: Int[ndarray, "faces 3"]
     simulated: bool
     trace: Float[ndarray, "evaluations 2"]
+    protocol: Protocol = RELEASE
 
     @property
     def fit_profile(self) -> Profile:
         """Radius-angle profile of the fit."""
-        return profile_from_image(self.fit)
+        return profile_of(self.fit, self.protocol)
 
     @property
     def target_profile(self) -> Profile:
         """Radius-angle profile of the real silhouette."""
-        return profile_from_image(self.target)
+        return profile_of(self.target, self.protocol)
 
 
-def load_cell_view(folder: Path) -> CellView:
+def load_cell_view(folder: Path, protocol: Protocol = RELEASE) -> CellView:
     """Reads `prediction.npz` and `trace.jsonl` of a finished cell.
 
     Args:
         folder: The cell's folder.
+        protocol: How the data's silhouettes were taken.
 
     Returns:
         What is shown of the cell.
@@ -64,24 +69,26 @@ def load_cell_view(folder: Path) -> CellView:
     Raises:
         ReportError: The prediction is missing, damaged or oversized; the message says which file.
     """
-    return read_prediction(folder, lambda arrays: _view(arrays, read_trace(folder / "trace.jsonl")))
+    return read_prediction(folder, lambda arrays: _view(arrays, read_trace(folder / "trace.jsonl"), protocol))
 
 
-def shown_surface(profile: Profile) -> trimesh.Trimesh:
+def shown_surface(profile: Profile, protocol: Protocol = RELEASE) -> trimesh.Trimesh:
     """The ruled surface over a profile, without the pleats that single pixels would make.
 
     Args:
         profile: Radius over angle.
+        protocol: Gives radii of plate and cloth.
 
     Returns:
         The surface [m].
     """
     harmonics = np.fft.rfft(profile.radii)
     harmonics[_SHOWN_MODES + 1 :] = 0
-    return ruled_surface(np.fft.irfft(harmonics, len(profile.radii)), strips=12)
+    radii, plate = np.fft.irfft(harmonics, len(profile.radii)), protocol.plate_radius_m
+    return ruled_surface(radii, slant=protocol.overhang_m, plate_radius=plate, strips=12)
 
 
-def _view(arrays: Mapping[str, ndarray], trace: ndarray) -> CellView:
+def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> CellView:
     fit, target = (np.asarray(arrays[name], dtype=np.float64) for name in ("train_image", "train_target"))
     if fit.shape != target.shape or fit.ndim != 2:
         raise ValueError(f"images have shapes {fit.shape} and {target.shape}")
@@ -92,9 +99,9 @@ def _view(arrays: Mapping[str, ndarray], trace: ndarray) -> CellView:
         vertices, faces = np.asarray(arrays["vertices"], dtype=np.float64), np.asarray(arrays["faces"], dtype=np.int64)
         check_mesh(vertices, faces)
     else:
-        surface = shown_surface(profile_from_image(fit))
+        surface = shown_surface(profile_of(fit, protocol), protocol)
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
-    return CellView(fit, target, shown, vertices, faces, simulated, trace)
+    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol)
 
 
 def _lines(path: Path) -> list[str]:

@@ -132,6 +132,23 @@ def with_perspective(radii: Float[ndarray, " angles"], protocol: Protocol) -> Fl
     return radii * protocol.camera_height_m / (protocol.camera_height_m + depth)
 
 
+def outline_pixels(image: Image, protocol: Protocol) -> tuple[Float[ndarray, " points"], Float[ndarray, " points"]]:
+    """Where the outline of a silhouette lies in its picture, closed.
+
+    Args:
+        image: Coverage, cloth = 1.
+        protocol: Gives scale, centre and orientation.
+
+    Returns:
+        Columns and rows [px].
+    """
+    profile = _apparent_profile(image, protocol)
+    radius = protocol.px_per_m * np.append(profile.radii, profile.radii[0])
+    angle = np.append(profile.angles, 2 * np.pi)
+    up = 1 if protocol.image_y == "up" else -1
+    return protocol.centre_px[0] + radius * np.cos(angle), protocol.centre_px[1] - up * radius * np.sin(angle)
+
+
 def _apparent_profile(image: Image, protocol: Protocol, centre: tuple[float, float] | None = None) -> Profile:
     return profile_from_image(
         image,

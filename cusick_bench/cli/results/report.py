@@ -17,6 +17,7 @@ from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
     from cusick_bench.datasets import DrapeDataset
+    from cusick_bench.datasets.files.protocol import Protocol
     from cusick_bench.leaderboard import Cells
 
 
@@ -48,12 +49,13 @@ def report(
     kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")
     fits = sum(len(set(group["cloth"])) for _, group in variants(cells.table))
     with progress_bar("reading data", fits) as bar, interruptible(kept):
-        unseen = _unseen(cells, data)
+        unseen, protocol = _of_data(cells, data)
         files = write_report(
             cells,
             boards,
             out,
             unseen=unseen,
+            protocol=protocol,
             pictures=pictures,
             progress=lambda message: bar.begin(f"drawing {message}"),
         )
@@ -63,8 +65,12 @@ def report(
         print_json({"report": out, "bytes": out.stat().st_size, "files": files, "cells": len(cells.table)})
 
 
-def _unseen(cells: Cells, data: str | None) -> dict[str, np.ndarray]:
-    """Radii of each cloth's unseen samples [m]; empty, with a warning, where the data are not the run's."""
+def _of_data(cells: Cells, data: str | None) -> tuple[dict[str, np.ndarray], Protocol]:
+    """Radii of each cloth's unseen samples [m], and the data's protocol.
+
+    Where the data are not the run's there are no radii and the release's protocol, with a warning.
+    """
+    from cusick_bench.datasets.files.protocol import RELEASE
     from cusick_bench.leaderboard.source import load_data_of
 
     try:
@@ -72,12 +78,12 @@ def _unseen(cells: Cells, data: str | None) -> dict[str, np.ndarray]:
         if dataset.content_hash not in set(cells.table["dataset_hash"]):
             raise DataError(f"{dataset.name} is not what the run used", remedy="give the run's data with --data")
         tests = dict(zip(cells.table["cloth"], cells.table["test"], strict=True))
-        return {cloth: _radii(dataset, rows) for cloth, rows in tests.items() if len(rows)}
+        return {cloth: _radii(dataset, rows) for cloth, rows in tests.items() if len(rows)}, dataset.protocol
     except (CusickError, OSError) as error:
         if data is not None:
             raise
-        tell(f"no band of unseen samples: {error}")
-        return {}
+        tell(f"no band of unseen samples, and sizes are taken as the public release's: {error}")
+        return {}, RELEASE
 
 
 def _radii(dataset: DrapeDataset, rows: tuple[int, ...]) -> np.ndarray:

@@ -75,6 +75,7 @@ def render_drape(
     colour: tuple[float, float, float] = _NEUTRAL,
     view: View | None = None,
     stand: tuple[Float[ndarray, "points 3"], Int[ndarray, "triangles 3"]] | None = None,
+    plate_radius: float = PLATE_RADIUS,
 ) -> UInt8[ndarray, "height width 4"]:
     """Draws a drape from the side.
 
@@ -84,13 +85,14 @@ def render_drape(
         colour: Colour of the cloth, sRGB in [0, 1].
         view: Where from.
         stand: Positions [m] and triangles of what the cloth lies on; the plate's pedestal by default.
+        plate_radius: Radius of the plate on that pedestal [m].
 
     Returns:
         RGBA picture; where there is neither cloth nor shadow it is transparent.
     """
     view = view or View()
     cloth = _Part(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64), colour)
-    parts = [cloth, _pedestal() if stand is None else _Part(*stand, _PEDESTAL)]
+    parts = [cloth, _pedestal(plate_radius - 0.004) if stand is None else _Part(*stand, _PEDESTAL)]
     shadow = _ShadowMap.of(parts)
     canvas = _shade(parts, shadow, view)
     size = SUPERSAMPLING
@@ -133,7 +135,7 @@ class _Part:
         return np.where(self.needles[faces, None], _unit(self.face_normals[faces]), smooth)
 
 
-def _pedestal(radius: float = PLATE_RADIUS - 0.004, sides: int = 96) -> _Part:
+def _pedestal(radius: float, sides: int = 96) -> _Part:
     """The stand under the plate, a shade thinner than the plate so that it never shows through the cloth."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])

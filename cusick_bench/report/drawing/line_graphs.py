@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.report.drawing.inline_svg import page_figure, panel
 from cusick_bench.report.drawing.palette import MODEL, REAL
 from cusick_bench.report.drawing.radius_over_angle import (
@@ -27,6 +28,7 @@ def profile_graph(
     real: Float[ndarray, " angles"],
     simulated: Float[ndarray, " angles"],
     unseen: Float[ndarray, "samples angles"] | None,
+    protocol: Protocol = RELEASE,
 ) -> Figure:
     """Radius over angle: the real training sample, the simulation, and the range that unseen samples fill.
 
@@ -34,6 +36,7 @@ def profile_graph(
         real: Radii at equidistant angles [m].
         simulated: Radii at the same angles [m].
         unseen: Radii of unseen samples [m], None where they are not at hand.
+        protocol: Gives radii of plate and cloth.
 
     Returns:
         The figure.
@@ -41,8 +44,8 @@ def profile_graph(
     figure = page_figure(_PROFILE_WIDTH, _HEIGHT)
     axes = panel(figure, _LEFT, _TOP, _PROFILE_WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM)
     every = [real, simulated] if unseen is None else [real, simulated, unseen]
-    label_axes(axes, radius_limits(*every))
-    draw_levels(axes, named=True)
+    label_axes(axes, radius_limits(*every, protocol=protocol))
+    draw_levels(axes, named=True, protocol=protocol)
     if unseen is not None and len(unseen) > 1:
         draw_range(axes, unseen[:, ::_POINTS], color=REAL, alpha=0.15)
     draw_turn(axes, real[::_POINTS], color=REAL, linewidth=2)

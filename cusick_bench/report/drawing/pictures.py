@@ -12,6 +12,7 @@ from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 from PIL import Image
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.report.drawing.drape_view import View, cloth_colour, render_drape
 
 CLOTH = (110, 116, 128)
@@ -52,7 +53,11 @@ def difference_picture(
 
 
 def drape_picture(
-    vertices: Float[ndarray, "vertices 3"], faces: Int[ndarray, "faces 3"], cloth: str, view: View | None = None
+    vertices: Float[ndarray, "vertices 3"],
+    faces: Int[ndarray, "faces 3"],
+    cloth: str,
+    view: View | None = None,
+    protocol: Protocol = RELEASE,
 ) -> UInt8[ndarray, "height width 4"]:
     """The drape from the side, in a colour that suits the cloth's name.
 
@@ -61,11 +66,14 @@ def drape_picture(
         faces: Triangles.
         cloth: Name of the cloth.
         view: Where it is seen from.
+        protocol: Gives radii of plate and cloth; a cloth of any size is drawn as large as the release's.
 
     Returns:
         RGBA picture.
     """
-    return render_drape(vertices, faces, cloth_colour(cloth), view)
+    scale = protocol.cloth_scale
+    plate = protocol.plate_radius_m / scale
+    return render_drape(np.asarray(vertices) / scale, faces, cloth_colour(cloth), view, plate_radius=plate)
 
 
 def contact_sheet(images: Float[ndarray, "draws height width"], columns: int = 3) -> UInt8[ndarray, "rows columns 4"]:

@@ -7,24 +7,25 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.report.drawing.palette import SOFT
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 WHOLE_TURN = (0, 90, 180, 270, 360)
 """Ticks of the angle [deg]."""
 
 
-def radius_limits(*radii: Float[ndarray, "*drapes angles"]) -> tuple[float, float]:
+def radius_limits(*radii: Float[ndarray, "*drapes angles"], protocol: Protocol = RELEASE) -> tuple[float, float]:
     """Limits of the radius that show the radius of the plate, that of the flat cloth, and all drapes.
 
     Args:
         radii: Radii of drapes [m].
+        protocol: Gives radii of plate and cloth.
 
     Returns:
         Lower and upper limit [mm].
     """
-    low = min(1e3 * PLATE_RADIUS - 5, *(1e3 * one.min() - 2 for one in radii))
-    high = max(1e3 * CLOTH_RADIUS + 3, *(1e3 * one.max() + 2 for one in radii))
+    low = min(1e3 * protocol.plate_radius_m - 5, *(1e3 * one.min() - 2 for one in radii))
+    high = max(1e3 * protocol.cloth_radius_m + 3, *(1e3 * one.max() + 2 for one in radii))
     return float(low), float(high)
 
 
@@ -41,16 +42,18 @@ def label_axes(axes: Axes, limits: tuple[float, float] | None = None, angle: str
         axes.set_ylim(limits)
 
 
-def draw_levels(axes: Axes, *, named: bool = False, colour: str = SOFT) -> None:
+def draw_levels(axes: Axes, *, named: bool = False, colour: str = SOFT, protocol: Protocol = RELEASE) -> None:
     """Dotted lines at the radius of the plate and of the flat cloth.
 
     Args:
         axes: Where to draw.
         named: Whether their names stand above them.
         colour: Colour of the lines.
+        protocol: Gives both radii.
     """
     low, high = axes.get_ylim()
-    for radius, name in ((1e3 * PLATE_RADIUS, "plate"), (1e3 * CLOTH_RADIUS, "flat cloth")):
+    for metres, name in ((protocol.plate_radius_m, "plate"), (protocol.cloth_radius_m, "flat cloth")):
+        radius = 1e3 * metres
         if not low <= radius <= high:
             continue
         axes.axhline(radius, color=colour, linewidth=0.9, linestyle=(0, (3, 4)), zorder=1)

@@ -11,7 +11,8 @@ from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.leaderboard import Cells, variants
 from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
@@ -58,6 +59,7 @@ class Draws:
         fit_vertices: Drape behind `fit` [m], None where nothing was simulated.
         vertices: Drapes behind `images` [m], None where there are none.
         faces: Triangles of both.
+        protocol: How the silhouettes are taken.
     """
 
     fit: Float[ndarray, "256 256"]
@@ -65,6 +67,7 @@ class Draws:
     fit_vertices: Float[ndarray, "vertices 3"] | None = None
     vertices: Float[ndarray, "draws vertices 3"] | None = None
     faces: Int[ndarray, "faces 3"] | None = None
+    protocol: Protocol = RELEASE
 
     def evenly(self, count: int) -> UInt8[ndarray, "chosen 256 256"]:
         """Some of the silhouettes, evenly spaced: draws may be in order, as rotations are.
@@ -79,7 +82,7 @@ class Draws:
 
     def fit_surface(self) -> trimesh.Trimesh:
         """The drape behind `fit`, or the ruled surface over it where nothing was simulated."""
-        return surface_of(self.fit, self.fit_vertices, self.faces)
+        return surface_of(self.fit, self.fit_vertices, self.faces, self.protocol)
 
     def surface(self, draw: int) -> trimesh.Trimesh:
         """The drape behind a draw, or the ruled surface over it where nothing was simulated.
@@ -91,7 +94,7 @@ class Draws:
             The surface [m].
         """
         vertices = None if self.vertices is None else self.vertices[draw]
-        return surface_of(self.images[draw] / 255, vertices, self.faces)
+        return surface_of(self.images[draw] / 255, vertices, self.faces, self.protocol)
 
 
 def entrants(
@@ -187,11 +190,12 @@ def train_row(folder: Path) -> int:
         ) from error
 
 
-def load_draws(folder: Path) -> Draws:
+def load_draws(folder: Path, protocol: Protocol = RELEASE) -> Draws:
     """Reads `prediction.npz` of a finished cell, without trusting it.
 
     Args:
         folder: The cell's folder.
+        protocol: How the data's silhouettes were taken.
 
     Returns:
         What the cell predicts.
@@ -199,13 +203,14 @@ def load_draws(folder: Path) -> Draws:
     Raises:
         ReportError: It is missing, damaged or oversized.
     """
-    return read_prediction(folder, _draws)
+    return read_prediction(folder, lambda arrays: _draws(arrays, protocol))
 
 
 def surface_of(
     image: Float[ndarray, "256 256"],
     vertices: Float[ndarray, "vertices 3"] | None,
     faces: Int[ndarray, "faces 3"] | None,
+    protocol: Protocol = RELEASE,
 ) -> trimesh.Trimesh:
     """A mesh, or where there is none the ruled surface over a silhouette.
 
@@ -213,16 +218,17 @@ def surface_of(
         image: The silhouette.
         vertices: Positions [m], None where there is no mesh.
         faces: Triangles, None where there is no mesh.
+        protocol: How the silhouette was taken.
 
     Returns:
         The surface.
     """
     if vertices is None or faces is None:
-        return shown_surface(profile_from_image(image))
+        return shown_surface(profile_of(image, protocol), protocol)
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _draws(arrays: Mapping[str, ndarray]) -> Draws:
+def _draws(arrays: Mapping[str, ndarray], protocol: Protocol) -> Draws:
     fit, images = np.asarray(arrays["train_image"], dtype=np.float64), arrays["draws"]
     if fit.ndim != 2 or images.dtype != np.uint8 or images.shape != (len(images), *fit.shape) or len(images) == 0:
         raise ValueError(f"its images have shapes {fit.shape} and {images.shape}, type {images.dtype}")
@@ -232,4 +238,4 @@ def _draws(arrays: Mapping[str, ndarray]) -> Draws:
             check_mesh(drapes, faces)
     if drawn is not None and len(drawn) != len(images):
         raise ValueError(f"{len(drawn)} drapes stand behind {len(images)} draws")
-    return Draws(fit, images, vertices, drawn, faces)
+    return Draws(fit, images, vertices, drawn, faces, protocol)

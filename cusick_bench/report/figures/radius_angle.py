@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import (
     PHASE_FREE,
@@ -42,11 +43,10 @@ from cusick_bench.report.figures.predictions import (
     load_draws,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 _LINES = 12  # drawn in a panel
 _REAL, _DRAWN = "#c85a00", "#1c63b7"
-_LIMITS = (1e3 * PLATE_RADIUS - 8, 1e3 * CLOTH_RADIUS + 14)  # of the radius [mm]
+_ROOM = (8, 14)  # between the limits of the radius and the plate, the flat cloth [mm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +88,12 @@ class RadiusAngle:
     Attributes:
         real: Held-out samples.
         drawn: Draws of each solver.
+        protocol: How the silhouettes are taken.
     """
 
     real: Group
     drawn: tuple[Group, ...]
+    protocol: Protocol = RELEASE
 
     @property
     def cloths(self) -> tuple[str, ...]:
@@ -149,17 +151,24 @@ def radius_angle(
     for cloth in cloths:
         progress(f"real samples of {cloth}")
         rows = held_out_rows(cells, cloth)
-        shapes[cloth] = [Shape(dataset.image(row)) for row in rows]
+        shapes[cloth] = [Shape(dataset.image(row), protocol=dataset.protocol) for row in rows]
         samples += [int(dataset.table["sample"].iloc[row]) for row in rows]
     statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
     features, owners = _features(statistics)
     judge, confusion = learn(features, owners, samples)
     real = Group("real samples", _radii(shapes), statistics, confusion)
-    return RadiusAngle(real, tuple(_drawn(entrant, cloths, judge, draws, progress) for entrant in chosen))
+    protocol = dataset.protocol
+    drawn = tuple(_drawn(entrant, cloths, judge, draws, protocol, progress) for entrant in chosen)
+    return RadiusAngle(real, drawn, protocol)
 
 
 def _drawn(
-    entrant: Entrant, cloths: Sequence[str], judge: Classifier, count: int, progress: Callable[[str], None]
+    entrant: Entrant,
+    cloths: Sequence[str],
+    judge: Classifier,
+    count: int,
+    protocol: Protocol,
+    progress: Callable[[str], None],
 ) -> Group:
     """A solver's draws, of all seeds."""
     shapes: dict[str, list[Shape]] = {}
@@ -167,7 +176,7 @@ def _drawn(
         progress(f"{entrant.label} on {cloth}")
         images = [image for folder in entrant.folders(cloth) for image in load_draws(folder).evenly(count)]
         if images:
-            shapes[cloth] = [Shape(image / 255) for image in images]
+            shapes[cloth] = [Shape(image / 255, protocol=protocol) for image in images]
     statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
     return Group(entrant.label, _radii(shapes), statistics, judge.confusion(*_features(statistics)))
 
@@ -205,7 +214,7 @@ def radius_angle_figure(study: RadiusAngle) -> Figure:
     rows, columns = len(cloths) * len(blocks), 1 + max(map(len, blocks))
     figure, axes = empty_sheet(0.8 + 2.9 * columns, 1.2 + 1.5 * rows, rows, columns, sharex=True, sharey=True)
     for number, block in enumerate(blocks):
-        _block(axes[number * len(cloths) :][: len(cloths)], cloths, [study.real, *block])
+        _block(axes[number * len(cloths) :][: len(cloths)], cloths, [study.real, *block], study.protocol)
     figure.suptitle(
         f"radius over angle of up to {_LINES} drapes each (dotted: radius of the plate and of the flat cloth)",
         fontsize=10,
@@ -213,7 +222,7 @@ def radius_angle_figure(study: RadiusAngle) -> Figure:
     return figure
 
 
-def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group]) -> None:
+def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group], protocol: Protocol) -> None:
     """Draws groups side by side, the real one first."""
     for column, group in enumerate(groups):
         axes[0, column].set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
@@ -221,7 +230,8 @@ def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group]) -> Non
             axis = axes[row, column]
             axis.set_axis_on()
             axis.tick_params(labelleft=column == 0, labelbottom=row == len(cloths) - 1)
-            _panel(axis, group.radii.get(cloth), group.confusion.accuracies[row], _DRAWN if column else _REAL)
+            colour, accuracy = _DRAWN if column else _REAL, group.confusion.accuracies[row]
+            _panel(axis, group.radii.get(cloth), accuracy, colour, protocol)
         axes[-1, column].set_xlabel("angle from warp [deg]", fontsize=8)
     for row, cloth in enumerate(cloths):
         axes[row, 0].set_ylabel(f"{cloth}\nradius [mm]", fontsize=8)
@@ -249,18 +259,19 @@ def save_confusion(study: RadiusAngle, path: Path) -> None:
     figure.savefig(path)
 
 
-def _panel(axis: Axes, radii: ndarray | None, accuracy: float, colour: str) -> None:
-    axis.set(xlim=(0, 360), xticks=WHOLE_TURN, ylim=_LIMITS)
-    draw_levels(axis, colour="0.5")
+def _panel(axis: Axes, radii: ndarray | None, accuracy: float, colour: str, protocol: Protocol) -> None:
+    low, high = 1e3 * protocol.plate_radius_m - _ROOM[0], 1e3 * protocol.cloth_radius_m + _ROOM[1]
+    axis.set(xlim=(0, 360), xticks=WHOLE_TURN, ylim=(low, high))
+    draw_levels(axis, colour="0.5", protocol=protocol)
     axis.tick_params(labelsize=7)
     if radii is None:
-        axis.text(180, 120, "no cell", ha="center", fontsize=8, color="0.5")
+        axis.text(180, (low + high) / 2, "no cell", ha="center", fontsize=8, color="0.5")
         return
     for index in np.unique(np.linspace(0, len(radii) - 1, _LINES).astype(int)):
         draw_turn(axis, radii[index], color=colour, linewidth=0.7, alpha=0.55)
     text = f"{len(radii)} drape{'s' * (len(radii) > 1)}, {_at_home(accuracy)}"
     behind = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1}
-    axis.text(356, _LIMITS[1] - 2, text, ha="right", va="top", fontsize=6.5, color="0.3", bbox=behind)
+    axis.text(356, high - 2, text, ha="right", va="top", fontsize=6.5, color="0.3", bbox=behind)
 
 
 def _matrix(axis: Axes, confusion: Confusion) -> None:

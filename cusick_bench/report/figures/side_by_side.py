@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.profile import Profile, profile_from_image
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import outline_pixels
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import mse, mse_pairs
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
@@ -34,13 +35,15 @@ from cusick_bench.report.figures.predictions import (
     train_row,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
-from cusick_bench.sim.constants import IMAGE_CENTRE, PIXELS_PER_METRE
+from cusick_bench.sim.constants import IMAGE_SIZE
 
-_MARGIN = 16  # [px] of a silhouette that no cloth of 15 cm reaches
+_MARGIN = 16  # [px of 256] of a silhouette that no cloth of the release reaches
 _SKY = 50  # [px] above a drape from the side
 _OUTLINE = "#eb7319"
 
 Progress = Callable[[str], None]
+Pixels = tuple[Float[ndarray, " points"], Float[ndarray, " points"]]
+"""Columns and rows of points of a picture."""
 
 
 def _unwatched(message: str) -> None:
@@ -75,12 +78,14 @@ class Strip:
         sample: Number of its sample.
         real: The real drape.
         predicted: Solver -> its prediction; solvers without one are left out.
+        protocol: How the silhouettes are taken.
     """
 
     cloth: str
     sample: int
     real: Tile
     predicted: dict[str, Tile]
+    protocol: Protocol = RELEASE
 
     def document(self) -> dict[str, Any]:
         """Plain numbers."""
@@ -114,9 +119,9 @@ def fitted(
             continue
         row = train_row(next(iter(folders.values())))
         real = _real(dataset, row)
-        fits = {label: load_draws(folder) for label, folder in folders.items()}
+        fits = {label: load_draws(folder, dataset.protocol) for label, folder in folders.items()}
         tiles = {label: _fit_tile(draws, real.image) for label, draws in fits.items()}
-        strips.append(Strip(cloth, _sample(dataset, row), real, tiles))
+        strips.append(Strip(cloth, _sample(dataset, row), real, tiles, dataset.protocol))
     return strips
 
 
@@ -154,14 +159,16 @@ def held_out(
         reals = [_real(dataset, row) for row in rows]
         predicted: list[dict[str, Tile]] = [{} for _ in rows]
         for entrant in (entrant for entrant in chosen if entrant.folders(cloth)):
-            draws = load_draws(entrant.folders(cloth)[0])  # one at a time: a thousand drapes have 65 MB
-            errors = mse_pairs(draws.images, np.stack([real.image for real in reals]))
+            draws = load_draws(
+                entrant.folders(cloth)[0], dataset.protocol
+            )  # one at a time: a thousand drapes have 65 MB
+            errors = mse_pairs(draws.images, np.stack([real.image for real in reals]), dataset.protocol)
             own = _made_for(entrant, cloth, rows, len(draws.images))
             for place, best in enumerate(own or errors.argmin(0).tolist()):
                 words = "" if own else f"best of {len(draws.images)}" if len(draws.images) > 1 else "its only draw"
                 predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
         strips += [
-            Strip(cloth, _sample(dataset, row), real, tiles)
+            Strip(cloth, _sample(dataset, row), real, tiles, dataset.protocol)
             for row, real, tiles in zip(rows, reals, predicted, strict=True)
         ]
     return strips
@@ -179,12 +186,12 @@ def _sample(dataset: DrapeDataset, row: int) -> int:
 def _real(dataset: DrapeDataset, row: int) -> Tile:
     sample = dataset.sample(row)
     image, mesh = sample.image.numpy(), sample.mesh
-    surface = mesh if mesh is not None else surface_of(image, None, None)
+    surface = mesh if mesh is not None else surface_of(image, None, None, dataset.protocol)
     return Tile(image, surface, mesh is None)
 
 
 def _fit_tile(draws: Draws, real: ndarray) -> Tile:
-    return Tile(draws.fit, draws.fit_surface(), draws.fit_vertices is None, mse(draws.fit, real))
+    return Tile(draws.fit, draws.fit_surface(), draws.fit_vertices is None, mse(draws.fit, real, draws.protocol))
 
 
 def _made_for(entrant: Entrant, cloth: str, rows: Sequence[int], count: int) -> list[int]:
@@ -235,31 +242,31 @@ def strips_figure(strips: Sequence[Strip], title: str) -> Figure:
 
 def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
     """Draws a real drape and some of its predictions, from above into the first row of axes, from the side below."""
-    outline = profile_from_image(strip.real.image)
+    outline = outline_pixels(strip.real.image, strip.protocol)
     for column, label in enumerate(["real", *labels]):
         tile = strip.predicted.get(label) if column else strip.real
         if tile is not None:
-            _from_above(axes[0, column], tile, outline if column else None)
-            _from_side(axes[1, column], tile, strip.cloth)
+            margin = _MARGIN * len(tile.image) / IMAGE_SIZE
+            _from_above(axes[0, column], tile, outline if column else None, margin)
+            _from_side(axes[1, column], tile, strip.cloth, strip.protocol)
     words, corner = f"{strip.cloth}\nsample {strip.sample}", axes[0, 0]
     corner.text(-0.05, 0.5, words, transform=corner.transAxes, fontsize=8, ha="right", va="center", rotation=90)
 
 
-def _from_above(axis: Axes, tile: Tile, outline: Profile | None) -> None:
+def _from_above(axis: Axes, tile: Tile, outline: Pixels | None, margin: float) -> None:
     axis.imshow(silhouette_picture(tile.image))
-    axis.set(xlim=(_MARGIN, 255 - _MARGIN), ylim=(255 - _MARGIN, _MARGIN))
+    last = len(tile.image) - 1
+    axis.set(xlim=(margin, last - margin), ylim=(last - margin, margin))
     if outline is None:
         return
-    radius = PIXELS_PER_METRE * np.append(outline.radii, outline.radii[0])
-    angle = np.append(outline.angles, 2 * np.pi)
-    column, row = IMAGE_CENTRE[0] + radius * np.cos(angle), IMAGE_CENTRE[1] - radius * np.sin(angle)
-    axis.plot(column, row, color=_OUTLINE, linewidth=0.8)
+    axis.plot(*outline, color=_OUTLINE, linewidth=0.8)
     words = f"MSE {tile.mse:.4f}" + f", {tile.remark}" * bool(tile.remark)
     axis.text(0.5, 0.0, words, transform=axis.transAxes, ha="center", va="top", fontsize=7, color="0.3")
 
 
-def _from_side(axis: Axes, tile: Tile, cloth: str) -> None:
-    axis.imshow(drape_picture(np.asarray(tile.surface.vertices), np.asarray(tile.surface.faces), cloth)[_SKY:])
+def _from_side(axis: Axes, tile: Tile, cloth: str, protocol: Protocol) -> None:
+    vertices, faces = np.asarray(tile.surface.vertices), np.asarray(tile.surface.faces)
+    axis.imshow(drape_picture(vertices, faces, cloth, protocol=protocol)[_SKY:])
     if tile.ruled:
         axis.text(
             0.5,

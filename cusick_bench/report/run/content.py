@@ -7,11 +7,11 @@ from math import isfinite, nan
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from markupsafe import Markup
 from numpy import ndarray
 
-from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of
 from cusick_bench.leaderboard import short
 from cusick_bench.report.cell_view import CellView, shown_surface
 from cusick_bench.report.drawing.inline_svg import inline_svg
@@ -192,11 +192,12 @@ def _silhouettes(view: CellView, cloth: str, where: str, fitted: str) -> tuple[P
 
 def _profile(solver: str, cloth: str, view: CellView, unseen: ndarray | None) -> Markup:
     real, fit = view.target_profile, view.fit_profile
+    folds = [fold_count_of(profile, view.protocol) for profile in (real, fit)]
     description = (
-        f"Radius over angle on {cloth}: the real drape has {fold_count(real)} folds and a mean radius of "
-        f"{1e3 * real.radii.mean():.0f} mm, {solver} {fold_count(fit)} and {1e3 * fit.radii.mean():.0f} mm"
+        f"Radius over angle on {cloth}: the real drape has {folds[0]} folds and a mean radius of "
+        f"{1e3 * real.radii.mean():.0f} mm, {solver} {folds[1]} and {1e3 * fit.radii.mean():.0f} mm"
     )
-    return inline_svg(profile_graph(real.radii, fit.radii, unseen), description)
+    return inline_svg(profile_graph(real.radii, fit.radii, unseen, view.protocol), description)
 
 
 def _draws(view: CellView, where: str) -> Picture:
@@ -240,21 +241,22 @@ def numbers(cell: pd.Series) -> list[Number]:
     return [number for number in listed if number.value.strip(" %")]
 
 
-def real_drape(cloth: str, target: Float[ndarray, "256 256"], profile: Profile) -> tuple[str, Picture]:
+def real_drape(cloth: str, view: CellView) -> tuple[str, Picture]:
     """The real training sample of a cloth.
 
     Args:
         cloth: Name of the cloth.
-        target: Its silhouette.
-        profile: Radius over angle of the silhouette.
+        view: A cell that was fitted to it.
 
     Returns:
         A sentence on it, and its ruled surface from the side.
     """
-    surface = shown_surface(profile)
-    picture = drape_picture(np.asarray(surface.vertices), np.asarray(surface.faces), cloth)
+    profile, protocol = view.target_profile, view.protocol
+    surface = shown_surface(profile, protocol)
+    picture = drape_picture(np.asarray(surface.vertices), np.asarray(surface.faces), cloth, protocol=protocol)
+    share = drape_coefficient_of(view.target, protocol)
     text = (
-        f"Real training sample: drape coefficient {100 * drape_coefficient(target):.1f} %, mean radius "
+        f"Real training sample: drape coefficient {100 * share:.1f} %, mean radius "
         f"{1e3 * profile.radii.mean():.0f} mm. The surface is built from the silhouette with straight generators, "
         "as the release builds its meshes: an assumption, not a scan."
     )

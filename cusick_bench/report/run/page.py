@@ -11,6 +11,7 @@ from jaxtyping import Float
 from markupsafe import Markup
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.leaderboard import Cells, Leaderboard, html_table, variants
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
@@ -40,6 +41,7 @@ def write_report(
     out: Path,
     *,
     unseen: Unseen | None = None,
+    protocol: Protocol = RELEASE,
     pictures: Path | None = None,
     progress: Progress = lambda message: None,
 ) -> list[Path]:
@@ -50,6 +52,7 @@ def write_report(
         boards: Its leaderboards.
         out: HTML file to write.
         unseen: Radii of the unseen samples of each cloth [m]; without it the graphs have no band.
+        protocol: How the run's silhouettes were taken.
         pictures: Folder for one side-by-side PNG a cell.
         progress: Called to tell each cell that is drawn.
 
@@ -59,7 +62,7 @@ def write_report(
     files: list[Path] = []
     sections = []
     for cloth in sorted(set(cells.table["cloth"])):
-        section, written = _section(cells, boards, cloth, (unseen or {}).get(cloth), pictures, progress)
+        section, written = _section(cells, boards, cloth, (unseen or {}).get(cloth), protocol, pictures, progress)
         sections.append(section)
         files += written
     page = RunPage(
@@ -79,6 +82,7 @@ def _section(
     boards: list[Leaderboard],
     cloth: str,
     unseen: ndarray | None,
+    protocol: Protocol,
     folder: Path | None,
     progress: Progress,
 ) -> tuple[ClothSection, list[Path]]:
@@ -92,14 +96,14 @@ def _section(
         progress(f"{label} on {cloth}")
         card = Card(label, str(cell["kind"]), _seeds(of_cloth), numbers(cell))
         try:
-            view = load_cell_view(Path(cell["folder"]))
+            view = load_cell_view(Path(cell["folder"]), protocol)
         except ReportError as error:
             section.cards.append(replace(card, problem=str(error)))
             continue
         if section.real is None:
-            text, real = real_drape(cloth, view.target, view.target_profile)
+            text, real = real_drape(cloth, view)
             section = replace(section, text=text, real=real)
-        drape = drape_picture(view.vertices, view.faces, cloth)
+        drape = drape_picture(view.vertices, view.faces, cloth, protocol=protocol)
         section.cards.append(fill_card(card, cloth, view, drape, unseen))
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)

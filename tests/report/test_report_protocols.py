@@ -1,0 +1,66 @@
+"""Pictures and numbers of a run follow the protocol of its data."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finished_cell import write_cell
+from matplotlib.figure import Figure
+from other_laboratory import LARGE_IMAGES, SMALL_CLOTH, write_laboratory
+from scipy.ndimage import map_coordinates
+
+from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import outline_pixels
+from cusick_bench.report.cell_view import CellView, load_cell_view, shown_surface
+from cusick_bench.report.drawing.radius_over_angle import draw_levels, radius_limits
+from cusick_bench.report.run.content import real_drape
+
+CLOTH = "fabric_3"
+PROTOCOLS = {"release": RELEASE, "large images": LARGE_IMAGES, "small cloth": SMALL_CLOTH}
+
+
+@pytest.fixture(scope="module")
+def laboratories(tmp_path_factory) -> dict[str, DrapeDataset]:
+    return {
+        name: load(write_laboratory(tmp_path_factory.mktemp("lab"), protocol, samples=2, captures=(1,)))
+        for name, protocol in PROTOCOLS.items()
+    }
+
+
+def view(dataset: DrapeDataset, run: Path) -> CellView:
+    """A cell whose fit is its training silhouette."""
+    draws = np.stack([dataset.image(1).numpy()])
+    return load_cell_view(write_cell(run, dataset, "null:copy", CLOTH, draws), dataset.protocol)
+
+
+@pytest.mark.parametrize("name", ["large images", "small cloth"])
+def test_a_cell_is_shown_as_under_the_releases_protocol(laboratories, tmp_path, name):
+    ours = view(laboratories[name], tmp_path / "ours")
+    nominal = view(laboratories["release"], tmp_path / "nominal")
+    scale = ours.protocol.cloth_scale
+    assert ours.target_profile.radii / scale == pytest.approx(nominal.target_profile.radii, abs=6e-4)
+    heights = [shown_surface(one.target_profile, one.protocol).vertices[:, 2].min() for one in (ours, nominal)]
+    assert heights[0] / scale == pytest.approx(heights[1], abs=3e-4)
+    (text, picture), (expected, drawn) = (real_drape(CLOTH, one) for one in (ours, nominal))
+    share, expected_share = (float(words.split("coefficient ")[1].split(" %")[0]) for words in (text, expected))
+    assert share == pytest.approx(expected_share, abs=0.2)
+    assert (picture.width, picture.height) == (drawn.width, drawn.height)
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_an_outline_lies_on_the_edge_of_its_silhouette(laboratories, name):
+    dataset = laboratories[name]
+    image = dataset.image(0).numpy()
+    columns, rows = outline_pixels(image, dataset.protocol)
+    assert map_coordinates(image, [rows, columns], order=1) == pytest.approx(0.5, abs=0.1)
+    assert (columns[0], rows[0]) == pytest.approx((columns[-1], rows[-1]))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
+def test_levels_are_those_of_the_laboratorys_plate_and_cloth(protocol: Protocol):
+    axes = Figure().subplots()
+    axes.set_ylim(radius_limits(np.full(4, 0.1), protocol=protocol))
+    draw_levels(axes, protocol=protocol)
+    levels = [float(line.get_ydata()[0]) for line in axes.lines]
+    assert levels == pytest.approx([1e3 * protocol.plate_radius_m, 1e3 * protocol.cloth_radius_m])
