@@ -62,6 +62,7 @@ def diagnose_data(
     emulator, calibration = load_atlas(atlas)
     dataset = load(data)
     chosen = fabric or _with_samples(dataset)
+    out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     simulators, written = Simulators(most=20), []
     version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")

@@ -113,22 +113,8 @@ _REFUSED: dict[str, tuple[str | bytes, str]] = {
 }
 
 
-_IMPLAUSIBLE = (
-    "scale of 1e-300",
-    "scale ten times too large",
-    "radius in centimetres",
-    "radius in millimetres",
-    "gravity of a star",
-    "centre outside of the image",
-)
-_UNKNOWN = ("misspelt key", "key in capitals", "the key extra")
-_AWAITS = dict.fromkeys(_IMPLAUSIBLE, "implausible values stop") | dict.fromkeys(_UNKNOWN, "unknown keys stop")
-
 CASES = [
     *(Case(n, INFO, partial(_write, text), right=_read) for n, text in _READ.items()),
-    *(
-        Case(n, INFO, partial(_write, text), refused=said, awaits=_AWAITS.get(n, ""))
-        for n, (text, said) in _REFUSED.items()
-    ),
+    *(Case(n, INFO, partial(_write, text), refused=said) for n, (text, said) in _REFUSED.items()),
     *(Case(n, INFO, partial(_odd, make), refused=said) for n, (make, said) in ODD.items()),
 ]
