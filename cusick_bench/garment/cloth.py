@@ -28,6 +28,7 @@ from cusick_bench.garment.errors import GarmentError
 from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import Law
 
@@ -160,12 +161,13 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     if law not in ("paper", "published"):
         raise GarmentError(f"{folder / 'cell.json'}: law must be paper or published, got {law!r}")
     density = arrays["density"]
-    if not (np.isfinite(density).all() and density.size and (density > 0).all()):
-        raise GarmentError(f"{folder}: areal density must be > 0 kg/m2 everywhere; run the cell again")
+    light, heavy = LIGHTEST_CLOTH, HEAVIEST_CLOTH
+    if density.dtype.kind != "f" or not density.size or not ((density >= light) & (density <= heavy)).all():
+        raise GarmentError(f"{folder}: areal density must be {light} to {heavy} kg/m2 everywhere; run the cell again")
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
     source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
-    if "posterior_mean" in arrays and len(arrays["posterior_mean"]) == STRETCH_SIZE + BENDING_SIZE:
+    if "posterior_mean" in arrays and arrays["posterior_mean"].shape[:1] in ((), (STRETCH_SIZE + BENDING_SIZE,)):
         source = "posterior"
         tables = _pool(arrays, StiffnessPrior(law, float(density.mean())), folder)
     elif any(len(table) > 1 for table in tables.values()):
@@ -216,8 +218,10 @@ def _checked(array: ndarray, shape: tuple[int, int], name: str) -> Float[ndarray
 
 def _pool(arrays: dict[str, ndarray], prior: StiffnessPrior, folder: Path) -> dict[str, ndarray]:
     """Tables drawn from a posterior over the elements of a cloth, always the same ones."""
-    mean, scale = arrays["posterior_mean"], arrays.get("posterior_scale")
-    if scale is None or scale.shape != mean.shape or not np.isfinite([mean, scale]).all() or (scale < 0).any():
+    mean, scale = arrays["posterior_mean"], arrays.get("posterior_scale", np.zeros(0))
+    sound = scale.shape == mean.shape == (STRETCH_SIZE + BENDING_SIZE,)
+    sound = sound and mean.dtype.kind == scale.dtype.kind == "f" and np.isfinite([mean, scale]).all()
+    if not sound or (scale < 0).any():
         raise GarmentError(
             f"{folder}: posterior_scale must be finite and >= 0 with shape {mean.shape}, as posterior_mean; the "
             "posterior is of another problem, or damaged: run the cell again"

@@ -11,6 +11,7 @@ import pandas as pd
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, seed_of
+from cusick_bench.leaderboard.record_types import check_result, check_run
 from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
@@ -123,6 +124,7 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     for name in _REQUIRED:
         if name not in result:
             raise ValueError(f"result.json lacks {name!r}")
+    check_result(result)
     identity = _named(result)
     if result.get("status") == "failed":
         return Skipped(folder, "failed", str(result.get("failure") or "no reason recorded"), **identity)
@@ -172,6 +174,8 @@ def _named(record: dict[str, Any]) -> dict[str, Any]:
 
 def _read_run(folder: Path) -> dict[str, Any]:
     try:
-        return _read_json(folder / "run.json")
+        document = _read_json(folder / "run.json")
+        check_run(document)
+        return document
     except (OSError, ValueError):
         return {}

@@ -101,8 +101,10 @@ def verify_cell(
     try:
         record = read_record(folder)
         return _verified(folder, record, dataset, redrawn, seed, simulators)
-    except (CusickError, OSError, ValueError, KeyError, TypeError) as error:
-        identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")), int(record.get("seed", -1)))
+    except (CusickError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        seed_recorded = record.get("seed")
+        identity = (str(record.get("solver", "?")), str(record.get("cloth", "?")))
+        identity += (seed_recorded if isinstance(seed_recorded, int) else -1,)
         return Verification(folder.name, *identity, "unreadable", (), (f"{type(error).__name__}: {error}",))
 
 

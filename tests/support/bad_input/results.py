@@ -104,7 +104,7 @@ _RESULTS: dict[str, Change] = {
     "metrics a list": _set(metrics=[0.1]),
     "metrics a number": _set(metrics=0.1),
     "metrics within metrics": lambda d: d | {"metrics": {"train_mse": {"train_mse": 0.01}}},
-    "metric as text": lambda d: d | {"metrics": d["metrics"] | {"train_mse": "0.01"}},
+    "metric as a word": lambda d: d | {"metrics": d["metrics"] | {"train_mse": "small"}},
     "metric true": lambda d: d | {"metrics": d["metrics"] | {"test_mse": True}},
     "metric of -1e9": lambda d: d | {"metrics": d["metrics"] | {"test_mse": -1e9}},
     "metric above one": lambda d: d | {"metrics": d["metrics"] | {"train_mse": 7.0}},
