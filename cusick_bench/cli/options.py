@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.completion import complete_cloth, complete_data, complete_effect, complete_solver
+from cusick_bench.cli.written_paths import outside_package
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 from cusick_bench.sim.errors import CusickError
 
@@ -21,7 +22,7 @@ data_option = partial(typer.Option, rich_help_panel="Data")
 simulation_option = partial(typer.Option, rich_help_panel="Simulation")
 fit_option = partial(typer.Option, rich_help_panel="Fit")
 running_option = partial(typer.Option, rich_help_panel="Running")
-output_option = partial(typer.Option, rich_help_panel="Output")
+output_option = partial(typer.Option, rich_help_panel="Output", callback=outside_package)
 
 
 class Mode(StrEnum):

@@ -90,7 +90,7 @@ def build_atlas(
 @user_errors
 def fit_atlas(
     folder: Annotated[Path, typer.Argument(help="Folder that `build` filled, also in part.", metavar="FOLDER")],
-    out: Annotated[Path, output_option(help="File; by default the one that diagnoses use.")] = SHIPPED,
+    out: Annotated[Path, output_option(help="File to write; never that of the installed package.")],
     check: Annotated[bool, typer.Option(help="Also measure what fits leave unexplained of other fabrics.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -125,7 +125,9 @@ def calibrate_atlas(
         list[Path],
         typer.Argument(help="Folder of a suite's cases and its labels.json, in turn.", metavar="CASES LABELS"),
     ],
-    atlas: Annotated[Path, typer.Option(help="Fitted atlas; rewritten with its calibration.")] = SHIPPED,
+    atlas: Annotated[
+        Path, output_option(help="Fitted atlas; rewritten with its calibration. Never that of the installed package.")
+    ],
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from cusick_bench.cli.common import UNDECIDED, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed
+from cusick_bench.cli.written_paths import outside_package
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import GATED, metric_called
 
@@ -58,6 +59,7 @@ def check_command(
     gate = Gate(level=level, minimum=minimum, seed=seed)
     cells = read_cells(run)
     if write:
+        outside_package(against)
         write_baseline(cells, against, _facts(run))
         tell(f"wrote {against}: {len(cells)} cells")
         if as_json:

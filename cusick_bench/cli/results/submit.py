@@ -7,6 +7,7 @@ import typer
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, output_option
+from cusick_bench.cli.written_paths import outside_package
 
 app = typer.Typer()
 
@@ -21,13 +22,20 @@ def submit_command(
 ) -> None:
     """Adds a run's rows to a track's table; a row that is there already is brought up to date, never doubled.
 
+    Rows of other tracks in the same file stay. A track is for one data set and certain mesh sizes; rows of others are
+    refused, and so is a run with damaged cells (exit status 2). Tracks of this project: synthetic, paper-table-1,
+    paper-table-2; another name is your own track, for what its first rows are about.
+
     Run `verify` before, or the rows are marked *reported*.
     """
     from cusick_bench.leaderboard.cells import load_cells
     from cusick_bench.leaderboard.verification.submit import append, rows_of
 
     path = out or Path("leaderboards") / f"{track}.csv"
-    rows = rows_of(load_cells(run), track)
+    outside_package(path)
+    cells = load_cells(run)
+    cells.require_sound()
+    rows = rows_of(cells, track)
     counts = append(path, rows)
     verified = sum(row["state"] == "verified" for row in rows)
     if as_json:

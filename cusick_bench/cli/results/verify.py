@@ -89,11 +89,14 @@ def _altered(path: Path, cells: Cells) -> dict[str, list[str]]:
     """
     from cusick_bench.leaderboard.verification.submit import altered, read_rows, rows_of
 
-    lines = {str(line["row"]): line for line in read_rows(path).to_dict("records")}
     rows = {row["row"]: row for row in rows_of(cells, "any")}
-    if not lines.keys() & rows.keys():
+    lines = [line for line in read_rows(path).to_dict("records") if line["row"] in rows]  # of any track
+    if not lines:
         raise LeaderboardError(f"no line of {path} is of {cells.folder}; give the run that it was submitted from")
-    found = {row["solver"]: altered(lines[name], row) for name, row in rows.items() if name in lines}
+    found: dict[str, list[str]] = {}
+    for line in lines:
+        made = rows[line["row"]]
+        found.setdefault(made["solver"], []).extend(altered({str(name): text for name, text in line.items()}, made))
     return {solver: wrong for solver, wrong in found.items() if wrong}
 
 

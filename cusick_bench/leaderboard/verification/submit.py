@@ -1,16 +1,16 @@
 """Rows of a run for a committed table: one file a track, a line a solver, each with all that it takes to repeat it.
 
-A line is named by the hash of its cells, and so by code, data, settings and budget. Submitted again it replaces itself,
-with its state, which becomes *verified* once all of its cells are (`verify`). Ranks are left out: they belong to the
-rows of one run, and a table gathers many. A table that `leaderboard --out` wrote of the same grid becomes a track's
-file when that grid is submitted; of another one it stays as it is.
+A line is named by its track and the hash of its cells, and so by code, data, settings and budget. Submitted again it
+replaces itself, with its state, which becomes *verified* once all of its cells are (`verify`). Ranks are left out: they
+belong to the rows of one run, and a table gathers many. A table that `leaderboard --out` wrote of the same grid becomes
+a track's file when that grid is submitted; of another one it stays as it is.
 """
 
 import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import StringIO
 from math import isclose, isnan, nan
@@ -25,6 +25,7 @@ from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.formats import record
 from cusick_bench.leaderboard.text import typed
+from cusick_bench.leaderboard.verification.tracks import require_fit
 from cusick_bench.leaderboard.verification.verify import verified_keys
 from cusick_bench.runner.store import write_atomically
 
@@ -79,7 +80,8 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
         How many were added, replaced, and left as they were.
 
     Raises:
-        LeaderboardError: The file is no such table, or a leaderboard with solvers or data that the lines lack.
+        LeaderboardError: The file is no such table, or a leaderboard with solvers or data that the lines lack; or the
+            lines have data or mesh sizes that their track is not for.
     """
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a track's file must end in .csv")
@@ -87,16 +89,22 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
     with _locked(path.parent):
         old = _lines_in(path, rows) if path.exists() else pd.DataFrame({"row": []}, dtype=str)
         new = pd.read_csv(StringIO(pd.DataFrame(rows).to_csv(index=False)), dtype=str, keep_default_na=False)
-        known = {str(line["row"]): line for line in old.to_dict("records")}
+        known = {_key(line): line for line in old.to_dict("records")}
+        require_fit(rows, known.values())
         counts = {"added": 0, "replaced": 0, "unchanged": 0}
         for line in new.to_dict("records"):
-            before = known.get(str(line["row"]))
+            before = known.get(_key(line))
             same = before is not None and all(str(before.get(name, "")) == value for name, value in line.items())
             counts["unchanged" if same else "added" if before is None else "replaced"] += 1
-            known[str(line["row"])] = line
+            known[_key(line)] = line
         table = pd.DataFrame(list(known.values())).fillna("")
         write_atomically(path, table[_ordered(list(table))].to_csv(index=False, lineterminator="\n").encode())
     return counts
+
+
+def _key(line: Mapping[Any, Any]) -> tuple[str, str]:
+    """What a line of a file is found by: one run may stand in several tracks."""
+    return str(line.get("track", "")), str(line["row"])
 
 
 def read_rows(path: Path) -> pd.DataFrame:

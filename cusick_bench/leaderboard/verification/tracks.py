@@ -1,0 +1,93 @@
+"""Tracks: what a committed table is about, so that all of its rows answer one question.
+
+A declared track says on which data and mesh sizes. Any other name is one's own track, whose first rows decide that.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cusick_bench.leaderboard.errors import LeaderboardError
+
+
+@dataclass(frozen=True)
+class Track:
+    """What rows of a track have in common.
+
+    Attributes:
+        dataset: Name of the data set.
+        vertices: Numbers of vertices of the mesh that is asked for.
+    """
+
+    dataset: str
+    vertices: tuple[int, ...]
+
+
+PAPER_VERTICES = 2699  # of the published experiments
+TRACKS = {
+    "synthetic": Track("synthetic", (600, PAPER_VERTICES)),
+    "paper-table-1": Track("cusick", (700, PAPER_VERTICES)),
+    "paper-table-2": Track("cusick", (297, PAPER_VERTICES)),
+}
+"""The tracks of this project, by name."""
+
+_SHARED = ("dataset_hash", "protocol")
+
+
+def require_fit(rows: Iterable[Mapping[str, Any]], present: Iterable[Mapping[str, Any]]) -> None:
+    """Refuses rows that their track is not for.
+
+    Args:
+        rows: Rows to add.
+        present: Rows that their file holds.
+
+    Raises:
+        LeaderboardError: Other data, another split or another mesh size than the track's.
+    """
+    known = list(present)
+    for row in rows:
+        name = str(row["track"])
+        if name in TRACKS:
+            _require_declared(row, TRACKS[name])
+        elif sizes := {vertices_of(line) for line in known if line.get("track") == name}:
+            _require(row, "mesh of so many vertices", vertices_of(row), sizes)
+        for column in _SHARED:
+            _require(row, column, str(row[column]), {str(x[column]) for x in known if x.get("track") == name})
+
+
+def vertices_of(row: Mapping[str, Any]) -> int:
+    """Vertices of the mesh that a row's cells asked for.
+
+    Args:
+        row: A row of a track.
+
+    Returns:
+        Their number; 0 where the row does not say.
+    """
+    try:
+        return int(json.loads(str(row.get("settings", ""))).get("vertices", 0))
+    except (ValueError, AttributeError, TypeError):
+        return 0
+
+
+def _require_declared(row: Mapping[str, Any], track: Track) -> None:
+    if row["dataset"] != track.dataset:
+        raise LeaderboardError(
+            f"track {row['track']} is for the data set {track.dataset}, got {row['dataset']} ({row['solver']}); run "
+            f"on --data {track.dataset}, or name a track of your own"
+        )
+    if vertices_of(row) not in track.vertices:
+        sizes = " or ".join(map(str, track.vertices))
+        raise LeaderboardError(
+            f"track {row['track']} is for meshes of --vertices {sizes}, got {vertices_of(row)} ({row['solver']}); run "
+            "with one of these, or name a track of your own"
+        )
+
+
+def _require(row: Mapping[str, Any], what: str, value: object, present: set[Any]) -> None:
+    if present and value not in present:
+        raise LeaderboardError(
+            f"track {row['track']} has rows with {what.replace('_', ' ')} {', '.join(map(str, sorted(present)))}, got "
+            f"{value} ({row['solver']}); submit to another track, or to another --out"
+        )
