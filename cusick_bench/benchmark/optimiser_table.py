@@ -22,6 +22,7 @@ from pydantic import TypeAdapter
 from cusick_bench.benchmark.functions import FUNCTIONS, BenchmarkError
 from cusick_bench.benchmark.optimisers import METHODS, PUBLISHED, Finished, run_numerics, summary
 from cusick_bench.files import parse_json, read_text
+from cusick_bench.files.csv_text import csv_text
 from cusick_bench.runner.store import write_atomically
 
 _MOST_BYTES = 64 << 20
@@ -128,7 +129,7 @@ def write_table(rows: Sequence[dict[str, Any]], out: Path, facts: Sequence[str])
         Paths of the two files.
     """
     csv, text = out / "optimisers.csv", out / "optimisers.md"
-    write_atomically(csv, pd.DataFrame(rows).to_csv(index=False, lineterminator="\n").encode())
+    write_atomically(csv, csv_text(pd.DataFrame(rows)).encode())
     write_atomically(text, markdown_table(rows, facts).encode())
     return [csv, text]
 

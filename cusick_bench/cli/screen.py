@@ -21,7 +21,7 @@ from rich.text import Text
 
 NATURAL_WIDTH = 100_000  # [characters] of a line that is never broken
 WORDS_WIDTH = 12  # [characters] below which a column of words is not folded
-VALUE_WIDTH = 16  # [characters] that a stacked value gets however long the headings are
+HEADING_WIDTH = 8  # [characters] that a stacked heading gets however long the numbers are
 
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ud800-\udfff]")
 _EXPONENT = re.compile(r"(?<=\d)e[-+]?\d+")
@@ -143,7 +143,8 @@ class Screen(Console):
     def _stacked(self, table: Table) -> Table:
         """A line for each entry: its heading and what it says; an empty line between rows."""
         heads = [_plain(self, column.header).replace("\n", " ") for column in table.columns]
-        width = min(max(map(cell_len, heads)), max(1, self.width - VALUE_WIDTH - 2))
+        numbers = max(_Contents.of(self, column).least for column in table.columns)
+        width = min(max(map(cell_len, heads)), max(HEADING_WIDTH, self.width - numbers - 2))
         stack = Table.grid(
             Column(width=width, overflow="fold", style="dim"), Column(overflow="fold"), padding=(0, 2, 0, 0)
         )

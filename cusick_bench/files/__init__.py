@@ -1,7 +1,7 @@
 """Reading of files that others wrote, within limits: nothing is unpickled, and sizes are looked at before content.
 
-json_file: one JSON object; npz_file: arrays; csv_file: tables. All raise `BadFile`: the file, what is wrong with it,
-and the remedy.
+json_file: one JSON object; npz_file: arrays; csv_file: tables, which csv_text writes, without formulas. All raise
+`BadFile`: the file, what is wrong with it, and the remedy.
 """
 
 from cusick_bench.files.csv_file import CsvTable, read_csv

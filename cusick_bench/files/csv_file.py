@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cusick_bench.files.errors import BadFile
+from cusick_bench.files.formula import unguarded_cell
 from cusick_bench.files.regular_file import read_text
 
 _MOST_BYTES = 64 << 20
@@ -31,7 +32,7 @@ def read_csv(
     comment: str | None = None,
     most_bytes: int = _MOST_BYTES,
 ) -> CsvTable:
-    """Reads a table; blank lines are left out, blanks around cells too.
+    """Reads a table; blank lines are left out, blanks around cells and guards of `csv_text` too.
 
     Args:
         path: The file.
@@ -53,7 +54,7 @@ def read_csv(
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
-                rows.append((reader.line_num, [cell.strip() for cell in cells]))
+                rows.append((reader.line_num, [unguarded_cell(cell.strip()) for cell in cells]))
     except csv.Error as error:
         raise BadFile(f"{path}, line {reader.line_num}", f"cannot be read as CSV ({error})", remedy) from error
     header = tuple(rows[0][1]) if rows else ()

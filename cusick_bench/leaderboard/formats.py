@@ -9,6 +9,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.text import TextTable, text_table, typed
 from cusick_bench.runner.environment import code_text
@@ -111,7 +112,7 @@ def csv(boards: list[Leaderboard]) -> str:
         Text of the file.
     """
     records = [record(board, row) for board in boards for row in board.rows]
-    return pd.DataFrame(records).to_csv(index=False, lineterminator="\n")
+    return csv_text(pd.DataFrame(records))
 
 
 def record(board: Leaderboard, row: Row) -> dict[str, Any]:

@@ -122,6 +122,8 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
     """A row for each fabric."""
     import pandas as pd
 
+    from cusick_bench.files.csv_text import csv_text
+
     rows = []
     for one in documents:
         low, high = one.closure.ci90 or (None, None)
@@ -153,7 +155,7 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
             }
         )
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, pd.DataFrame(rows).to_csv(index=False, float_format="%.4g").encode())
+    write_atomically(path, csv_text(pd.DataFrame(rows), float_format="%.4g").encode())
 
 
 def _parameters(cause: Cause) -> list[str]:

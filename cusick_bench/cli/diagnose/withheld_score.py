@@ -90,10 +90,11 @@ def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict
 
 
 def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, Any]) -> None:
+    from cusick_bench.files.csv_text import csv_text
     from cusick_bench.withheld.scoring.table import markdown, rows
 
     out.parent.mkdir(parents=True, exist_ok=True)
-    table = rows(scores, failed, facts).to_csv(index=False, lineterminator="\n", float_format="%.6g")
+    table = csv_text(rows(scores, failed, facts), float_format="%.6g")
     write_atomically(out, table.encode())
     page = out.with_suffix(".md")
     write_atomically(page, markdown(scores, failed, facts).encode())

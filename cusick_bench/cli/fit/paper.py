@@ -244,6 +244,7 @@ def _anytime(cells: Cells, title: str, out: Path, suffix: str) -> dict[str, Any]
 def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str = "") -> None:
     import pandas as pd
 
+    from cusick_bench.files.csv_text import csv_text
     from cusick_bench.leaderboard import latex, markdown
     from cusick_bench.leaderboard.anytime import documents
     from cusick_bench.leaderboard.paper import records, set_table
@@ -251,7 +252,7 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
     text, lines = set_table(table), records(table)
     name = f"{table.name}{suffix}"
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
-    files[f"{name}.csv"] = pd.DataFrame(lines).to_csv(index=False, lineterminator="\n")
+    files[f"{name}.csv"] = csv_text(pd.DataFrame(lines))
     files[f"{name}.json"] = _json({"table": name, "title": table.title, "rows": lines, "notes": list(table.notes)})
     _save(files | {file: _json(document) for file, document in documents.items()}, out)
 
@@ -259,6 +260,7 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
 def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) -> None:
     import pandas as pd
 
+    from cusick_bench.files.csv_text import csv_text
     from cusick_bench.leaderboard import latex, markdown
     from cusick_bench.report.figures.fold_variability import variability_table
 
@@ -267,7 +269,7 @@ def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) 
         return
     text, name = variability_table(rows, notes), "table-1-variability"
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
-    files[f"{name}.csv"] = pd.DataFrame(rows).to_csv(index=False, lineterminator="\n")
+    files[f"{name}.csv"] = csv_text(pd.DataFrame(rows))
     files[f"{name}.json"] = _json({"table": name, "rows": rows, "notes": list(text.notes)})
     _save(files, out)
 

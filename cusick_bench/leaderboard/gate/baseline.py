@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import read_csv, read_json
+from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -74,7 +75,7 @@ def write_baseline(table: pd.DataFrame, path: Path, facts: Iterable[str]) -> Non
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a baseline's name must end in .csv")
     columns = [name for name in (*IDENTITY, *_PROBLEM, *KEPT) if name in table]
-    text = table[columns].to_csv(index=False, lineterminator="\n", float_format=f"%.{_DIGITS}g")
+    text = csv_text(table.reindex(columns=columns), float_format=f"%.{_DIGITS}g")
     head = "".join(f"# {' '.join(fact.split())}\n" for fact in facts)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, (head + text).encode())

@@ -20,6 +20,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_csv
+from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, variants
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -98,7 +99,7 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
             counts["unchanged" if same else "added" if before is None else "replaced"] += 1
             known[_key(line)] = line
         table = pd.DataFrame(list(known.values())).fillna("")
-        write_atomically(path, table[_ordered(list(table))].to_csv(index=False, lineterminator="\n").encode())
+        write_atomically(path, csv_text(table.reindex(columns=_ordered(list(table)))).encode())
     return counts
 
 

@@ -1,0 +1,134 @@
+"""What commands say: version, quiet and verbose, one JSON document, errors that no name can forge."""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import cusick_bench
+from cusick_bench.cli import app
+from cusick_bench.cli.verbosity import PACKAGE, messages, tell_less, tell_more
+
+ESCAPE = "\x1b[2J"
+
+
+def invoke(*words, **options):
+    return CliRunner().invoke(app, [str(word) for word in words], **options)
+
+
+def test_the_version_is_told_with_its_commit():
+    told = invoke("--version").stdout
+    assert told.startswith(f"cusick-bench {cusick_bench.__version__}")
+    if (Path(__file__).parents[2] / ".git").exists():
+        commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True)
+        assert f"commit {commit.stdout[:12]}" in told
+
+
+@pytest.fixture
+def fit(tmp_path):
+    """Words of a command that writes files and says so."""
+    return ["run", "--solver", "null:disc", "--vertices", "97", "--cloth", "fabric_1", "--out", tmp_path / "runs"]
+
+
+@pytest.mark.parametrize("place", [0, 1], ids=["before", "after"])
+def test_quiet_leaves_results(toy_lab, fit, place):
+    words = [*fit, "--data", toy_lab]
+    words.insert(place, "-q")
+    found = invoke(*words)
+    assert found.exit_code == 0, found.stderr
+    assert found.stderr == ""
+    assert "null:disc" in found.stdout
+    again = invoke(*fit, "--data", toy_lab)  # the level is that of one command
+    assert "next: cusick-bench leaderboard" in again.stderr
+
+
+@pytest.mark.parametrize("place", [0, 1], ids=["before", "after"])
+def test_verbose_logs_what_is_read_and_run(toy_lab, fit, place):
+    words = [*fit, "--data", toy_lab, "--json"]
+    words.insert(place, "--verbose")
+    found = invoke(*words)
+    assert json.loads(found.stdout)["cells"][0]["status"] == "done"
+    assert f"{toy_lab / 'fabrics.csv'}" in found.stderr
+    assert "1 cells, 0 of them finished before" in found.stderr
+    assert f"wrote {fit[-1]}/cells/" in found.stderr
+    assert logging.getLogger("cusick_bench").handlers == []
+
+
+@pytest.fixture(scope="module")
+def toy_lab(make_lab):
+    return make_lab([1e-5], samples=2)
+
+
+def _warn_from(file: Path) -> None:
+    warnings.warn_explicit("out of range", UserWarning, str(file), 3)
+
+
+@pytest.mark.parametrize(("told", "own", "foreign"), [(None, 1, 0), (tell_less, 0, 0), (tell_more, 1, 1)])
+def test_warnings_of_libraries_are_for_the_verbose(capsys, told, own, foreign):
+    with messages():
+        if told:
+            told(True)
+        warnings.simplefilter("always")
+        for file, count in ((PACKAGE / "sim" / "drape.py", own), (Path("/usr/lib/python3/torch.py"), foreign)):
+            _warn_from(file)
+            assert capsys.readouterr().err.count("warning: out of range") == count
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["data", "info", f"a{ESCAPE}[red]b"],
+        ["run", "--out", "OUT", "--cloth", f"blue{ESCAPE}", "--solver", "null:disc"],
+        ["leaderboard", f"nowhere{ESCAPE}"],
+        ["diagnose", f"nowhere{ESCAPE}"],
+        ["simulate", "--density", "0.2", "--bending", f"{ESCAPE}"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_errors_are_harmless_and_leave_standard_output_alone(words, tmp_path):
+    found = invoke(*(tmp_path / "runs" if word == "OUT" else word for word in words), "--json")
+    assert found.exit_code == 2
+    assert found.stdout == ""
+    assert found.stderr.startswith("error: ")
+    assert "\x1b" not in found.stderr
+    assert r"\x1b[2J" in found.stderr
+
+
+def test_hostile_names_of_a_data_set_are_harmless(tmp_path, make_lab):
+    lab = make_lab([1e-5], samples=2)
+    hostile = lab.with_name(f"lab{ESCAPE}[red]")
+    lab.rename(hostile)
+    try:
+        for command in (["info"], ["stats"], ["audit"]):
+            found = invoke("data", *command, hostile)
+            assert found.exit_code == 0, found.stderr
+            assert "\x1b" not in found.output
+        assert r"lab\x1b[2J[red]" in invoke("data", "info", hostile).stdout
+    finally:
+        hostile.rename(lab)
+
+
+def test_all_commands_print_in_ascii():
+    """Help pages and tables, with an encoding that has neither boxes nor ±."""
+    environment = os.environ | {"PYTHONIOENCODING": "ascii", "COLUMNS": "200"}
+    for words in (["--help"], ["run", "--help"], ["effects"], ["solvers"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "cusick_bench", *words], capture_output=True, env=environment, check=False
+        )
+        assert done.returncode == 0, done.stderr.decode()
+        assert done.stdout.isascii()
+        assert len(done.stdout) > 500
+
+
+def test_a_reader_that_leaves_early_is_no_error_of_a_folder():
+    done = subprocess.run(
+        f"{sys.executable} -m cusick_bench effects | head -1", shell=True, capture_output=True, text=True, check=False
+    )
+    assert "choose another folder" not in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,52 @@
+"""CSV that we write: no spreadsheet runs a cell of it, and what is read back is what was written."""
+
+import pandas as pd
+import pytest
+
+from cusick_bench.files import read_csv
+from cusick_bench.files.csv_text import csv_text
+from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
+
+FORMULAS = ['=HYPERLINK("http://x")', "+1+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "'=1"]
+HARMLESS = ["cotton", "fabric_1", "-0.25", "+3", "-1e-5", "-inf", "1-2", "a=b", "'quoted'", ""]
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_a_formula_is_no_formula_any_more(text):
+    written = csv_text(pd.DataFrame({"cloth": [text], "mse": [-0.5]}))
+    assert written.splitlines()[1].lstrip('"')[0] == "'"
+    assert written.rstrip().endswith(",-0.5")
+
+
+@pytest.mark.parametrize("text", HARMLESS)
+def test_numbers_and_names_stay(text):
+    table = pd.DataFrame({"cloth": [text], "mse": [-0.5]})
+    assert csv_text(table) == table.to_csv(index=False, lineterminator="\n")
+
+
+def test_heads_are_guarded_too():
+    assert csv_text(pd.DataFrame({"=1+1": [1]})) == "'=1+1\n1\n"
+
+
+def test_numbers_are_written_as_pandas_writes_them():
+    table = pd.DataFrame({"a": [0.1, 1e-20, None], "b": [-1, 2, 3], "c": [True, None, False], "d": [1, None, "x"]})
+    assert csv_text(table, float_format="%.3g") == table.to_csv(index=False, lineterminator="\n", float_format="%.3g")
+
+
+def test_what_is_read_is_what_was_written(tmp_path):
+    names = [text for text in (*FORMULAS, *HARMLESS) if text.strip() == text != ""]
+    (tmp_path / "t.csv").write_text(csv_text(pd.DataFrame({"cloth": names})))
+    assert [row["cloth"] for _, row in read_csv(tmp_path / "t.csv", remedy="").rows] == names
+
+
+def test_a_baseline_of_hostile_cloths_is_read_back(tmp_path):
+    cells = {
+        "solver": "homo",
+        "cloth": ["=1+1", "-x", "blue"],
+        "seed": 0,
+        "status": "done",
+        "test_mse": [0.1, 0.2, 0.3],
+    }
+    write_baseline(pd.DataFrame(cells), tmp_path / "b.csv", ["made by a test"])
+    assert "\nhomo,'=1+1," in (tmp_path / "b.csv").read_text()
+    assert sorted(read_cells(tmp_path / "b.csv")["cloth"]) == sorted(["=1+1", "-x", "blue"])
