@@ -69,13 +69,13 @@ def tell(text: str) -> None:
 
 
 def fail(text: str) -> None:
-    """Says on standard error what is wrong; on one line, whatever the names in it hold.
+    """Says on standard error what is wrong; further lines are set in, so that none looks like another message.
 
     Args:
         text: The rule, the value, the remedy.
     """
-    line = harmless(text).replace("\n", "\\n")
-    console.print(Text.assemble(("error:", "bold red"), " ", line), soft_wrap=True)
+    lines = harmless(text).replace("\n", "\n  ")
+    console.print(Text.assemble(("error:", "bold red"), " ", lines), soft_wrap=True)
 
 
 def command_line() -> str:

@@ -92,7 +92,7 @@ class Clock:
 class TestTimeLeft:
     """The time left is told once enough is done to judge by, and then it is right."""
 
-    def left_after(self, marks, total=100.0, now=None):
+    def left_after(self, marks, total: float | None = 100.0, now=None):
         clock = Clock()
         tally = Tally("draping", total, clock=clock)
         for clock.now, done in marks:

@@ -246,7 +246,6 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
 
     from cusick_bench.files.csv_text import csv_text
     from cusick_bench.leaderboard import latex, markdown
-    from cusick_bench.leaderboard.anytime import documents
     from cusick_bench.leaderboard.paper import records, set_table
 
     text, lines = set_table(table), records(table)
