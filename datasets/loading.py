@@ -1,5 +1,6 @@
 """Loads a data set by its registered name, or from any folder in the same layout."""
 
+import logging
 from collections.abc import Collection
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.index import CORRECTIONS, Progress, build_index, survey
 from cusick_bench.datasets.registry import REGISTRY, folder_of
+
+_log = logging.getLogger(__name__)
 
 DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
 
@@ -59,9 +62,14 @@ def load(
         raise next(iter(found.faults.values()))
     name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
     applied = () if verified else wanted
-    return DrapeDataset(
+    dataset = DrapeDataset(
         name, layout.root, protocol, applied, build_index(name, layout, protocol, fabrics, found, applied)
     )
+    _log.debug(
+        "data set %s in %s: %d silhouettes; %s; densities: %s; corrected: %s", name, layout.root, len(dataset),
+        protocol, table or "published ones", ", ".join(applied) or "nothing",
+    )  # fmt: skip
+    return dataset
 
 
 def _corrections(correct: Collection[str] | bool) -> tuple[str, ...]:

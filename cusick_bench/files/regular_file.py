@@ -1,9 +1,12 @@
 """The bytes or the text of a file, once it is known to be one and no larger than it may be."""
 
+import logging
 import stat
 from pathlib import Path
 
 from cusick_bench.files.errors import BadFile
+
+_log = logging.getLogger(__name__)
 
 
 def require_regular(path: Path, *, most_bytes: int, remedy: str) -> None:
@@ -52,6 +55,7 @@ def read_bytes(path: Path, *, most_bytes: int, remedy: str) -> bytes:
         raise BadFile(path, f"cannot be read ({error.strerror})", remedy) from error
     if len(content) > most_bytes:
         raise BadFile(path, f"must have at most {size(most_bytes)}, got more", remedy)
+    _log.debug("read %s, %s", path, size(len(content)))
     return content
 
 

@@ -63,6 +63,9 @@ def run(
         _record_run(store, dataset, cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]
     watcher.begin(len(cells), len(cells) - len(waiting))
+    _log.debug("%d cells, %d of them finished before; %d workers", len(cells), len(cells) - len(waiting), workers)
+    for cell in waiting:
+        _log.debug("cell %s: %s on %s, seed %d, %s", cell.key, cell.solver, cell.cloth, cell.seed, cell.settings)
     lost: list[Cell] = []
     if executor is not None:
         lost = run_on_executor(executor, source, waiting, store, watcher)

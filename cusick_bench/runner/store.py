@@ -88,6 +88,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     os.replace(part, path)
+    _log.debug("wrote %s", path)
 
 
 def write_json(path: Path, document: dict[str, Any]) -> None:

@@ -49,7 +49,8 @@ def test_quiet_leaves_results(toy_lab, fit, place):
 
 
 @pytest.mark.parametrize("place", [0, 1], ids=["before", "after"])
-def test_verbose_logs_what_is_read_and_run(toy_lab, fit, place):
+def test_verbose_logs_what_is_read_and_run(make_lab, fit, place):
+    toy_lab = make_lab([1e-5], samples=2)  # not in memory yet
     words = [*fit, "--data", toy_lab, "--json"]
     words.insert(place, "--verbose")
     found = invoke(*words)
