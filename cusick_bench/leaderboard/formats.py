@@ -1,6 +1,7 @@
 """The forms of a leaderboard: terminal, Markdown, LaTeX, HTML fragment, and CSV with every number in full."""
 
 import html
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -80,11 +81,12 @@ def latex(board: Leaderboard | TextTable) -> str:
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def html_table(board: Leaderboard | TextTable) -> str:
+def html_table(board: Leaderboard | TextTable, links: Mapping[str, str] | None = None) -> str:
     """An HTML `table` element; rows carry their kind as a class.
 
     Args:
         board: A leaderboard, or any table of strings.
+        links: Where the name of a solver leads to.
 
     Returns:
         Text of the element.
@@ -96,7 +98,7 @@ def html_table(board: Leaderboard | TextTable) -> str:
             f"<caption>{html.escape(text.title)}</caption>",
             f"<thead><tr>{_heads(text)}</tr></thead>",
             "<tbody>",
-            *(_html_row(text, place) for place in range(len(text.entries))),
+            *(_html_row(text, place, links or {}) for place in range(len(text.entries))),
             "</tbody></table>",
         ]
     )
@@ -166,10 +168,18 @@ def _heads(text: TextTable) -> str:
     )
 
 
-def _html_row(text: TextTable, place: int) -> str:
+def _html_row(text: TextTable, place: int, links: Mapping[str, str]) -> str:
     pairs = zip(text.columns, text.entries[place], strict=True)
-    cells = "".join(f"<td{_side(column.left)}>{html.escape(entry)}</td>" for column, entry in pairs)
+    cells = "".join(
+        f"<td{_side(column.left)}>{_linked(entry, links if column.head == 'solver' else {})}</td>"
+        for column, entry in pairs
+    )
     return f'<tr class="{html.escape(text.kinds[place])}">{cells}</tr>'
+
+
+def _linked(entry: str, links: Mapping[str, str]) -> str:
+    words = html.escape(entry)
+    return f'<a href="{html.escape(links[entry])}">{words}</a>' if entry in links else words
 
 
 def _side(left: bool) -> str:

@@ -14,6 +14,7 @@ from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.profile import Profile
 from cusick_bench.files import BadFile, parse_json, read_text
 from cusick_bench.metrics import ruled_surface
+from cusick_bench.metrics.stiffness import BENDING
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
 
 _MOST_BYTES = 256 << 20  # of a trace
@@ -34,6 +35,7 @@ class CellView:
         simulated: Whether `vertices` is a simulated drape.
         trace: Best loss after each evaluation, as (forward-equivalents, loss).
         protocol: How the silhouettes are taken.
+        bending_draws: Bending stiffness of draws from the posterior [N m], in the order of `BENDING`; None without one.
     """
 
     fit: Float[ndarray, "256 256"]
@@ -44,6 +46,7 @@ class CellView:
     simulated: bool
     trace: Float[ndarray, "evaluations 2"]
     protocol: Protocol = RELEASE
+    bending_draws: Float[ndarray, "draws bending"] | None = None
 
     @property
     def fit_profile(self) -> Profile:
@@ -101,7 +104,18 @@ def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> 
     else:
         surface = shown_surface(profile_of(fit, protocol), protocol)
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
-    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol)
+    draws_of_bending = _bending_draws(arrays)
+    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol, draws_of_bending)
+
+
+def _bending_draws(arrays: Mapping[str, ndarray]) -> ndarray | None:
+    if "bending_draws" not in arrays:
+        return None
+    draws = np.asarray(arrays["bending_draws"], dtype=np.float64)
+    shaped = draws.ndim == 2 and len(draws) > 1 and draws.shape[1] == len(BENDING)
+    if not (shaped and np.isfinite(draws).all() and draws.min() > 0):
+        raise ValueError("its draws of bending stiffness are damaged")
+    return draws
 
 
 def _lines(path: Path) -> list[str]:

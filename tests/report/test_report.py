@@ -19,13 +19,16 @@ from typer.testing import CliRunner
 from cusick_bench.cli.results.report import report
 from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.metrics import ruled_surface
-from cusick_bench.report import View, cloth_colour, render_drape, write_report
+from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
+from cusick_bench.metrics.stiffness import BENDING, STRETCH
+from cusick_bench.report import ReportError, View, cloth_colour, render_drape, write_report
 from cusick_bench.report.cell_view import load_cell_view, read_trace
 from cusick_bench.report.drawing.inline_svg import inline_svg, page_figure, panel, printable
 from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
 from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
 from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
+from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
 ANGLES = 2 * np.pi * np.arange(720) / 720
@@ -334,3 +337,84 @@ def test_a_prediction_without_mesh_is_shown_as_ruled_surface(tmp_path):
     assert not view.simulated
     assert np.hypot(*view.vertices[:, :2].T).max() == pytest.approx(0.132, abs=1e-3)
     assert load_cell_view(write_cell(tmp_path, "homo")).simulated
+
+
+# -- stiffness
+
+
+def _with_stiffness(cell: Path, factor: float, draws: np.ndarray | None) -> None:
+    """Adds what was found to a cell: `factor` times a truth of 2 uN m, with or without a posterior."""
+    value = factor * 2e-6
+    one = Quantity(value, None if draws is None else (value / 2, value * 2))
+    found = FoundStiffness(
+        dict.fromkeys(BENDING, one),
+        dict.fromkeys(STRETCH, Quantity(100.0)),
+        dict.fromkeys(BENDING, (value,) * 5),
+        dict.fromkeys(BENDING, 0.0),
+        dict.fromkeys(BENDING, 2e-6),
+        dict.fromkeys(STRETCH, 100.0),
+    )
+    result = json.loads((cell / "result.json").read_text())
+    (cell / "result.json").write_text(json.dumps(result | found.document()))
+    if draws is not None:
+        with np.load(cell / "prediction.npz") as archive:
+            arrays = dict(archive)
+        np.savez_compressed(cell / "prediction.npz", **arrays, bending_draws=draws)
+
+
+@pytest.fixture(scope="module")
+def stiffness_page(tmp_path_factory) -> Page:
+    folder = tmp_path_factory.mktemp("stiffness")
+    drawn = 3e-6 * np.exp(np.random.default_rng(0).normal(0, 0.4, (60, 3)))
+    for cloth in ("cotton_blue", "viscose_white"):
+        _with_stiffness(write_cell(folder, "bdp", cloth), 1.5, drawn)
+    _with_stiffness(write_cell(folder, "homo"), 0.5, None)
+    write_cell(folder, "null:disc")
+    return make(folder)
+
+
+def test_page_shows_the_stiffness_in_both_units_and_against_the_truth(stiffness_page):
+    for expected in ("3.00 µN m", "0.0306 gf cm²/cm", "90 %: 1.50 to 6.00", "0.500 times the truth", "stiffness found"):
+        assert expected in stiffness_page.text, expected
+    graphs = [one["aria-label"] or "" for one in stiffness_page.all("svg")]
+    (blue,) = [words for words in graphs if words.startswith("Bending stiffness of cotton_blue")]
+    assert "homo warp 1.00" in blue
+    assert "true warp 2.00" in blue
+    assert "null" not in blue
+
+
+def test_a_row_leads_to_its_fits_and_they_to_each_other(stiffness_page):
+    anchors = {attributes.get("id") for _, attributes in stiffness_page.tags}
+    links = [(link["href"] or "").lstrip("#") for link in stiffness_page.all("a")]
+    assert set(links) <= anchors
+    cards = [attributes["id"] for name, attributes in stiffness_page.tags if name == "article"]
+    assert len(cards) == len(set(cards)) == 4
+    assert set(cards) <= set(links)
+
+
+def test_columns_have_a_legend(stiffness_page):
+    for meaning in ("against the best of N draws", "half width of the posterior", "symmetric Hausdorff distance"):
+        assert meaning in stiffness_page.text, meaning
+    assert len(stiffness_page.all("details")) == 2
+
+
+def test_posterior_and_truth_are_drawn():
+    found = FoundStiffness(
+        dict.fromkeys(BENDING, Quantity(3e-6, (1e-6, 9e-6))), {}, {}, {}, dict.fromkeys(BENDING, 2e-6), {}
+    )
+    draws = 3e-6 * np.exp(np.random.default_rng(0).normal(0, 0.4, (60, 3)))
+    with_both, fit_only = (stiffness_graph([StiffnessLine("bdp", found, drawn)]).axes[0] for drawn in (draws, None))
+    assert len(with_both.collections) == 1
+    assert len(fit_only.collections) == 0
+    (truth,) = [line for line in with_both.lines if same_color(line.get_color(), REAL)]
+    assert list(truth.get_xdata()) == pytest.approx([2.0, 2.0])
+    low, high = with_both.get_xlim()
+    assert low < 1.0
+    assert high > 9.0
+
+
+def test_damaged_draws_of_stiffness_are_told(tmp_path):
+    cell = write_cell(tmp_path, "bdp")
+    _with_stiffness(cell, 1.0, np.full((4, 3), -1.0))
+    with pytest.raises(ReportError, match="bending stiffness"):
+        load_cell_view(cell)

@@ -12,7 +12,9 @@ from markupsafe import Markup
 from numpy import ndarray
 
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of
-from cusick_bench.leaderboard import short
+from cusick_bench.leaderboard import short, significant
+from cusick_bench.metrics.found_stiffness import FoundStiffness
+from cusick_bench.metrics.stiffness import GF_CM2_PER_CM
 from cusick_bench.report.cell_view import CellView, shown_surface
 from cusick_bench.report.drawing.inline_svg import inline_svg
 from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
@@ -25,6 +27,7 @@ from cusick_bench.report.drawing.pictures import (
     png,
     silhouette_picture,
 )
+from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
 
 _DIFFERENCE_KEY = ((ONLY_SIMULATED, "only simulated"), (ONLY_REAL, "only real"))
 """Colours of `difference_picture`."""
@@ -83,6 +86,8 @@ class Card:
         fitted: What the fit is called.
         band: Number of unseen samples behind the band of `profile`.
         draws: The first draws for unseen samples.
+        anchor: Name of the card in links.
+        others: The solver on other cloths: cloth and anchor.
     """
 
     solver: str
@@ -97,6 +102,8 @@ class Card:
     fitted: str = ""
     band: int = 0
     draws: Picture | None = None
+    anchor: str = ""
+    others: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,8 @@ class ClothSection:
         cards: The solvers.
         real: The real training sample from the side, None where no cell could be read.
         text: A sentence on it.
+        stiffness: Graph of the bending stiffness found, None where no solver found one.
+        truth: Whether the graph marks the true stiffness.
     """
 
     name: str
@@ -116,6 +125,8 @@ class ClothSection:
     cards: list[Card]
     real: Picture | None = None
     text: str = ""
+    stiffness: Markup | None = None
+    truth: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,10 +136,12 @@ class BoardTable:
     Attributes:
         table: HTML table.
         notes: Sentences below it.
+        legend: Headings of its columns with their meaning.
     """
 
     table: Markup
     notes: Sequence[str]
+    legend: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True)
@@ -141,6 +154,7 @@ class RunPage:
         facts: Name and value of what identifies the run.
         boards: Leaderboards.
         cloths: The cells, cloth by cloth.
+        stiffness: What stiffness was found, None where no solver found any.
     """
 
     title: str
@@ -148,6 +162,7 @@ class RunPage:
     facts: list[tuple[str, str]]
     boards: list[BoardTable]
     cloths: list[ClothSection]
+    stiffness: BoardTable | None = None
 
 
 def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w 4"], unseen: ndarray | None) -> Card:
@@ -238,7 +253,39 @@ def numbers(cell: pd.Series) -> list[Number]:
         listed.append(Number("cost", f"{value('spent_forward_equivalents'):,.0f} drapes"))
     if isfinite(value("spent_wall_seconds")):
         listed.append(Number("time", f"{value('spent_wall_seconds'):,.0f} s"))
-    return [number for number in listed if number.value.strip(" %")]
+    return [number for number in listed if number.value.strip(" %")] + _stiffness(cell.get("stiffness"))
+
+
+def _stiffness(found: object) -> list[Number]:
+    if not isinstance(found, FoundStiffness):
+        return []
+    numbers = []
+    for direction, one in found.bending.items():
+        beside = [f"{significant(one.value / GF_CM2_PER_CM)} gf cm²/cm"]
+        if one.ci90 is not None:
+            beside.append(f"90 %: {significant(1e6 * one.ci90[0])} to {significant(1e6 * one.ci90[1])}")
+        if found.bending_ratio:
+            beside.append(f"{significant(found.bending_ratio[direction].value)} times the truth")
+        numbers.append(Number(f"bending, {direction}", f"{significant(1e6 * one.value)} µN m", "; ".join(beside)))
+    return numbers
+
+
+def stiffness_picture(cloth: str, lines: Sequence[StiffnessLine]) -> Markup:
+    """The graph of the bending stiffness that solvers found of a cloth.
+
+    Args:
+        cloth: Name of the cloth.
+        lines: What they found; at least one.
+
+    Returns:
+        The graph, with its numbers in words.
+    """
+    said = [(line.label, {name: one.value for name, one in line.found.bending.items()}) for line in lines]
+    if true := lines[0].found.true_bending:
+        said.append(("true", dict(true)))
+    words = [f"{who} " + ", ".join(f"{name} {significant(1e6 * one)}" for name, one in by.items()) for who, by in said]
+    description = f"Bending stiffness of {cloth} in micronewton metres: {'; '.join(words)}"
+    return inline_svg(stiffness_graph(lines), description, "wide")
 
 
 def real_drape(cloth: str, view: CellView) -> tuple[str, Picture]:

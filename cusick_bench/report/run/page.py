@@ -1,7 +1,7 @@
 """One self-contained HTML page of a results folder: leaderboard, and for every solver and cloth what was fitted."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,20 @@ from markupsafe import Markup
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
-from cusick_bench.leaderboard import Cells, Leaderboard, html_table, variants
+from cusick_bench.leaderboard import (
+    Cells,
+    Leaderboard,
+    html_table,
+    stiffness_rows,
+    stiffness_table,
+    text_table,
+    variants,
+)
+from cusick_bench.leaderboard.text import TextTable
+from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
+from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.page_template import render_page
 from cusick_bench.report.run.content import (
@@ -25,6 +36,7 @@ from cusick_bench.report.run.content import (
     fill_card,
     numbers,
     real_drape,
+    stiffness_picture,
 )
 from cusick_bench.report.run.figure import save_figure
 from cusick_bench.runner.environment import code_text
@@ -65,16 +77,54 @@ def write_report(
         section, written = _section(cells, boards, cloth, (unseen or {}).get(cloth), protocol, pictures, progress)
         sections.append(section)
         files += written
+    sections = _linked(sections)
+    links = {card.solver: f"#{card.anchor}" for section in reversed(sections) for card in section.cards}
     page = RunPage(
         title=TITLE,
         summary=_summary(cells, len(sections)),
         facts=_facts(cells, boards),
-        boards=[BoardTable(Markup(html_table(board)), board.notes) for board in boards],
+        boards=[_board_table(text_table(board), board.notes, links) for board in boards],
         cloths=sections,
+        stiffness=_stiffness_table(cells, links),
     )
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(render_page("run.html.j2", page=page), encoding="utf-8")
     return [out, *files]
+
+
+def _board_table(table: TextTable, notes: Sequence[str], links: Mapping[str, str]) -> BoardTable:
+    legend = [(f"{column.head} {column.unit}".strip(), column.meaning) for column in table.columns]
+    return BoardTable(Markup(html_table(table, links)), notes, legend)
+
+
+def _stiffness_table(cells: Cells, links: Mapping[str, str]) -> BoardTable | None:
+    if not (rows := stiffness_rows(cells)):
+        return None
+    table = stiffness_table(rows)
+    return _board_table(table, table.notes, links)
+
+
+def _linked(sections: Sequence[ClothSection]) -> list[ClothSection]:
+    """The sections with an anchor for each card, and links from card to card of one solver."""
+    counts = [len(section.cards) for section in sections]
+    anchors = {(cloth, card): f"fit-{cloth}-{card}" for cloth, count in enumerate(counts) for card in range(count)}
+    of_solver: dict[str, list[tuple[str, str]]] = {}
+    for (cloth, card), anchor in anchors.items():
+        of_solver.setdefault(sections[cloth].cards[card].solver, []).append((sections[cloth].name, anchor))
+    return [
+        replace(
+            section,
+            cards=[
+                replace(
+                    one,
+                    anchor=anchors[cloth, card],
+                    others=tuple(other for other in of_solver[one.solver] if other[1] != anchors[cloth, card]),
+                )
+                for card, one in enumerate(section.cards)
+            ],
+        )
+        for cloth, section in enumerate(sections)
+    ]
 
 
 def _section(
@@ -88,6 +138,7 @@ def _section(
 ) -> tuple[ClothSection, list[Path]]:
     """A cloth's part of the page, and the pictures written to the folder."""
     section, files = ClothSection(cloth, _plain(cloth), []), []
+    lines: list[StiffnessLine] = []
     for label, group in _in_order(cells.table, boards):
         of_cloth = group.loc[group["cloth"] == cloth].sort_values(by="seed")
         if of_cloth.empty:
@@ -105,10 +156,15 @@ def _section(
             section = replace(section, text=text, real=real)
         drape = drape_picture(view.vertices, view.faces, cloth, protocol=protocol)
         section.cards.append(fill_card(card, cloth, view, drape, unseen))
+        if isinstance(found := cell.get("stiffness"), FoundStiffness):
+            lines.append(StiffnessLine(label, found, view.bending_draws))
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             files.append(folder / f"{_plain(cloth)}_{_plain(label)}.png")
             save_figure(files[-1], f"{cloth}: {label}", view, drape, unseen)
+    if lines:
+        truth = any(line.found.true_bending for line in lines)
+        section = replace(section, stiffness=stiffness_picture(cloth, lines), truth=truth)
     return section, files
 
 
