@@ -103,7 +103,7 @@ def build_index(
         Columns as in `DrapeDataset.index`.
     """
     alike = named.twins(layout.silhouettes, found.hashes, found.images)
-    assigned = assign_meshes(layout, found, alike, correct)
+    assigned = assign_meshes(layout, protocol, found, alike, correct)
     origin = named.sources(layout.silhouettes, found.hashes)
     doubtful = doubtful_sides(layout, protocol, found) if "side" in correct else set()
     recognised = recognised_cloths(layout, found)
@@ -125,12 +125,13 @@ def build_index(
 
 
 def assign_meshes(
-    layout: Layout, found: Survey, alike: Mapping[str, named.Twin], correct: Collection[str]
+    layout: Layout, protocol: Protocol, found: Survey, alike: Mapping[str, named.Twin], correct: Collection[str]
 ) -> dict[str, pairing.Assignment]:
     """Assigns a mesh to every silhouette, corrected as asked.
 
     Args:
         layout: Files of the folder.
+        protocol: Nominal values of the experiment.
         found: What `survey` found in the files.
         alike: Result of `named.twins`, by path.
         correct: Those of `CORRECTIONS` that are applied.
@@ -141,7 +142,7 @@ def assign_meshes(
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
     assigned = pairing.assign_by_name(captures, layout.meshes)
     if "pairing" in correct or "rotation" in correct:
-        matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines)
+        matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol)
         assigned = pairing.correct_assignment(
             assigned, matches, pairing="pairing" in correct, rotation="rotation" in correct
         )
@@ -163,7 +164,7 @@ def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str
     """
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
     votes: dict[str, list[bool]] = defaultdict(list)
-    for match in pairing.match_meshes(captures, layout.meshes, found.images, found.outlines):
+    for match in pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol):
         if match.best and (match.fits_own or match.belongs_elsewhere):
             sides = [protocol.captures.get(entry.capture, "") for entry in (match.mesh, match.best)]
             votes[match.mesh.cloth].append(sides[0] != sides[1])

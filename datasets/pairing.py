@@ -15,10 +15,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.datasets.files.layout import Entry
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.profile import Profile
 
-FIT_LIMIT = 0.0042  # [m], 3 px: right pairs differ by 0.3 to 2.6 px, wrong ones by 3.5 px and more
-TIE = 0.25 / 723  # [m], a quarter of a pixel: below it the silhouette of the same name counts as the best
+FIT_LIMIT = 0.0042  # [m] of a 30 cm cloth, 3 px of the release: right pairs differ by 0.3 to 2.6 px, wrong ones by 3.5
+_TIE = 0.25  # [px]: below it the silhouette of the same name counts as the best
 _ROTATION_GAIN = 0.75  # a turn must bring the difference below this share of what it was
 
 
@@ -33,6 +34,7 @@ class MeshMatch:
         best: The silhouette that fits best; `own` in a tie.
         best_rms, best_rotation: Its difference [m] and turn [degrees].
         fits: Difference and turn for every silhouette of the sample, by path.
+        limit: Difference up to which a mesh fits [m].
     """
 
     mesh: Entry
@@ -43,21 +45,22 @@ class MeshMatch:
     best_rms: float
     best_rotation: int
     fits: dict[str, tuple[float, int]] = field(repr=False, compare=False)
+    limit: float = FIT_LIMIT
 
     @property
     def fits_own(self) -> bool:
         """Whether the mesh fits the silhouette of its name."""
-        return self.own_rms <= FIT_LIMIT
+        return self.own_rms <= self.limit
 
     @property
     def belongs_elsewhere(self) -> bool:
         """Whether the mesh fits another silhouette and not its own."""
-        return not self.fits_own and self.best_rms <= FIT_LIMIT
+        return not self.fits_own and self.best_rms <= self.limit
 
     @property
     def matches_none(self) -> bool:
         """Whether no silhouette of the sample fits."""
-        return self.best is not None and not self.fits_own and self.best_rms > FIT_LIMIT
+        return self.best is not None and not self.fits_own and self.best_rms > self.limit
 
 
 def quarter_turns(image: Profile, mesh: Profile) -> Float[ndarray, "4"]:
@@ -94,6 +97,7 @@ def match_meshes(
     meshes: Sequence[Entry],
     images: Mapping[str, Profile],
     outlines: Mapping[str, Profile],
+    protocol: Protocol = RELEASE,
 ) -> list[MeshMatch]:
     """Compares every mesh with the silhouettes of its sample.
 
@@ -102,6 +106,7 @@ def match_meshes(
         meshes: Mesh files.
         images: Profiles of silhouettes by path; files without one are left out.
         outlines: Profiles of meshes by path, likewise.
+        protocol: Gives scale and size of the cloth, by which differences are judged.
 
     Returns:
         One match a mesh.
@@ -111,21 +116,23 @@ def match_meshes(
         if entry.path in images:
             samples[entry.cloth, entry.sample].append(entry)
     return [
-        _match(mesh, samples[mesh.cloth, mesh.sample], images, outlines[mesh.path])
+        _match(mesh, samples[mesh.cloth, mesh.sample], images, outlines[mesh.path], protocol)
         for mesh in meshes
         if mesh.path in outlines
     ]
 
 
-def _match(mesh: Entry, candidates: list[Entry], images: Mapping[str, Profile], outline: Profile) -> MeshMatch:
+def _match(
+    mesh: Entry, candidates: list[Entry], images: Mapping[str, Profile], outline: Profile, protocol: Protocol
+) -> MeshMatch:
     fits = {entry.path: best_turn(images[entry.path], outline) for entry in candidates}
     own = next((entry for entry in candidates if entry.key == mesh.key), None)
     best = min(candidates, key=lambda entry: fits[entry.path][0], default=None)
     none = (float("inf"), 0)
     own_fit, best_fit = (fits[entry.path] if entry else none for entry in (own, best))
-    if own_fit[0] - best_fit[0] < TIE:
+    if own_fit[0] - best_fit[0] < _TIE / protocol.px_per_m:
         best, best_fit = own, own_fit
-    return MeshMatch(mesh, own, *own_fit, best, *best_fit, fits)
+    return MeshMatch(mesh, own, *own_fit, best, *best_fit, fits, FIT_LIMIT * protocol.cloth_scale)
 
 
 @dataclass(frozen=True)
@@ -185,7 +192,7 @@ def correct_assignment(
         else:
             notes = (f"mesh fits no silhouette of the sample ({_mm(match.best_rms)})",) if match.matches_none else ()
             corrected[match.own.path] = _turned(match.mesh.path, match.own_rotation, notes, rotation)
-    offers = [(*fit, path, match.mesh) for match in strays for path, fit in match.fits.items() if fit[0] <= FIT_LIMIT]
+    offers = [(*fit, path, match.mesh) for match in strays for path, fit in match.fits.items() if fit[0] <= match.limit]
     placed: set[str] = set()
     for rms, degrees, path, mesh in sorted(offers, key=lambda offer: offer[0]):
         if not corrected[path].mesh and mesh.path not in placed:

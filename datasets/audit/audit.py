@@ -87,7 +87,7 @@ def audit(name_or_path: str | Path, *, progress: Progress | None = None) -> Audi
     fabrics: dict[str, Fabric] = _tolerant(layout, FABRICS_FILE, read_fabrics, {}, problems)
     found = survey(layout, protocol, measure=True, progress=progress)
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
-    matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines)
+    matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol)
     problems += [
         *(Irregularity(path, fault.kind, fault.what) for path, fault in found.faults.items()),
         *_changed(layout),

@@ -185,6 +185,15 @@ class Protocol:
         side = (self.image_size_px / self.px_per_m) ** 2
         return side / ((IMAGE_SIZE / PIXELS_PER_METRE) ** 2 * self.cloth_scale**2)
 
+    def document(self) -> dict[str, Any]:
+        """Content of a `protocol.json` that says the same; without remarks, the camera's height where it counts."""
+        names = [item.name for item in fields(self) if item.name != "extra"]
+        values = {name: getattr(self, name) for name in names if name != "camera_height_m"}
+        if self.projection == "pinhole":
+            values["camera_height_m"] = self.camera_height_m
+        captures = {str(number): side for number, side in self.captures.items()}
+        return values | {"centre_px": list(self.centre_px), "captures": captures}
+
     def unlike_release(self) -> dict[str, Any]:
         """What decides where a point of the cloth is seen, as far as it is not as in the public release.
 

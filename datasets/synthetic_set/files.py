@@ -8,6 +8,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,10 @@ from PIL import Image
 
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.checksums import CHECKSUMS
+from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe
 from cusick_bench.sim.cloth.obj import write_obj
-from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 
 _TRUTH = "truth.json"
@@ -31,7 +33,7 @@ def _name(drape: recipe.TrueDrape) -> str:
 
 
 def _write_drape(drape: recipe.TrueDrape, fabric: Path) -> None:
-    image = render(torch.from_numpy(drape.vertices), drape.faces, ParallelCamera()).numpy()
+    image = render(torch.from_numpy(drape.vertices), drape.faces, camera_of(RELEASE)).numpy()
     grey = np.round(255 * (1 - image)).astype(np.uint8)
     Image.fromarray(grey).save(fabric / "silhouettes" / f"{_name(drape)}.png", optimize=True)
     positions = np.round(drape.vertices, _DECIMALS) + 0.0  # adding zero turns -0 into 0
@@ -59,20 +61,9 @@ def _truth(cloths: list[recipe.Cloth]) -> dict[str, Any]:
 
 
 def _protocol() -> dict[str, Any]:
-    return {
-        "cloth_radius_m": 0.15,
-        "plate_radius_m": 0.09,
-        "gravity_m_s2": 9.8,
-        "image_size_px": 256,
-        "px_per_m": 723.0,
-        "centre_px": [127.5, 127.5],
-        "projection": "parallel",
-        "image_y": "up",
-        "foreground": "dark",
-        "captures": {str(capture): side for capture, side in recipe.CAPTURES.items()},
-        "turn_over": "about y: material x points to -x when face down",
-        "order": "captures 1, 2 face up, then 3, 4 face down",
-    }
+    """The frame of the public release, which the set is made in."""
+    turned, order = "about y: material x points to -x when face down", "captures 1, 2 face up, then 3, 4 face down"
+    return replace(RELEASE, captures=dict(recipe.CAPTURES), turn_over=turned, order=order).document()
 
 
 def _croissant(files: dict[str, str]) -> dict[str, Any]:

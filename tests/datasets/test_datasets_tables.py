@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from other_laboratory import LARGE_IMAGES, NEAR_CAMERA, SMALL_CLOTH
 from toy_cloths import draw, toy_profile, write_image, write_toy
 
 from cusick_bench.datasets import DataError, load
@@ -224,6 +225,12 @@ def test_the_documented_file_and_table_are_the_protocols(tmp_path):
     for name, default in shown.items():
         assert json.loads(json.dumps(getattr(Protocol(), name))) == default, name
     assert (table["projection"], table["image_y"], table["foreground"]) == ("parallel", "up", "dark")
+
+
+@pytest.mark.parametrize("protocol", [Protocol(), LARGE_IMAGES, SMALL_CLOTH, NEAR_CAMERA])
+def test_a_protocol_is_written_as_it_is_read(tmp_path, protocol):
+    (tmp_path / "protocol.json").write_text(json.dumps(protocol.document()))
+    assert read_protocol(tmp_path / "protocol.json") == protocol
 
 
 def test_protocol_defaults_and_spellings(tmp_path):

@@ -1,7 +1,6 @@
 """The shipped set's drapes as another laboratory would have photographed them."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +56,5 @@ def write_laboratory(
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(np.round(255 * levels).astype(np.uint8)).save(path)
     (root / "fabrics.csv").write_text((synthetic.root / "fabrics.csv").read_text())
-    document = {key: value for key, value in asdict(protocol).items() if key != "extra"}
-    (root / "protocol.json").write_text(json.dumps(document))
+    (root / "protocol.json").write_text(json.dumps(protocol.document()))
     return root

@@ -15,10 +15,11 @@ from scipy.special import logsumexp
 
 from cusick_bench.diagnosis.inference.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.hypotheses import RINGS
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 SECTORS = 16
-EDGES = (0.09, 0.105, 0.12, 0.135, 0.15)
-"""Radii between the rings [m]."""
+EDGES = (PLATE_RADIUS, 0.105, 0.12, 0.135, CLOTH_RADIUS)
+"""Radii between the rings [m], of the atlas' cloth, to which silhouettes of any other are scaled."""
 _LEVEL = 0.8  # of the region that is named
 
 

@@ -15,8 +15,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+
 RINGS, SECTORS = 4, 16
-PLATE_EDGE, RIM = 0.09, 0.15  # [m]
+PLATE_EDGE, RIM = PLATE_RADIUS, CLOTH_RADIUS  # [m], nominal: labels and answers speak of the suites' own laboratory
 FULL_TURN = 360.0  # [deg]
 KINDS = ("sector", "ring", "patch")
 

@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,6 @@ from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from cusick_bench.runner.processes import one_thread, process_pool
-from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, IMAGE_CENTRE, IMAGE_SIZE, PIXELS_PER_METRE, PLATE_RADIUS
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
@@ -26,7 +26,7 @@ from cusick_bench.withheld.format.seal import salt_of, sealed
 from cusick_bench.withheld.suite.design import Kind, Plan, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
-from cusick_bench.withheld.world.photograph import jpeg
+from cusick_bench.withheld.world.photograph import LABORATORY, jpeg
 from cusick_bench.withheld.world.true_case import CAPTURES, SAMPLES, VERTICES, TrueCase
 
 COMMITMENT, LABELS, SUITE = "commitment.json", "labels.json", "suite.json"
@@ -192,21 +192,9 @@ def _fabrics_table(truth: TrueCase) -> str:
 
 
 def _protocol() -> dict[str, Any]:
-    """Nominal values, whatever is true."""
-    return {
-        "cloth_radius_m": CLOTH_RADIUS,
-        "plate_radius_m": PLATE_RADIUS,
-        "gravity_m_s2": GRAVITY,
-        "image_size_px": IMAGE_SIZE,
-        "px_per_m": PIXELS_PER_METRE,
-        "centre_px": list(IMAGE_CENTRE),
-        "projection": "parallel",
-        "image_y": "up",
-        "foreground": "dark",
-        "captures": {str(capture): side for capture, side in CAPTURES.items()},
-        "turn_over": "about y: material x points to -x when face down",
-        "order": "captures 1, 2 face up, then 3, 4 face down",
-    }
+    """Nominal values of the suites' own laboratory, which is set up as the public release's, whatever is true."""
+    turned, order = "about y: material x points to -x when face down", "captures 1, 2 face up, then 3, 4 face down"
+    return replace(LABORATORY, captures=dict(CAPTURES), turn_over=turned, order=order).document()
 
 
 def _write_alone(suite: Suite, plan: Plan, out: Path) -> str:

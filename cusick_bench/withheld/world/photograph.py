@@ -10,11 +10,14 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, shift
 from scipy.special import ndtr
 
-from cusick_bench.sim.constants import PIXELS_PER_METRE
-from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.withheld.world.fabric import Variability
 from cusick_bench.withheld.world.scene import Scene, Vertices, unit_vector
+
+LABORATORY = RELEASE
+"""Nominal values of the laboratory that suites come from: set up as the public release's."""
 
 _RAMP = 0.8  # of the shades between the cut's level and the nearer of white and black that it spreads over the scale
 _NOISE = 1.2  # standard deviation of grey levels, of 255
@@ -75,7 +78,7 @@ def photograph(seen: Vertices, faces: ndarray, scene: Scene) -> UInt8[ndarray, "
     Returns:
         Grey levels, dark where the cloth is.
     """
-    cover = render(torch.from_numpy(np.ascontiguousarray(seen)), faces, ParallelCamera()).numpy()
+    cover = render(torch.from_numpy(np.ascontiguousarray(seen)), faces, camera_of(LABORATORY)).numpy()
     shade = gaussian_filter(_smeared(cover, scene.smear), scene.blur)
     if scene.outwards is not None:
         level = ndtr(-scene.outwards / scene.blur)
@@ -107,5 +110,5 @@ def jpeg(levels: UInt8[ndarray, "256 256"]) -> bytes:
     return packed.getvalue()
 
 
-PIXEL = 1 / PIXELS_PER_METRE
+PIXEL = 1 / LABORATORY.px_per_m
 """Width of a pixel [m]."""
