@@ -8,13 +8,19 @@ Files with kernels import numba from here (`from cusick_bench.sim.kernel_cache i
 known before a kernel is defined, and who defines none does not wait for numba.
 """
 
+import atexit
 import hashlib
+import logging
 import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numba
+import platformdirs
 from numba.core import config
+
+_log = logging.getLogger(__name__)
 
 CALLED = ("sim/laws/*.py", "sim/linear/dense.py", "metrics/surface.py")
 """Files whose compiled functions those of other files call."""
@@ -23,18 +29,42 @@ CALLED = ("sim/laws/*.py", "sim/linear/dense.py", "metrics/surface.py")
 def keep_by_content() -> None:
     """Sets the folder of the kernels; to be called before any kernel is defined.
 
-    Where it cannot be written, numba chooses one itself.
+    It lies in NUMBA_CACHE_DIR where that is set, else beside the package, or in the user's cache where the package
+    cannot be written. Where none can be, the kernels of this process go with it, and a warning says so.
     """
     here, digest = Path(__file__).parent, hashlib.sha256()
     for path in sorted(path for name in CALLED for path in here.parent.glob(name)):
         digest.update(path.read_bytes())
     configuration: Any = config
-    parent = Path(configuration.CACHE_DIR or here / "__pycache__")
-    folder = parent / f"kernels-{digest.hexdigest()[:12]}"
-    if not folder.exists():
-        for old in parent.glob("kernels-*"):
-            shutil.rmtree(old, ignore_errors=True)
-    configuration.CACHE_DIR = str(folder)
+    asked = configuration.CACHE_DIR
+    parents = [Path(asked)] if asked else [here / "__pycache__", platformdirs.user_cache_path("cusick-bench")]
+    folders = [parent / f"kernels-{digest.hexdigest()[:12]}" for parent in parents]
+    configuration.CACHE_DIR = str(next(filter(_writable, folders), None) or _lost(parents))
+
+
+def _writable(folder: Path) -> bool:
+    """Whether kernels can be kept there; those of other versions go when the first of this one is."""
+    try:
+        if not folder.exists():
+            for old in folder.parent.glob("kernels-*"):
+                shutil.rmtree(old, ignore_errors=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _lost(parents: list[Path]) -> str:
+    """A folder that is gone when this process ends."""
+    folder = tempfile.mkdtemp(prefix="cusick-bench-kernels-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    _log.warning(
+        "no kernel can be kept in %s, so every process compiles its own, which takes a minute; set NUMBA_CACHE_DIR to "
+        "a folder that can be written",
+        " or ".join(map(str, parents)),
+    )
+    return folder
 
 
 keep_by_content()

@@ -14,16 +14,20 @@ from cusick_bench.benchmark.gradients import GradientCheck
 from cusick_bench.benchmark.memory import peak_of
 from cusick_bench.benchmark.reference import Comparison
 from cusick_bench.benchmark.timing import Timing, paired_ratio, time_in_turn
-from cusick_bench.benchmark.workload import FLOOR_SHARE, Workload
+from cusick_bench.benchmark.workload import CASES, FLOOR_SHARE, STEPS, Workload
 from cusick_bench.runner.environment import environment
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.linear.interface import available_backends
 from cusick_bench.sim.torch_engine.engine import torch_device
 
 TARGET_SIZE = 2699
 """Mesh size that the targets are for: the paper's."""
+
+Done = Callable[[str, float], None]
+"""Told what was measured, and how much of `work` that was."""
 
 _MOST_BATCHED = 200_000  # vertices of a batch; larger ones are left out, they take minutes
 _START = "from cusick_bench.cli import main; main()"
@@ -31,7 +35,7 @@ _START = "from cusick_bench.cli import main; main()"
 
 @dataclass(frozen=True)
 class Plan:
-    """What to measure.
+    """What to measure; by default what takes some minutes.
 
     Attributes:
         vertices: Mesh sizes.
@@ -44,9 +48,9 @@ class Plan:
         device_batches: Members of the batches there.
     """
 
-    vertices: tuple[int, ...] = (297, 1205, 2699, 7496, 20000)
-    rounds: int = 5
-    batches: tuple[int, ...] = (16, 64)
+    vertices: tuple[int, ...] = (297, 1205, 2699)
+    rounds: int = 3
+    batches: tuple[int, ...] = (16,)
     support: str = "fixed"
     reference_steps: int = 10
     gradient_vertices: int = 1205
@@ -60,21 +64,85 @@ class Plan:
             )
 
 
-def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict[str, Any]:
+FULL = {"vertices": (297, 1205, 2699, 7496, 20000), "rounds": 5, "batches": (16, 64)}
+"""What the full benchmark measures beyond the quick one, which the defaults of `Plan` are; a quarter of an hour."""
+
+PARTS = ("meshes", "device", "reference", "gradient_error", "start_up_s")
+"""Parts of the document in the order in which they are measured."""
+
+# What a part takes [s] on two quiet cores, roughly: progress is told in these units.
+_DROP_SECONDS = 1.5e-4  # of a vertex
+_PROCESS_SECONDS = 5.0  # to start a process and to make it ready
+_COST = {"drop+gradient": 1.6, "drop+gradient, checkpointed": 2.5, "silhouette+gradient": 0.05}  # of a drop
+_GRADIENT_DROPS = 200  # of the check of gradients
+
+
+def _cost(case: str, vertices: int) -> float:
+    """What one call of a case takes [s], roughly."""
+    members = case.removeprefix("batch of ").removesuffix("+gradient")
+    drops = float(members) if members.isdecimal() else 0.1 if case.startswith("floor:") else _COST.get(case, 1.0)
+    return drops * _DROP_SECONDS * vertices
+
+
+def _mesh_rounds(vertices: int, plan: Plan) -> int:
+    return min(plan.rounds, 3) if vertices > 5000 else plan.rounds
+
+
+def _batches(vertices: int, plan: Plan) -> list[int]:
+    return [members for members in plan.batches if members * vertices <= _MOST_BATCHED]
+
+
+def work(plan: Plan) -> float:
+    """What a plan takes [s], roughly and on two quiet cores; without the device, whose speed is not known.
+
+    Args:
+        plan: What to measure.
+
+    Returns:
+        The sum of what `benchmark` tells of.
+    """
+    found = 0.0
+    for vertices in plan.vertices:
+        batches = [f"batch of {members}" for members in _batches(vertices, plan)]
+        names = [*(f"floor:{name}" for name in available_backends()), *CASES, *batches]
+        found += (_mesh_rounds(vertices, plan) + 1) * sum(_cost(name, vertices) for name in names)
+        found += _memory_cost(vertices)
+    return found + _reference_cost(plan) + _GRADIENT_DROPS * _DROP_SECONDS * plan.gradient_vertices + _START_SECONDS
+
+
+_START_SECONDS = 3 * _PROCESS_SECONDS
+
+
+def _memory_cost(vertices: int) -> float:
+    return 2 * _PROCESS_SECONDS + 8 * _DROP_SECONDS * vertices
+
+
+def _reference_cost(plan: Plan) -> float:
+    autograd = 50 * _DROP_SECONDS * _target(plan) * plan.reference_steps / STEPS
+    return 2 * _PROCESS_SECONDS + (min(plan.rounds, 3) + 5) * autograd
+
+
+def _target(plan: Plan) -> int:
+    """Mesh size that the targets are held against."""
+    return TARGET_SIZE if TARGET_SIZE in plan.vertices else plan.vertices[-1]
+
+
+def measure_mesh(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
     """Times and memory on one mesh: `cases`, `phases`, `ratios`, `floor` (the fastest backend), `memory_bytes`.
 
     Args:
         vertices: Number of vertices of the mesh.
         plan: What to measure.
-        done: Called to tell of every finished case.
+        done: Told of every case that is timed.
 
     Returns:
         Times, memory and sizes by name.
     """
     workload = Workload(vertices, plan.support)
-    rounds = min(plan.rounds, 3) if vertices > 5000 else plan.rounds
-    batches = [members for members in plan.batches if members * vertices <= _MOST_BATCHED]
-    cases = time_in_turn(workload.cases(batches), rounds, lambda name: done(f"{vertices}: {name}"))
+    rounds, batches = _mesh_rounds(vertices, plan), _batches(vertices, plan)
+    cases = time_in_turn(
+        workload.cases(batches), rounds, lambda name: done(f"{vertices} vertices: {name}", _cost(name, vertices))
+    )
     for name in [name for name in cases if name.startswith("floor:")]:
         cases[name] = Timing(tuple(FLOOR_SHARE * seconds for seconds in cases[name].seconds))
     phases = time_in_turn(workload.phases(), max(10 * rounds, 20), lambda name: None)
@@ -90,6 +158,7 @@ def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict
     memory = {
         name: peak_of(_gradient_ready, vertices, plan.support, name == "kept") for name in ("kept", "checkpointed")
     }
+    done(f"{vertices} vertices: memory", _memory_cost(vertices))
     return {
         "vertices": workload.mesh.vertices,
         "floor": fastest.removeprefix("floor:"),
@@ -100,13 +169,13 @@ def measure_mesh(vertices: int, plan: Plan, done: Callable[[str], None]) -> dict
     }
 
 
-def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Callable[[str], None]) -> dict[str, Any]:
+def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Done) -> dict[str, Any]:
     """The plan's device on every mesh, with rates beside those of the CPU (`times_faster`).
 
     Args:
         meshes: What `measure_mesh` found.
         plan: What to measure.
-        done: Called with the name of everything measured.
+        done: Told of everything measured.
 
     Returns:
         Times, ratios and differences by name.
@@ -115,7 +184,9 @@ def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Callable[[str
         return {}
     found = []
     for vertices, cpu in zip(plan.vertices, meshes, strict=True):
-        mesh = measure_device(vertices, plan.device, plan.device_batches, plan.rounds, plan.support, done)
+        mesh = measure_device(
+            vertices, plan.device, plan.device_batches, plan.rounds, plan.support, lambda name: done(name, 0.0)
+        )
         rates = {
             name: {"cpu": drapes_per_second(cpu["cases"], suffix), "device": drapes_per_second(mesh["cases"], suffix)}
             for name, suffix in (("forward", ""), ("gradient", "+gradient"))
@@ -176,41 +247,52 @@ def scaling(meshes: list[dict[str, Any]]) -> float | None:
     return float(np.polyfit(size, seconds, 1)[0])
 
 
-def benchmark(plan: Plan, done: Callable[[str], None] = lambda name: None) -> dict[str, Any]:
+def benchmark(
+    plan: Plan,
+    done: Done = lambda name, share: None,
+    keep: Callable[[dict[str, Any]], None] = lambda document: None,
+) -> dict[str, Any]:
     """Runs the benchmark.
 
     Args:
         plan: What to measure.
-        done: Called with the name of everything measured.
+        done: Told of everything measured.
+        keep: Given the document whenever a mesh or a part of it is measured, as far as it is: `missing` names the parts
+            that lack something.
 
     Returns:
         `hardware`, `plan`, `meshes`, `reference`, `gradient_error`, `start_up_s`, `scaling_exponent`, `device` (empty
-        without one), `ratios` (those of the target mesh, or of the last) and `targets`.
+        without one), `ratios` (those of the target mesh, or of the last), `targets` and `missing`, which is empty.
     """
-    meshes = [measure_mesh(vertices, plan, done) for vertices in plan.vertices]
-    beside = measure_beside(meshes, plan, done)
-    size = TARGET_SIZE if TARGET_SIZE in plan.vertices else plan.vertices[-1]
-    reference = Comparison(size, plan.reference_steps).measure(min(plan.rounds, 3))
-    done("plain autograd")
-    errors = gradient_errors(plan.gradient_vertices)
-    done("gradient check")
-    target = next(mesh for mesh in meshes if mesh["vertices"] == size)
-    document: dict[str, Any] = {
-        "hardware": environment(),
-        "plan": asdict(plan),
-        "meshes": meshes,
-        "reference": reference,
-        "gradient_error": errors,
-        "start_up_s": start_up(),
-        "scaling_exponent": scaling(meshes),
-        "device": beside,
-        "ratios": {
-            **{name: ratio["median"] for name, ratio in target["ratios"].items()},
-            "plain autograd / engine, time": reference["times_faster"]["median"],  # pyright: ignore[reportIndexIssue]
-            "plain autograd / engine, memory": reference["times_leaner"],
-        },
+    document: dict[str, Any] = {"hardware": environment(), "plan": asdict(plan), "meshes": [], "missing": list(PARTS)}
+
+    def measured(part: str, value: Any) -> None:
+        document[part] = value
+        document["missing"].remove(part)
+        keep(document)
+
+    for vertices in plan.vertices:
+        document["meshes"].append(measure_mesh(vertices, plan, done))
+        keep(document)
+    measured("meshes", document["meshes"])
+    measured("device", measure_beside(document["meshes"], plan, done))
+    measured("reference", Comparison(_target(plan), plan.reference_steps).measure(min(plan.rounds, 3)))
+    done("plain autograd", _reference_cost(plan))
+    measured("gradient_error", gradient_errors(plan.gradient_vertices))
+    done("gradient check", _GRADIENT_DROPS * _DROP_SECONDS * plan.gradient_vertices)
+    measured("start_up_s", start_up())
+    done("start-up", _START_SECONDS)
+    target = next(mesh for mesh, size in zip(document["meshes"], plan.vertices, strict=True) if size == _target(plan))
+    reference = document["reference"]
+    document["scaling_exponent"] = scaling(document["meshes"])
+    document["ratios"] = {
+        **{name: ratio["median"] for name, ratio in target["ratios"].items()},
+        "plain autograd / engine, time": reference["times_faster"]["median"],
+        "plain autograd / engine, memory": reference["times_leaner"],
     }
-    return document | {"targets": list(_targets(document, target))}
+    document["targets"] = list(_targets(document, target))
+    keep(document)
+    return document
 
 
 def _targets(document: dict[str, Any], mesh: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -23,6 +23,15 @@ STEPS = 100
 FLOOR_SHARE = 10  # a floor is timed over so many times fewer steps
 CHANGE = 0.1  # standard deviation of log parameters between a warm start and its drape
 
+CASES = (
+    "drop",
+    "drop+gradient",
+    "drop+gradient, checkpointed",
+    "equilibrium, warm, +gradient",
+    "silhouette+gradient",
+)
+"""What is timed on every mesh, beside floors and batches."""
+
 
 def cloth(mesh: Mesh, *, spread: float = 0.0, seed: int = 0, track: bool = False) -> Material:
     """The benchmark's cloth, heterogeneous: one table an element.
@@ -182,11 +191,17 @@ class Workload:
         """
         seeds = iter(range(1_000_000))
         found: dict[str, Callable[[], object]] = {f"floor:{name}": self.floor(name) for name in available_backends()}
-        found["drop"] = self.drop
-        found["drop+gradient"] = self.drop_gradient
-        found["drop+gradient, checkpointed"] = lambda: self.drop_gradient(keep=False)
-        found["equilibrium, warm, +gradient"] = lambda: self.warm_gradient(next(seeds))
-        found["silhouette+gradient"] = self.silhouette
+        found |= zip(
+            CASES,
+            (
+                self.drop,
+                self.drop_gradient,
+                lambda: self.drop_gradient(keep=False),
+                lambda: self.warm_gradient(next(seeds)),
+                self.silhouette,
+            ),
+            strict=True,
+        )
         for members in batches:
             found[f"batch of {members}"] = lambda members=members: self.batch(members)
         return found

@@ -18,6 +18,7 @@ from cusick_bench.runner.pool import run_on_executor, run_on_processes
 from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store, disk_errors, read_json, write_json
+from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
 _log = logging.getLogger(__name__)
@@ -70,6 +71,7 @@ def run(
     if executor is not None:
         lost = run_on_executor(executor, source, waiting, store, watcher)
     elif workers > 1 and waiting:
+        _compile_here(dataset, waiting, watcher)
         lost = run_on_processes(source, waiting, store, watcher, workers)
     else:
         _run_here(dataset, waiting, store, watcher)
@@ -79,15 +81,24 @@ def run(
 
 
 def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watcher: Watcher) -> None:
-    simulators = Simulators(most=SIMULATORS_KEPT)
+    simulators, warm_up = Simulators(most=SIMULATORS_KEPT), WarmUp()
     for cell in cells:
 
         def report(fraction: float, loss: float, message: str, cell: Cell = cell) -> None:
             watcher.update(cell, fraction, loss, message)
 
         report(0.0, float("inf"), "starting")
+        warm_up.before(dataset, cell)
         result = run_cell(dataset, cell, store, report, simulators)
         watcher.end(cell, result["status"], result["failure"])
+
+
+def _compile_here(dataset: DrapeDataset, cells: Sequence[Cell], watcher: Watcher) -> None:
+    """Compiles all kernels once, before worker processes read them from disk."""
+    warm_up = WarmUp()
+    for cell in cells:
+        watcher.update(cell, 0.0, float("inf"), "starting")
+        warm_up.before(dataset, cell)
 
 
 def _record_death(cell: Cell, store: Store, watcher: Watcher) -> None:

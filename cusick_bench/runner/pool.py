@@ -17,6 +17,7 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store
+from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
 POLL_SECONDS = 0.2  # between looks at the workers' messages
@@ -29,10 +30,12 @@ class _Worker:
     Attributes:
         messages: Where it tells how far its cell is; None where nobody listens.
         simulators: Meshes and linear solvers that are analysed already.
+        warm_up: Kernels that are compiled already.
     """
 
     messages: Any = None
     simulators: Simulators = field(default_factory=lambda: Simulators(most=SIMULATORS_KEPT))
+    warm_up: WarmUp = field(default_factory=WarmUp)
 
     def run(self, source: Source, cell: Cell, out: Path) -> dict[str, Any]:
         """Runs one cell."""
@@ -44,7 +47,10 @@ class _Worker:
                 last = time.monotonic()
                 self.messages.put((cell, fraction, loss, message))
 
-        return run_cell(load_once(source), cell, Store(out), report, self.simulators)
+        dataset, store = load_once(source), Store(out)
+        if not store.is_done(cell.key):
+            self.warm_up.before(dataset, cell)
+        return run_cell(dataset, cell, store, report, self.simulators)
 
 
 # This process as a worker. An executor passes tasks to a function of a module, which has to find the worker somewhere.

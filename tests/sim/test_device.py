@@ -322,7 +322,7 @@ class TestDeviceBenchmark:
         monkeypatch.setattr("cusick_bench.benchmark.device._SILHOUETTES", 2)
         cpu = {"cases": {"drop": {"median_s": 1.0}, "drop+gradient": {"median_s": 2.0}}}
         plan = Plan(vertices=(80,), rounds=2, device=device, device_batches=(2, 10**6))
-        document = measure_beside([cpu], plan, lambda name: None)
+        document = measure_beside([cpu], plan, lambda name, share: None)
         (mesh,) = document["meshes"]
         assert document["device"] == device
         assert {"drop", "drop+gradient", "batch of 2", "batch of 2+gradient"} < mesh["cases"].keys()

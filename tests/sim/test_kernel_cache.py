@@ -3,6 +3,7 @@
 import ast
 from pathlib import Path
 
+import pytest
 from numba.core import config
 
 import cusick_bench
@@ -30,11 +31,43 @@ def test_kernels_lie_where_the_content_of_called_files_says(monkeypatch, tmp_pat
     called.write_text("stiffness = 1")
     monkeypatch.setattr(kernel_cache, "__file__", str(tmp_path / "sim" / "kernel_cache.py"))
     before = folder()
-    Path(before).mkdir()
     assert folder() == before
     called.write_text("stiffness = 2")
     assert folder() != before
     assert not Path(before).exists()  # nobody reads it any more
+
+
+@pytest.mark.parametrize("asked", [True, False], ids=["NUMBA_CACHE_DIR", "nothing"])
+def test_where_nothing_can_be_kept_a_warning_says_so(monkeypatch, tmp_path, caplog, asked):
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    monkeypatch.setattr(kernel_cache, "__file__", str(occupied / "kernel_cache.py"))
+    monkeypatch.setattr(config, "CACHE_DIR", str(occupied) if asked else "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(occupied))
+    kernel_cache.keep_by_content()
+    assert Path(config.CACHE_DIR).is_dir()
+    assert str(occupied) in caplog.text
+    assert "set NUMBA_CACHE_DIR" in caplog.text
+
+
+def test_kernels_beside_a_package_that_cannot_be_written_lie_in_the_users_cache(monkeypatch, tmp_path, caplog):
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    monkeypatch.setattr(kernel_cache, "__file__", str(occupied / "kernel_cache.py"))
+    monkeypatch.setattr(config, "CACHE_DIR", "")
+    monkeypatch.setattr(kernel_cache.platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    kernel_cache.keep_by_content()
+    assert Path(config.CACHE_DIR).parent == tmp_path / "cusick-bench"
+    assert not caplog.text
+
+
+def test_every_file_with_kernels_knows_the_folder_before_it_defines_them():
+    for folder in (folder for folder in ROOT.iterdir() if folder.is_dir()):
+        for path in folder.rglob("*.py"):
+            tree = ast.parse(path.read_text())
+            if any("numba.njit" in ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.expr)):
+                imported = [node.module for node in tree.body if isinstance(node, ast.ImportFrom)]
+                assert "cusick_bench.sim.kernel_cache" in imported, path
 
 
 def test_every_file_whose_kernels_others_call_is_watched():

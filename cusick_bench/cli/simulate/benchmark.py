@@ -1,17 +1,16 @@
 """`cusick-bench benchmark`: speed, memory, scaling and gradient accuracy of the simulator, in one run."""
 
 import json
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, plain, print_json, user_errors
+from cusick_bench.cli.common import command_line, console, interruptible, output, plain, print_json, user_errors
 from cusick_bench.cli.options import MOST_STEPS, MOST_VERTICES, Json, VerticesList, output_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.runner.store import write_atomically
 
 app = typer.Typer()
 
@@ -20,7 +19,12 @@ app = typer.Typer()
 @user_errors
 def benchmark(
     vertices: VerticesList = None,
-    rounds: Annotated[int, typer.Option(min=1, max=1000, help="Times of each case, taken in turn.")] = 5,
+    full: Annotated[
+        bool, typer.Option("--full", help="Also large meshes and batches, and more rounds: a quarter of an hour.")
+    ] = False,
+    rounds: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Times of each case, taken in turn: by default 3, in full 5.")
+    ] = None,
     batch: Annotated[list[int] | None, typer.Option(min=1, max=4096, help="Members of a batch; repeatable.")] = None,
     springs: Annotated[
         bool, typer.Option(help="Hold the plate by springs, as published, instead of fixing it.")
@@ -35,25 +39,40 @@ def benchmark(
         str | None,
         typer.Option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
     ] = None,
-    out: Annotated[Path | None, output_option(help="File for the JSON document; Markdown tables go beside it.")] = None,
+    out: Annotated[Path, output_option(help="File for the JSON document; Markdown tables go beside it.")] = Path(
+        "benchmark.json"
+    ),
     as_json: Json = False,
 ) -> None:
-    """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd."""
-    from cusick_bench.benchmark.suite import Plan
+    """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd.
+
+    Takes some minutes on two cores. What is measured is kept in --out as it is measured; `missing` in it names the
+    parts that an interrupted benchmark lacks.
+    """
+    from cusick_bench.benchmark.suite import FULL, Plan, work
     from cusick_bench.benchmark.suite import benchmark as run_benchmark
     from cusick_bench.benchmark.text import markdown
 
+    asked: dict[str, Any] = dict(FULL) if full else {}
+    asked |= {"vertices": tuple(vertices)} if vertices else {}
+    asked |= {"rounds": rounds} if rounds else {}
+    asked |= {"batches": tuple(batch), "device_batches": tuple(batch)} if batch else {}
     plan = Plan(
-        vertices=tuple(vertices or Plan.vertices), rounds=rounds, batches=tuple(batch or Plan.batches),
         support="springs" if springs else "fixed", reference_steps=reference_steps,
-        gradient_vertices=gradient_vertices, device=device, device_batches=tuple(batch or Plan.device_batches),
+        gradient_vertices=gradient_vertices, device=device, **asked,
     )  # fmt: skip
-    with progress_bar("measuring") as bar:
-        document = run_benchmark(plan, bar.say)
-    if out is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(json.dumps(plain(document), indent=2) + "\n")
-        out.with_suffix(".md").write_text(markdown(document, shlex.join(["cusick-bench", *sys.argv[1:]])))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    kept = _Kept(out)
+    with interruptible(kept.said), progress_bar("measuring", work(plan)) as bar:
+
+        def done(name: str, share: float) -> None:
+            bar.say(name)
+            bar.advance(share)
+
+        document = run_benchmark(plan, done, kept.keep)
+    page = out.with_suffix(".md")
+    write_atomically(page, markdown(document, command_line()).encode())
+    console.print(f"wrote {out} and {page}", markup=False, highlight=False)
     if as_json:
         print_json(document)
         return
@@ -63,6 +82,29 @@ def benchmark(
         print_device(mesh, document["device"])
     _print_gradients(document["gradient_error"])
     _print_targets(document["targets"])
+
+
+class _Kept:
+    """What is measured, on disk as soon as it is.
+
+    Attributes:
+        path: The document's file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._missing: list[str] | None = None
+
+    def keep(self, document: dict[str, Any]) -> None:
+        """Writes the document as far as it is made."""
+        write_atomically(self.path, (json.dumps(plain(document), indent=2) + "\n").encode())
+        self._missing = list(document["missing"])
+
+    def said(self) -> str:
+        """What an interrupted benchmark leaves behind."""
+        if self._missing is None:
+            return "nothing was measured yet"
+        return f"what is measured is in {self.path}; it lacks {', '.join(self._missing) or 'nothing'}"
 
 
 def _print_mesh(mesh: dict[str, Any]) -> None:

@@ -1,0 +1,84 @@
+"""Kernels are compiled before a meter starts: what a cell is charged for is the search, never the compiler.
+
+Before a process runs a solver in a new kind of problem, the solver answers a tiny one of that kind: the same law,
+mode, space, loss, renderer and effects on a mesh of some hundred vertices, with a budget of a few drapes. It compiles
+just those kernels, with just those signatures, that the cell will call (or reads them from disk, where an earlier
+process has left them: see `sim.kernel_cache`), and imports what the solver imports late.
+"""
+
+import logging
+import time
+from collections.abc import Hashable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numba.core import event
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.problem import Budget
+from cusick_bench.runner.cell import build_problem
+from cusick_bench.runner.grid import Cell
+from cusick_bench.sim.errors import CusickError
+from cusick_bench.solvers.registry import make_solver
+
+VERTICES, STEPS = 97, 3  # of the tiny problem
+DRAPES = 16.0  # forward-equivalents of its budget: a search for the level, and some gradients
+PATIENCE = 1.0  # [s] of compiling after which somebody is told
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class WarmUp:
+    """What one process has compiled already; no cell's numbers depend on it.
+
+    Attributes:
+        kinds: Kinds of problems that are warm, each with its solver.
+    """
+
+    kinds: set[Hashable] = field(default_factory=set)
+
+    def before(self, dataset: DrapeDataset, cell: Cell) -> None:
+        """Compiles what a cell will call, unless a cell of its kind has run before.
+
+        Args:
+            dataset: Data.
+            cell: What is about to be run.
+        """
+        solver, tiny = make_solver(cell.solver), _tiny(cell)
+        if solver.kind != "solver" or (cell.solver, tiny.settings) in self.kinds:
+            return
+        self.kinds.add((cell.solver, tiny.settings))
+        with event.install_listener("numba:compile", _Teller()):
+            try:
+                problem = build_problem(dataset, tiny)
+                solver.solve(problem, np.random.default_rng(0))
+            except (CusickError, ArithmeticError) as error:  # the cell itself will say what is wrong with it
+                _log.debug("the warm-up of %s stopped: %s", cell.solver, error)
+
+
+def _tiny(cell: Cell) -> Cell:
+    """The cheapest cell that calls the same kernels."""
+    drape = replace(cell.settings.drape, steps=min(STEPS, cell.settings.drape.steps))
+    settings = replace(
+        cell.settings, vertices=min(VERTICES, cell.settings.vertices), drape=drape, budget=Budget(DRAPES)
+    )
+    return replace(cell, seed=0, settings=settings)
+
+
+class _Teller(event.Listener):
+    """Says once that kernels are compiled, where that takes long."""
+
+    def __init__(self) -> None:
+        self._begin: float | None = None
+        self._told = False
+
+    def on_start(self, event: event.Event) -> None:
+        """A kernel is being compiled."""
+        self._begin = time.monotonic() if self._begin is None else self._begin
+        if not self._told and time.monotonic() - self._begin > PATIENCE:
+            self._told = True
+            _log.warning("compiling kernels, once; they are kept for the next time, and no budget pays for it")
+
+    def on_end(self, event: event.Event) -> None:
+        """A kernel is compiled."""

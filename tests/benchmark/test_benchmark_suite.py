@@ -1,0 +1,58 @@
+"""The benchmark keeps what it has measured, and tells how far it is in the units of its plan."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.benchmark import suite
+from cusick_bench.benchmark.suite import FULL, PARTS, Plan, benchmark, work
+from cusick_bench.cli import app
+
+QUICK_SECONDS = 300  # on two quiet cores
+
+
+@pytest.fixture
+def stopped_at_the_second_mesh(monkeypatch):
+    """A benchmark that is interrupted once one mesh is measured."""
+
+    def measure(vertices, plan, done):
+        if vertices != plan.vertices[0]:
+            raise KeyboardInterrupt
+        done(f"{vertices} vertices: drop", 1.0)
+        return {"vertices": vertices, "cases": {}}
+
+    monkeypatch.setattr(suite, "measure_mesh", measure)
+
+
+def test_the_quick_plan_takes_minutes_and_the_full_one_longer():
+    assert work(Plan()) < QUICK_SECONDS < work(Plan(**FULL))
+
+
+def test_every_part_is_kept_once_it_is_measured(monkeypatch):
+    cases = {key: {"median_s": 0.02} for key in ("equilibrium, warm, +gradient", "silhouette+gradient", "drop")}
+    ratios = {key: {"median": 1.3} for key in ("drop / floor", "drop+gradient / floor")}
+    mesh = {"vertices": 97, "ratios": ratios, "cases": cases}
+    monkeypatch.setattr(suite, "measure_mesh", lambda vertices, plan, done: mesh)
+    monkeypatch.setattr(suite, "gradient_errors", lambda vertices: [])
+    monkeypatch.setattr(suite, "start_up", lambda: 1.0)
+    compared = {"times_faster": {"median": 2.0}, "times_leaner": 3.0}
+    monkeypatch.setattr(suite.Comparison, "measure", lambda self, rounds: compared)
+    kept = []
+    document = benchmark(Plan(vertices=(97,)), keep=lambda document: kept.append(list(document["missing"])))
+    assert kept == [list(PARTS), *(list(PARTS[part:]) for part in range(1, len(PARTS) + 1)), []]
+    assert document["ratios"]["plain autograd / engine, time"] == 2.0
+    met = {row["target"]: row["met"] for row in document["targets"]}
+    assert met["drop / floor"]
+    assert not met["times faster than plain autograd"]
+
+
+def test_an_interrupted_benchmark_says_where_its_parts_lie(stopped_at_the_second_mesh, tmp_path):
+    out = tmp_path / "parts" / "benchmark.json"
+    done = CliRunner().invoke(app, ["benchmark", "--out", str(out)], env={"COLUMNS": "400"})
+    assert done.exit_code == 130
+    kept = json.loads(out.read_text())
+    assert [mesh["vertices"] for mesh in kept["meshes"]] == [Plan().vertices[0]]
+    assert kept["missing"] == list(PARTS)
+    assert str(out) in "".join(done.stderr.split("\n"))
+    assert "meshes, device, reference" in done.stderr
