@@ -3,6 +3,7 @@
 import os
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.errors import DataNotFound
@@ -12,21 +13,45 @@ from cusick_bench.leaderboard.errors import LeaderboardError
 
 
 def data_of(cells: Cells) -> tuple[str, str | None]:
-    """The `--data` and `--fabrics-csv` of the run's command line; the data set's name where it had none.
+    """The data of the run and its table of areal densities, wherever this is asked from.
 
     Args:
         cells: What the run's folder holds.
 
     Returns:
-        The name or folder of the data, and the table of areal densities, if one was named.
+        The name or folder of the data, and the table of areal densities, if one was named. Folder and table are those
+        that the run was given or, where the results folder was moved with them, their like beside it. A run that does
+        not record them so is asked for its command line.
     """
-    words = [str(word) for word in cells.run.get("command", []) or []]
+    places = cells.run.get("source")
+    if not isinstance(places, dict):
+        places = {}
+    given = _of_command(cells)
+    data = _found(places.get("data"), cells.folder) or given.get("--data", str(cells.table["dataset"].iloc[0]))
+    return data, _found(places.get("fabrics_csv"), cells.folder) or given.get("--fabrics-csv")
+
+
+def _of_command(cells: Cells) -> dict[str, str]:
+    """Data and table as they stand in the command line."""
+    command = cells.run.get("command")
+    words = [str(word) for word in command] if isinstance(command, list) else []
     given: dict[str, str] = {}
     for word, following in pairwise([*words, ""]):
         name, equals, value = word.partition("=")
         if name in ("--data", "--fabrics-csv"):
             given[name] = value if equals else following
-    return given.get("--data", str(cells.table["dataset"].iloc[0])), given.get("--fabrics-csv")
+    return given
+
+
+def _found(place: Any, run: Path) -> str:
+    """A recorded place that is there: as it was, or as seen from the results folder; else as it was given."""
+    if not isinstance(place, dict):
+        return ""
+    path, near = place.get("path"), place.get("from_run")
+    for candidate in ([Path(path)] if path else []) + ([run.resolve() / near] if near else []):
+        if candidate.exists():
+            return os.path.normpath(candidate)
+    return str(path or place.get("given", ""))
 
 
 def load_data_of(cells: Cells, data: str | None = None, fabrics_csv: str | Path | None = None) -> DrapeDataset:

@@ -61,7 +61,7 @@ def run(
     dataset = load_once(source)
     forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
     with disk_errors(out):
-        _record_run(store, dataset, cells, command, forced)
+        _record_run(store, source, dataset, cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]
     watcher.begin(len(cells), len(cells) - len(waiting))
     _log.debug("%d cells, %d of them finished before; %d workers", len(cells), len(cells) - len(waiting), workers)
@@ -113,7 +113,12 @@ def _record_death(cell: Cell, store: Store, watcher: Watcher) -> None:
 
 
 def _record_run(
-    store: Store, dataset: DrapeDataset, cells: Sequence[Cell], command: Sequence[str], forced: Sequence[str]
+    store: Store,
+    source: Source,
+    dataset: DrapeDataset,
+    cells: Sequence[Cell],
+    command: Sequence[str],
+    forced: Sequence[str],
 ) -> None:
     """Writes run.json; earlier runs into the same folder stay on record in its history."""
     path = store.out / "run.json"
@@ -130,6 +135,7 @@ def _record_run(
         "process": os.getpid(),
         "dataset": dataset.name,
         "dataset_hash": dataset.content_hash,
+        "source": source.places(store.out),
         "cells": [cell.key for cell in cells],
         "numerics": {part: number for cell in cells for part, number in cell.numerics},
         **environment(),

@@ -1,9 +1,12 @@
 """Where a run's data come from, and the data themselves, loaded once a process."""
 
+import os
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
-from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets import REGISTRY, DrapeDataset, load
 
 
 @dataclass(frozen=True)
@@ -18,8 +21,30 @@ class Source:
     data: str
     fabrics_csv: str | None = None
 
+    def places(self, run: Path) -> dict[str, dict[str, str]]:
+        """Where the data are, so that they are found again from any working folder.
 
-@lru_cache(maxsize=1)  # a data set is frozen, and its files are taken not to change while a grid runs
+        Args:
+            run: Results folder.
+
+        Returns:
+            Of `data`, and of `fabrics_csv` where there is one: `given`, as it was named, and of a folder or file its
+            absolute `path` and its place as seen `from_run`, which holds where both are moved together.
+        """
+        named = {"data": self.data, "fabrics_csv": self.fabrics_csv}
+        return {name: _place(given, run) for name, given in named.items() if given is not None}
+
+
+def _place(given: str, run: Path) -> dict[str, str]:
+    place = {"given": given}
+    if given not in REGISTRY:
+        path = Path(given).expanduser().resolve()
+        place["path"] = str(path)
+        with suppress(ValueError):  # Windows: on another drive
+            place["from_run"] = os.path.relpath(path, run.resolve())
+    return place
+
+
 def load_once(source: Source) -> DrapeDataset:
     """The data set of a source.
 
@@ -32,4 +57,11 @@ def load_once(source: Source) -> DrapeDataset:
     Raises:
         DataError: It cannot be loaded.
     """
+    anywhere = source.data in REGISTRY and source.fabrics_csv is None
+    return _loaded(source, "" if anywhere else os.getcwd())
+
+
+@lru_cache(maxsize=1)  # a data set is frozen, and its files are taken not to change while a grid runs
+def _loaded(source: Source, folder: str) -> DrapeDataset:
+    """Loads a data set; a relative path means another one in another working folder."""
     return load(source.data, fabrics_csv=source.fabrics_csv)
