@@ -159,3 +159,19 @@ def test_a_diagnosis_refuses_what_it_would_use_and_notes_what_was_forced(lab):
     captures = read_captures(dataset, "fabric_7", force=True)
     assert len(captures) == 3
     assert any(note.startswith(f"forced: {PICTURE}: not black and white") for note in captures.notes)
+
+
+def test_diagnose_and_paper_tables_stop_too(lab, tmp_path):
+    write_image(lab / PICTURE, _photograph())
+    out = tmp_path / "out"
+    refused = _command("diagnose", str(lab), "--samples", "0", "--out", str(out))
+    assert refused.exit_code == 2
+    assert not list(out.rglob("diagnosis.json"))
+    forced = _command("diagnose", str(lab), "--samples", "0", "--out", str(out), "--force")
+    assert forced.exit_code == 0
+    document = json.loads((out / "fabric_7" / "diagnosis.json").read_text())
+    assert any(note.startswith(f"forced: {PICTURE}") for note in document["notes"])
+    assert document["made"]["command"].endswith(" --force")
+    table = _command("paper", "table-1", "--data", str(lab), "--solver", "null:disc", "--out", str(tmp_path / "table"))
+    assert table.exit_code == 2
+    assert not list((tmp_path / "table").rglob("result.json"))
