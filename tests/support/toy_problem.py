@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from cusick_bench.datasets.profile import profile_from_image
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import camera_of, profile_of
 from cusick_bench.problem.budget import Budget, Meter
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.journal import Checkpoint, Journal
@@ -18,7 +19,6 @@ from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 
 AREAL_DENSITY = 0.2  # [kg/m2]
@@ -39,10 +39,10 @@ def _drape(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
         return simulator.drape(specimen.material).vertices.numpy()
 
 
-def _image(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
+def _image(vertices: int, mode: str, bending: float, seed: int, protocol: Protocol = RELEASE) -> np.ndarray:
     drape, faces = _drape(vertices, mode, bending, seed), _simulator(vertices, mode, seed).mesh.faces
     with torch.no_grad():
-        return render(torch.as_tensor(drape), faces, ParallelCamera()).numpy()
+        return render(torch.as_tensor(drape), faces, camera_of(protocol), size=protocol.image_size_px).numpy()
 
 
 def toy_problem(
@@ -55,6 +55,7 @@ def toy_problem(
     sample: int = 0,
     laid_as_true: bool = False,
     folder: Path | None = None,
+    protocol: Protocol = RELEASE,
 ) -> DrapeProblem:
     """Poses the problem of finding a cloth again that was draped by the simulator itself.
 
@@ -67,15 +68,17 @@ def toy_problem(
         sample: Sample of the cloth: each is laid down differently.
         laid_as_true: Lay the cloth down as it was, instead of guessing that from its silhouette.
         folder: Where to keep what a resumed solver needs; nowhere by default.
+        protocol: How the drape is seen; sizes of cloth and plate are the release's.
     """
-    image = _image(vertices, mode, bending, sample)
+    image = _image(vertices, mode, bending, sample, protocol)
     simulator = _simulator(vertices, mode, sample if laid_as_true else 0)
     mesh = simulator.mesh
     return DrapeProblem(
         train_image=image,
         simulator=simulator,
         space=SPACES[space](simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY)),
-        initial=None if laid_as_true else laid_like(profile_from_image(image).radii, simulator.mesh),
+        initial=None if laid_as_true else laid_like(profile_of(image, protocol).radii, simulator.mesh),
+        protocol=protocol,
         meter=Meter(budget or Budget(20)),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
@@ -83,6 +86,6 @@ def toy_problem(
     )
 
 
-def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 100) -> np.ndarray:
+def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 100, protocol: Protocol = RELEASE) -> np.ndarray:
     """Silhouette of another sample of the toy problem's cloth."""
-    return _image(vertices, "drop", bending, sample)
+    return _image(vertices, "drop", bending, sample, protocol)
