@@ -1,10 +1,11 @@
 """The same drapes give the same numbers under any protocol: scale, centre, size, orientation, foreground, projection.
 
-Photographs of the shipped set's meshes under other protocols (`other_labs`) against those under the release's. What
-may differ is what pixels of another size do:
+Photographs of the shipped set's meshes under other protocols (`other_laboratory`) against those under the release's.
+What may differ is what pixels of another size do:
 - radii, and distances of surfaces built on them, by a part of a pixel, which is 1.0 to 1.7 mm wide: 0.4 mm;
 - the mean squared error by up to 1/6 of a pixel's width times the length of both outlines: at an outline two greys
   differ by less, squared, than the area does that lies between the outlines;
+- a fit of a limp cloth, laid down with the folds of its picture: buckling amplifies what pixels change of them;
 - under a pinhole camera what it sees: depth is read off the radii with straight generators, which hold for a stiff
   cloth and not quite for a limp one (`without_perspective`).
 """
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from other_labs import LABS, photograph, write_lab, write_protocol
+from other_laboratory import LARGE_IMAGES, NEAR_CAMERA, SMALL_CLOTH, photograph, write_laboratory, write_protocol
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -33,15 +34,28 @@ from cusick_bench.solvers.registry import registered
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-PARALLEL = ("fine", "coarse", "image_y down")
-SOLVERS = ("null:disc", "null:copy", "null:random-phase,draws=3", "oracle:mean", "oracle:repeat", "homo,search=2")
+LABS = {
+    "release": RELEASE,
+    "fine": LARGE_IMAGES,
+    "coarse": Protocol(px_per_m=600.0, centre_px=(120.0, 131.0), foreground="light"),
+    "small cloth": SMALL_CLOTH,
+    "pinhole": replace(NEAR_CAMERA, camera_height_m=1.2),
+}
+PARALLEL = ("fine", "coarse", "small cloth")
+SOLVERS = ("null:disc", "null:copy", "null:random-phase,draws=3", "oracle:repeat", "homo,search=2")
+LIMP_FIT, AMPLIFIED = ("homo,search=2", "fabric_2"), 5
 LENGTH = 4e-4  # [m]
 OUTLINES = 2 * 1.1  # [m], of two drapes of the limp cloth
 
 
 def mse_tolerance(protocol: Protocol) -> float:
-    widths = abs(1 / protocol.px_per_m - 1 / RELEASE.px_per_m)
+    widths = abs(1 / protocol.px_per_m / protocol.cloth_scale - 1 / RELEASE.px_per_m)
     return OUTLINES * widths / 6 / (RELEASE.image_size_px / RELEASE.px_per_m) ** 2 + 1e-6
+
+
+def _drapes(root: Path, protocol: Protocol) -> Path:
+    """Two captures each of two samples of a limp and of a stiff cloth."""
+    return write_laboratory(root, protocol, fabrics=(2, 5), samples=2, captures=(1, 2), meshes=True)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +65,7 @@ def lab(tmp_path_factory):
 
     def get(name: str) -> Path:
         if name not in made:
-            made[name] = write_lab(tmp_path_factory.mktemp("lab"), LABS[name], samples=2)
+            made[name] = _drapes(tmp_path_factory.mktemp("lab"), LABS[name])
         return made[name]
 
     return get
@@ -80,7 +94,8 @@ def test_a_set_has_the_statistics_of_the_same_drapes_under_the_releases_protocol
     for found, known in zip(statistics(load(lab(name))), statistics(load(lab("release"))), strict=True):
         assert found.drape_coefficient == pytest.approx(known.drape_coefficient, abs=1e-5)
         assert found.folds == known.folds
-        np.testing.assert_allclose(found.spectrum, known.spectrum, rtol=0, atol=5e-5)
+        scale = LABS[name].cloth_scale
+        np.testing.assert_allclose(found.spectrum, scale * np.array(known.spectrum), rtol=0, atol=5e-5)
         tolerance = mse_tolerance(LABS[name])
         assert found.mse_repeat == pytest.approx(known.mse_repeat, abs=tolerance)
         assert found.mse_other_sample == pytest.approx(known.mse_other_sample, abs=tolerance)
@@ -88,15 +103,18 @@ def test_a_set_has_the_statistics_of_the_same_drapes_under_the_releases_protocol
 
 @pytest.mark.parametrize("name", PARALLEL)
 def test_scores_are_those_of_the_same_drapes_under_the_releases_protocol(scores, name):
-    found, known = scores(name), scores("release")
+    found, known, scale = scores(name), scores("release"), LABS[name].cloth_scale
     assert found.keys() == known.keys()
     for cell, metrics in found.items():
+        if scale != 1 and cell[0].startswith("homo"):
+            continue  # which is no scaled cloth: the prior of stiffness is that of real ones
         tolerances = {key: mse_tolerance(LABS[name]) for key in ("train_mse", "test_mse", "test_mse_best", "floor_mse")}
         tolerances |= {key: LENGTH for key in metrics if key.endswith("_m")}
         tolerances |= {"test_dc_error": 1e-3, "test_iou": 2e-3, "train_dc": 1e-3, "train_folds": 0}
-        if cell[0] != "oracle:mean":  # grey at its outlines, which makes radii of another pixel's width others
-            for key, tolerance in tolerances.items():
-                assert metrics[key] == pytest.approx(known[cell][key], abs=tolerance), (cell, key)
+        for key, tolerance in tolerances.items():
+            unit = scale if key.endswith("_m") else 1
+            amplified = AMPLIFIED if cell == LIMP_FIT else 1
+            assert metrics[key] == pytest.approx(unit * known[cell][key], abs=amplified * tolerance), (cell, key)
 
 
 def test_a_pinhole_cameras_radii_are_those_of_the_drape(lab, scores):
@@ -106,14 +124,15 @@ def test_a_pinhole_cameras_radii_are_those_of_the_drape(lab, scores):
         assert found.drape_coefficient == pytest.approx(known.drape_coefficient, abs=tolerance)
         assert found.folds == known.folds
     found, known = scores("pinhole"), scores("release")
-    for cell, metrics in found.items():
-        assert metrics["test_hausdorff_m"] == pytest.approx(known[cell]["test_hausdorff_m"], abs=1e-3), cell
+    for cell in found.keys() - {LIMP_FIT}:
+        metrics, tolerance = found[cell], 2e-3 if cell[0].startswith("homo") else 1e-3
+        assert metrics["test_hausdorff_m"] == pytest.approx(known[cell]["test_hausdorff_m"], abs=tolerance), cell
         assert metrics["test_profile_rms_m"] == pytest.approx(known[cell]["test_profile_rms_m"], abs=2e-3), cell
 
 
 def test_a_centre_beside_the_images_middle_ranks_solvers_as_before(lab, scores, tmp_path):
     beside = replace(LABS["release"], centre_px=(117.5, 127.5))
-    dataset = load(write_lab(tmp_path / "lab", beside, samples=2))
+    dataset = load(_drapes(tmp_path / "lab", beside))
     settings = ProblemSettings(vertices=100, drape=DrapeSettings(steps=30), budget=Budget(3))
     solvers = ["null:disc", "null:copy", "homo,search=2"]
     for cloth in dataset.cloths:
@@ -150,8 +169,8 @@ def _from_data_to_report(root: Path, out: Path, solvers: list[str], *options: st
     verified = _invoke("verify", str(out), "--data", str(root))
     assert {cell["status"] for cell in verified["cells"]} == {"verified"}
     assert _invoke("leaderboard", str(out))["rows"]
-    _invoke("report", str(out), "--out", str(out / "report"))
-    assert list((out / "report").rglob("*.html"))
+    _invoke("report", str(out), "--out", str(out / "report.html"))
+    assert (out / "report.html").is_file()
 
 
 OPTIONS = ("--vertices", "80", "--steps", "30", "--budget", "4")
