@@ -74,7 +74,7 @@ def latex(board: Leaderboard | TextTable) -> str:
     """
     text = _text(board)
     heads = [f"{column.head} {column.unit}".strip().translate(_LATEX) for column in text.columns]
-    lines = [f"% {note}" for note in (text.title, *text.notes)]
+    lines = [f"% {' '.join(note.split())}" for note in (text.title, *text.notes)]  # a line break would end a comment
     lines.append(r"\begin{tabular}{" + "".join("l" if column.left else "r" for column in text.columns) + "}")
     lines += [r"\toprule", " & ".join(heads) + r" \\", r"\midrule"]
     lines += [" & ".join(entry.translate(_LATEX) for entry in entries) + r" \\" for entries in text.entries]

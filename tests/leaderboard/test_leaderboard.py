@@ -344,6 +344,18 @@ def test_forms_escape_what_a_name_may_hold(tmp_path):
     assert r"\&" in latex(board)
 
 
+def test_no_name_runs_in_a_spreadsheet_or_in_tex(tmp_path):
+    run = {"command": ["run", "a\n\\input{/etc/passwd}"]}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    write_cell(tmp_path, "=1+1", "@blue")
+    board = only(tmp_path)
+    rows = [line for line in csv([board]).splitlines()[1:] if "1+1" in line]
+    assert rows
+    assert not [cell for line in rows for cell in line.split(",") if cell.startswith(("=", "@"))]
+    outside = [line for line in latex(board).splitlines() if not line.startswith("%")]
+    assert not [line for line in outside if "input{" in line]
+
+
 def test_command_prints_json_and_writes_files(tmp_path, noise):
     write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
     (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": ["/opt/bin/cusick-bench", "run"], "cores": 2}))
