@@ -17,7 +17,7 @@ from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.pool import run_on_executor, run_on_processes
 from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.source import Source, load_once
-from cusick_bench.runner.store import Store, disk_errors, read_json, write_json
+from cusick_bench.runner.store import Store, disk_errors, locked, read_json, write_json
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
@@ -60,7 +60,7 @@ def run(
     store.prepare()
     dataset = load_once(source)
     forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
-    with disk_errors(out):
+    with disk_errors(out), locked(out):
         _record_run(store, source, dataset, cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]
     watcher.begin(len(cells), len(cells) - len(waiting))

@@ -75,6 +75,27 @@ def disk_errors(out: Path) -> Iterator[None]:
         ) from error
 
 
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Whoever reads and writes a file of a folder that others write, too, waits here for them.
+
+    Args:
+        folder: The folder; nothing is written into it for that.
+
+    Yields:
+        Nothing; the folder is held within the `with` block, or until the process ends.
+    """
+    if fcntl is None:
+        yield
+        return
+    lock = os.open(folder, 0)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(lock)
+
+
 def write_atomically(path: Path, content: bytes) -> None:
     """Writes a file so that after a crash it is either there in full or as it was before.
 

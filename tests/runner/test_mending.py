@@ -6,6 +6,7 @@ import multiprocessing
 import shutil
 import signal
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from killed_run import run_until_killed
 
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget, HomogeneousSpace
-from cusick_bench.runner import Cell, ProblemSettings, Source, Store, plan, run, run_cell
+from cusick_bench.runner import Cell, ProblemSettings, Source, Store, load_once, plan, run, run_cell
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Simulators
 
@@ -245,6 +246,14 @@ def test_a_damaged_record_of_commands_stops_nobody(lab, tmp_path, caplog, conten
     assert result["status"] == "done"
     assert json.loads((out / "run.json").read_text())["command"] == ["again"]
     assert str(out / "run.json") in caplog.text
+
+
+def test_runners_on_one_folder_lose_no_command(lab, tmp_path):
+    load_once(lab.source)
+    with ThreadPoolExecutor(8) as runners:
+        list(runners.map(lambda number: run(lab.source, [], tmp_path, command=[str(number)]), range(24)))
+    last = json.loads((tmp_path / "run.json").read_text())
+    assert sorted(int(made["command"][0]) for made in [*last["history"], last]) == list(range(24))
 
 
 def test_what_a_kill_left_half_written_is_removed(lab, tmp_path):

@@ -8,10 +8,8 @@ a track's file when that grid is submitted; of another one it stays as it is.
 
 import hashlib
 import json
-import os
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from io import StringIO
 from math import isclose, isnan, nan
 from pathlib import Path
@@ -28,12 +26,7 @@ from cusick_bench.leaderboard.formats import record
 from cusick_bench.leaderboard.text import typed
 from cusick_bench.leaderboard.verification.tracks import require_fit
 from cusick_bench.leaderboard.verification.verify import verified_keys
-from cusick_bench.runner.store import write_atomically
-
-try:
-    import fcntl
-except ImportError:  # Windows: two submissions at the same time are not noticed there
-    fcntl = None
+from cusick_bench.runner.store import locked, write_atomically
 
 _TRACK = re.compile(r"[a-z0-9][a-z0-9-]*")
 _LEFT_OUT = ("_mean", "_iqm")
@@ -87,7 +80,7 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a track's file must end in .csv")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _locked(path.parent):
+    with locked(path.parent):
         old = _lines_in(path, rows) if path.exists() else pd.DataFrame({"row": []}, dtype=str)
         new = pd.read_csv(StringIO(pd.DataFrame(rows).to_csv(index=False)), dtype=str, keep_default_na=False)
         known = {_key(line): line for line in old.to_dict("records")}
@@ -214,17 +207,3 @@ def _budget(budget: dict[str, Any]) -> str:
 def _ordered(names: list[str]) -> list[str]:
     middle = [name for name in names if name not in (*_FIRST, *_LAST)]
     return [name for name in (*_FIRST, *middle, *_LAST) if name in names]
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Two submissions into one folder wait for each other."""
-    if fcntl is None:
-        yield
-        return
-    lock = os.open(folder, 0)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(lock)
