@@ -92,7 +92,9 @@ _BENDING_STIFFNESSES = (1e-10, 1.0)  # [N m], a thousandth of the limpest silk's
 
 # Cloth
 DENSITY = cloth_option(help="Areal density [kg/m2].")
-BENDING = cloth_option(help="Bending stiffness [N m]: one number, or three for 0,45,90 degrees.")
+BENDING = cloth_option(
+    help="Bending stiffness [N m]: one number, or three, of hinges at 0,45,90 degrees to the warp: weft, bias, warp."
+)
 Stretch = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Membrane stiffness along warp and weft [N/m].")]
 Shear = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m].")]
 

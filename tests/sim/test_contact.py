@@ -1,5 +1,6 @@
 """Self-contact: exact derivatives, no intersections, gradients through contacts, no change where nothing touches."""
 
+import json
 import pickle
 import sys
 from functools import lru_cache
@@ -7,7 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from numpy import ndarray
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import laid_down, smooth_field
 from cusick_bench.sim.contact.barrier import SelfContact, smallest_distance
@@ -382,3 +385,14 @@ def test_missing_package_names_the_remedy(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "ipctk", None)
     with pytest.raises(SimulationError, match=r"pip install 'cusick-bench\[contact\]'"):
         SelfContact(disc_mesh(60))
+
+
+def test_the_command_takes_the_mode_that_self_contact_needs():
+    words = ["simulate", "--density", "0.19", "--bending", "1e-5", "--vertices", "97", "--self-contact", "0.001"]
+    result = CliRunner().invoke(app, [*words, "--json"])
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert document["converged"]
+    refused = CliRunner().invoke(app, [*words, "--mode", "drop"])
+    assert refused.exit_code == 2
+    assert "equilibrium" in refused.output

@@ -24,7 +24,6 @@ from cusick_bench.cli.options import (
     MOST_DRAWS,
     CameraName,
     CameraOption,
-    DropMode,
     Json,
     Law,
     LawName,
@@ -214,7 +213,14 @@ def simulate(
         Path | None,
         simulation_option(help="Flat cloth mesh (OBJ), instead of a disc's."),
     ] = None,
-    mode: DropMode = Mode.drop,
+    mode: Annotated[
+        Mode | None,
+        simulation_option(
+            help="Fall from flat (drop, implicit Euler), or static balance (equilibrium, Newton); drop, or equilibrium "
+            "with --self-contact.",
+            show_default=False,
+        ),
+    ] = None,
     steps: Steps = 100,
     law: Law = LawName.paper,
     camera: CameraOption = CameraName.parallel,
@@ -260,7 +266,7 @@ def simulate(
     sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
     settings = DrapeSettings(
         law=law.value,
-        mode=mode.value,
+        mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,
         laying_amplitude=laying_height,
         rest_amplitude=rest_height,

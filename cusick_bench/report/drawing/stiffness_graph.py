@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10
-from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from scipy.stats import gaussian_kde
 
 from cusick_bench.metrics.found_stiffness import FoundStiffness
@@ -24,8 +24,6 @@ _MICRO = 1e6
 _ROOM = 0.12  # decades beside the outermost numbers
 _GRID = 160  # points of a density
 _MOST_TICKS = 4
-
-T = TypeVar("T", float, ndarray)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +105,7 @@ def _ticks(axes: Axes, limits: tuple[float, float]) -> None:
     other = axes.secondary_xaxis("top", functions=(_to_kawabata, _from_kawabata))
     other.spines["top"].set_color(SOFT)
     other.tick_params(colors=SOFT, labelsize=TICK_SIZE - 1.5)
-    ticks = _round_numbers(_to_kawabata(limits[0]), _to_kawabata(limits[1]))
+    ticks = _round_numbers(*_to_kawabata(limits).tolist())
     other.set_xticks(ticks, [_plain(tick) for tick in ticks])
     other.minorticks_off()
     axes.text(
@@ -122,12 +120,12 @@ def _marked(axes: Axes, limits: tuple[float, float]) -> None:
     axes.minorticks_off()
 
 
-def _to_kawabata(micro: T) -> T:
-    return micro / (_MICRO * GF_CM2_PER_CM)
+def _to_kawabata(micro: ArrayLike) -> ndarray:
+    return np.asarray(micro) / (_MICRO * GF_CM2_PER_CM)
 
 
-def _from_kawabata(kawabata: T) -> T:
-    return kawabata * _MICRO * GF_CM2_PER_CM
+def _from_kawabata(kawabata: ArrayLike) -> ndarray:
+    return np.asarray(kawabata) * _MICRO * GF_CM2_PER_CM
 
 
 def _round_numbers(low: float, high: float) -> list[float]:
