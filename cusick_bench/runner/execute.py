@@ -71,7 +71,6 @@ def run(
     if executor is not None:
         lost = run_on_executor(executor, source, waiting, store, watcher)
     elif workers > 1 and waiting:
-        _compile_here(dataset, waiting, watcher)
         lost = run_on_processes(source, waiting, store, watcher, workers)
     else:
         _run_here(dataset, waiting, store, watcher)
@@ -91,14 +90,6 @@ def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watche
         warm_up.before(dataset, cell)
         result = run_cell(dataset, cell, store, report, simulators)
         watcher.end(cell, result["status"], result["failure"])
-
-
-def _compile_here(dataset: DrapeDataset, cells: Sequence[Cell], watcher: Watcher) -> None:
-    """Compiles all kernels once, before worker processes read them from disk."""
-    warm_up = WarmUp()
-    for cell in cells:
-        watcher.update(cell, 0.0, float("inf"), "starting")
-        warm_up.before(dataset, cell)
 
 
 def _record_death(cell: Cell, store: Store, watcher: Watcher) -> None:

@@ -8,18 +8,24 @@ process has left them: see `sim.kernel_cache`), and imports what the solver impo
 
 import logging
 import time
-from collections.abc import Hashable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
-from numba.core import event
+from numba.core import config, event
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.problem import Budget
 from cusick_bench.runner.cell import build_problem
-from cusick_bench.runner.grid import Cell
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.runner.grid import Cell, record_key
 from cusick_bench.solvers.registry import make_solver
+
+try:
+    import fcntl
+except ImportError:  # Windows: processes that start together compile at the same time
+    fcntl = None
 
 VERTICES, STEPS = 97, 3  # of the tiny problem
 DRAPES = 16.0  # forward-equivalents of its budget: a search for the level, and some gradients
@@ -33,10 +39,10 @@ class WarmUp:
     """What one process has compiled already; no cell's numbers depend on it.
 
     Attributes:
-        kinds: Kinds of problems that are warm, each with its solver.
+        kinds: Kinds of problems that are warm, each with its solver: hashes.
     """
 
-    kinds: set[Hashable] = field(default_factory=set)
+    kinds: set[str] = field(default_factory=set)
 
     def before(self, dataset: DrapeDataset, cell: Cell) -> None:
         """Compiles what a cell will call, unless a cell of its kind has run before.
@@ -46,15 +52,29 @@ class WarmUp:
             cell: What is about to be run.
         """
         solver, tiny = make_solver(cell.solver), _tiny(cell)
-        if solver.kind != "solver" or (cell.solver, tiny.settings) in self.kinds:
+        kind = record_key({"solver": cell.solver, "settings": tiny.settings.record()})
+        if solver.kind != "solver" or kind in self.kinds:
             return
-        self.kinds.add((cell.solver, tiny.settings))
-        with event.install_listener("numba:compile", _Teller()):
+        self.kinds.add(kind)
+        with _alone(Path(config.CACHE_DIR), kind), event.install_listener("numba:compile", _Teller()):  # pyright: ignore[reportArgumentType]
             try:
-                problem = build_problem(dataset, tiny)
-                solver.solve(problem, np.random.default_rng(0))
-            except (CusickError, ArithmeticError) as error:  # the cell itself will say what is wrong with it
+                solver.solve(build_problem(dataset, tiny), np.random.default_rng(0))
+            except Exception as error:  # the cell itself will say what is wrong with it
                 _log.debug("the warm-up of %s stopped: %s", cell.solver, error)
+
+
+@contextmanager
+def _alone(folder: Path, kind: str) -> Iterator[None]:
+    """Compiles while the other processes wait, which then read the kernels from disk; the first of a kind says so."""
+    compiled = folder / f"warm-{kind}"
+    if fcntl is None or compiled.exists():
+        yield
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "compiling.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed, however this process ends
+        yield
+        compiled.touch()
 
 
 def _tiny(cell: Cell) -> Cell:
