@@ -101,10 +101,14 @@ def fit_atlas(
     from cusick_bench.diagnosis.atlas.store import Calibration, save
 
     design, points = read_points(folder)
-    emulator = fit(design, points)
+    with progress_bar("fitting effects") as bar:
+        emulator = fit(design, points, progress=bar.show)
     save(out, emulator, Calibration())
     counts = {name: len(found) for name, found in points.items()}
-    shares = {name: one.tolist() for name, one in unexplained(design, points, emulator).items()} if check else {}
+    shares: dict[str, list[float]] = {}
+    if check:
+        with progress_bar("checking the fits"):
+            shares = {name: one.tolist() for name, one in unexplained(design, points, emulator).items()}
     if as_json:
         print_json({"path": out, "points": counts, "unexplained": shares})
     else:

@@ -60,7 +60,8 @@ def diagnose_data(
 
     options = Options(samples, True, tuple(effect(name).name for name in without_effect or ()), seed)
     emulator, calibration = load_atlas(atlas)
-    dataset = load(data)
+    with progress_bar("reading data") as bar:
+        dataset = load(data, progress=bar.show)
     chosen = fabric or _with_samples(dataset)
     out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     simulators, written = Simulators(most=20), []

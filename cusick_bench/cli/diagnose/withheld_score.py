@@ -13,6 +13,7 @@ from rich.text import Text
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.errors import WithheldError
@@ -65,7 +66,8 @@ def score(
         answered = with_oracle_closures(answered, read_oracle_closures(oracle))
     if twins is not None:
         answered = with_measured_severities(answered, read_shown_shifts(twins), str(twins))
-    scores = score_answers(answered, seed)
+    with progress_bar("scoring methods") as bar:
+        scores = score_answers(answered, seed, progress=bar.show)
     failed = failures(answered, scores.cases)
     facts = _facts(answers, labels, seed, commitment=commitment, oracle=oracle, twins=twins)
     if out is not None:

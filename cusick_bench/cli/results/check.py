@@ -16,6 +16,7 @@ from rich.table import Table
 
 from cusick_bench.cli.common import UNDECIDED, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import outside_package
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import GATED, metric_called
@@ -73,7 +74,8 @@ def check_command(
     if metric:
         both = metrics_of_both(cells, baseline)
         gate = replace(gate, metrics=tuple(metric_called(name, both) for name in metric))
-    outcome = check(cells, baseline, gate)
+    with progress_bar("comparing"):
+        outcome = check(cells, baseline, gate)
     _show(outcome, as_json)
     if outcome.regressions:
         raise typer.Exit(1)

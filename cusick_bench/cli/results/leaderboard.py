@@ -10,6 +10,7 @@ import typer
 
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import By, Json, RunFolder, Seed, output_option
+from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard import LeaderboardError
 
 if TYPE_CHECKING:
@@ -61,7 +62,8 @@ def leaderboard(
         if path.suffix not in FORMS:
             raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(FORMS)}")
     cells = load_cells(folder)
-    boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)
+    with progress_bar("ranking"):
+        boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)
     found = stiffness_rows(cells, seed=seed)
     for path in out or []:
         _write(path, _form(boards, path.suffix))

@@ -15,7 +15,7 @@ References:
     covariance).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -208,12 +208,18 @@ def _symmetric_only(covariance: ndarray) -> ndarray:
     return np.where(np.outer(kept, kept), covariance, 0.0)
 
 
-def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
+def fit(
+    design: Design,
+    points: Mapping[str, Mapping[int, Point]],
+    *,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Emulator:
     """Fits the atlas.
 
     Args:
         design: What it was made of.
         points: What `points.read_points` returned.
+        progress: Called with the effects that are fitted, and their number.
 
     Returns:
         The atlas as smooth functions.
@@ -236,11 +242,11 @@ def fit(design: Design, points: Mapping[str, Mapping[int, Point]]) -> Emulator:
     spread = ridge(spread_terms(at), np.stack([one.spread for one in of_fabrics]), 2)
     sd = np.maximum(np.exp(log_sd(spread_terms(theta))), RESOLUTION)
     correlation = _correlation(base, {n: sd[n] for n in numbers})
-    responses = {
-        name: response(effect, changes(effect, theta, base, points[name], sd))
-        for name, effect in registered().items()
-        if len(points.get(name, {})) >= _LEAST_POINTS
-    }
+    covered = {name: one for name, one in registered().items() if len(points.get(name, {})) >= _LEAST_POINTS}
+    responses = {}
+    for place, (name, effect) in enumerate(covered.items()):
+        progress(place, len(covered))
+        responses[name] = response(effect, changes(effect, theta, base, points[name], sd))
     discrepancy = _discrepancy(points, theta, sd)
     return Emulator(level, spread, log_sd, correlation, discrepancy, responses)
 

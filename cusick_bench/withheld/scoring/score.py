@@ -4,7 +4,7 @@ Chance is measured, not assumed: the same answers, dealt to the cases at random.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 
@@ -55,7 +55,14 @@ class Scores:
         return next(values, nan)
 
 
-def score(answered: LabelledAnswers, seed: int = 0, *, resamples: int = RESAMPLES, deals: int = DEALS) -> Scores:
+def score(
+    answered: LabelledAnswers,
+    seed: int = 0,
+    *,
+    resamples: int = RESAMPLES,
+    deals: int = DEALS,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Scores:
     """Scores answers.
 
     Args:
@@ -63,14 +70,20 @@ def score(answered: LabelledAnswers, seed: int = 0, *, resamples: int = RESAMPLE
         seed: Seed of resamples and of chance.
         resamples: Number of bootstrap samples.
         deals: Number of random assignments of answers to cases.
+        progress: Called with the methods that are scored, chance among them, and their number.
 
     Returns:
         The scores.
     """
     generator = np.random.default_rng(seed)
     cases = _judged(answered.answers, answered.labels)
-    figures = figures_of(ANSWERS, cases, generator, resamples) + _by_chance(answered, generator, deals)
-    for method, answers in _baselines(answered).items():
+    baselines = _baselines(answered)
+    methods = len(baselines) + 2
+    figures = figures_of(ANSWERS, cases, generator, resamples)
+    progress(1, methods)
+    figures += _by_chance(answered, generator, deals)
+    for done, (method, answers) in enumerate(baselines.items(), start=2):
+        progress(done, methods)
         labels = {case: answered.labels[case] for case in answers}
         figures += figures_of(method, _judged(answers, labels), generator, resamples)
     return Scores(tuple(figures), cases, _detection(cases), (*answered.notes, *_notes(cases)))
