@@ -70,8 +70,8 @@ class DrapeSample:
 class DrapeDataset:
     """Silhouettes of drapes with their meshes and what is known of the cloth; made by `load`.
 
-    It has a length and items, which is all that torch's loaders ask of a data set; reading a table does not wait for
-    torch.
+    It has a length and items, which is all that torch's loaders ask of a data set; `load` gives one that is a
+    `torch.utils.data.Dataset` by type too.
 
     Attributes:
         name: Name of the data set.

@@ -28,7 +28,36 @@ def load(
     strict: bool = False,
     progress: Progress | None = None,
 ) -> DrapeDataset:
-    """Loads a data set.
+    """Loads a data set, as one of torch's too; see `read_dataset` for arguments and errors.
+
+    Args:
+        name_or_path: Name or folder.
+        correct: Known faults that are corrected.
+        fabrics_csv: Table of areal densities and thicknesses.
+        strict: Whether a file that cannot be used is an error now.
+        progress: Called with (files done, files).
+
+    Returns:
+        The data set.
+
+    Raises:
+        DataError: See `read_dataset`.
+    """
+    from cusick_bench.datasets.torch_dataset import TorchDrapeDataset  # here, as reading tables needs no torch
+
+    read = read_dataset(name_or_path, correct=correct, fabrics_csv=fabrics_csv, strict=strict, progress=progress)
+    return TorchDrapeDataset(read.name, read.root, read.protocol, read.corrected, read.table)
+
+
+def read_dataset(
+    name_or_path: str | Path,
+    *,
+    correct: Collection[str] | bool = DEFAULT_CORRECTIONS,
+    fabrics_csv: str | Path | None = None,
+    strict: bool = False,
+    progress: Progress | None = None,
+) -> DrapeDataset:
+    """Loads a data set without torch, which takes longer to import than a table to read.
 
     Args:
         name_or_path: `synthetic`, `cusick` (in the folder that the environment variable CUSICK_DATA names), or a

@@ -5,8 +5,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.errors import DataNotFound
+from cusick_bench.datasets.loading import read_dataset
 from cusick_bench.datasets.registry import folder_of
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -70,7 +71,7 @@ def load_data_of(cells: Cells, data: str | None = None, fabrics_csv: str | Path 
         DataError: They cannot be loaded.
     """
     recorded, table = data_of(cells)
-    return load(data or _present(recorded, cells.folder), fabrics_csv=fabrics_csv or table)
+    return read_dataset(data or _present(recorded, cells.folder), fabrics_csv=fabrics_csv or table)
 
 
 def _present(recorded: str, run: Path) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, Dataset
 from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
 
 from cusick_bench.datasets import DataError, load
@@ -83,6 +83,7 @@ def test_index_cannot_be_changed_from_outside(toy):
 
 def test_works_with_torch_and_pickle(toy):
     dataset = load(toy)
+    assert isinstance(dataset, Dataset)
     batch = next(iter(DataLoader(dataset, batch_size=4, generator=torch.Generator())))
     assert batch["image"].shape == (4, 256, 256)
     assert batch["cloth"] == ["fabric_7"] * 4

@@ -197,11 +197,11 @@ def _stats_table(found: list[ClothStatistics]) -> Table:
 
 
 def _load(name_or_path: str, fabrics_csv: Path | None, uncorrected: bool) -> DrapeDataset:
-    from cusick_bench.datasets import load
+    from cusick_bench.datasets.loading import read_dataset
 
     options = {"correct": False} if uncorrected else {}
     with progress_bar("measuring files") as bar:
-        return load(name_or_path, fabrics_csv=fabrics_csv, progress=bar.show, **options)
+        return read_dataset(name_or_path, fabrics_csv=fabrics_csv, progress=bar.show, **options)
 
 
 def _number(value: float, form: str, factor: float = 1.0) -> str:
