@@ -285,7 +285,7 @@ def stiffness_picture(cloth: str, lines: Sequence[StiffnessLine]) -> Markup:
         said.append(("true", dict(true)))
     words = [f"{who} " + ", ".join(f"{name} {significant(1e6 * one)}" for name, one in by.items()) for who, by in said]
     description = f"Bending stiffness of {cloth} in micronewton metres: {'; '.join(words)}"
-    return inline_svg(stiffness_graph(lines), description, "wide")
+    return inline_svg(stiffness_graph(lines), description, "panels")
 
 
 def real_drape(cloth: str, view: CellView) -> tuple[str, Picture]:
