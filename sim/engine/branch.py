@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.folds import ring_folds
+from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE, ring_folds
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.constants import CLOTH_RADIUS
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ def _rim(mesh: Mesh) -> tuple[Int[ndarray, "rim"], Float[ndarray, "rim"]]:
 def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
     """Number of folds: peaks of the rim's radius over the material angle, as `ring_folds` counts them.
 
+    A peak stands out in proportion to the cloth's radius.
+
     Args:
         mesh: The cloth, a disc.
         x: Its positions [m].
@@ -60,7 +63,8 @@ def rim_folds(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
     radius = np.interp(
         np.linspace(-np.pi, np.pi, 256, endpoint=False), angle, np.hypot(*x[rim, :2].T), period=2 * np.pi
     )
-    return ring_folds(radius)
+    size = float(np.hypot(*mesh.material[rim].T).max()) / CLOTH_RADIUS
+    return ring_folds(radius, prominence=FOLD_PROMINENCE * size)
 
 
 def follow(mesh: Mesh, before: Float[ndarray, "vertices 3"], after: Float[ndarray, "vertices 3"]) -> Branch:

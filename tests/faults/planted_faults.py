@@ -1,4 +1,4 @@
-"""Ten faults that tests must catch: each is planted into a copy of the checkout, where the tests named here must fail.
+"""Eleven faults that tests must catch: each is planted into a copy of the checkout, where the tests named must fail.
 
 python tests/faults/planted_faults.py [NAME ...]     # exit status 1 where a fault is not caught; minutes
 
@@ -105,6 +105,14 @@ FAULTS = (
         "tests/runner/test_run_protocol.py::test_a_fit_follows_the_protocol_of_its_data",
     ),
     Fault(
+        "forgotten scale",
+        "pictures are scored as if they had the release's scale, centre and sizes",
+        "cusick_bench/runner/cell.py",
+        "repeat_pairs=pairs, protocol=protocol)",
+        "repeat_pairs=pairs)",
+        "tests/protocol/test_other_labs.py::test_a_small_cloth_is_fitted_and_scored_in_its_own_size",
+    ),
+    Fault(
         "dropped capture",
         "a diagnosis does not see a fabric's first picture",
         "cusick_bench/diagnosis/measure/captures.py",
@@ -132,8 +140,8 @@ FAULTS = (
         "swallowed error",
         "a solver that fails counts as done",
         "cusick_bench/runner/cell.py",
-        "        except Exception as error:\n            outcome = _failed(error)\n",
-        '        except Exception as error:\n            outcome = _failed(error) | {"status": "done"}\n',
+        "    except Exception as error:\n        outcome = _failed(error)\n",
+        '    except Exception as error:\n        outcome = _failed(error) | {"status": "done"}\n',
         "tests/runner/test_runner.py::TestCells::test_one_failure_stays_alone_and_is_tried_again",
     ),
 )

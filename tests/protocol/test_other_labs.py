@@ -16,20 +16,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from other_laboratory import LARGE_IMAGES, NEAR_CAMERA, SMALL_CLOTH, photograph, write_laboratory, write_protocol
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.stats import statistics
+from cusick_bench.metrics.distribution import distribution_scores
+from cusick_bench.metrics.hausdorff import hausdorff
+from cusick_bench.metrics.image import mse
+from cusick_bench.metrics.profile import profile_rms
+from cusick_bench.metrics.shape import Shape
+from cusick_bench.metrics.surface import Surface
 from cusick_bench.problem import Budget
 from cusick_bench.runner import ProblemSettings, Store, plan, run_cell
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.render.silhouette import render
 from cusick_bench.solvers.registry import registered
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -228,14 +237,53 @@ def test_a_small_cloth_on_a_small_plate_is_measured_as_it_is(small_cloth):
 
 
 def test_a_small_cloth_is_fitted_and_scored_in_its_own_size(small_cloth, tmp_path):
-    dataset = load(small_cloth[0])
+    root, outlines = small_cloth
+    dataset = load(root)
     settings = ProblemSettings(vertices=150, drape=DrapeSettings(steps=60), budget=Budget(6))
     cells = plan(dataset, solvers=["homo,search=5,adam_steps=0", "null:disc", "null:copy"], settings=settings)
     results = {cell.solver: run_cell(dataset, cell, Store(tmp_path), lambda *_: None) for cell in cells}
     assert {result["status"] for result in results.values()} == {"done"}
     fit, disc, copied = (result["metrics"] for result in results.values())
     assert fit["train_dc"] == pytest.approx(fit["train_dc_target"], abs=0.04)  # of another mesh, by six drapes
+    annulus = SMALL.cloth_radius_m**2 - SMALL.plate_radius_m**2
+    true = (np.mean(outlines[1].radii ** 2) - SMALL.plate_radius_m**2) / annulus
+    assert disc["train_dc_target"] == pytest.approx(true, abs=5e-4)
     assert disc["train_dc"] == pytest.approx(disc["train_dc_target"], abs=1e-4)
     assert copied["train_profile_rms_m"] == 0
     # Two surfaces over the plate differ by less than a generator's length, whose end hangs from the plate's edge.
     assert 0 < disc["test_hausdorff_m"] < 0.06
+
+
+def test_a_cloth_scaled_with_its_stiffness_drapes_to_the_same_shape_and_scores():
+    # Lengths times s: at equal B / (rho g L^3), stretch / (rho g L) and h sqrt(g / L) the mechanics is the same.
+    scale = SMALL_CLOTH.cloth_radius_m / RELEASE.cloth_radius_m
+    pictures = {}
+    for protocol, size in ((RELEASE, 1.0), (SMALL_CLOTH, scale)):
+        mesh = disc_mesh(150, radius=protocol.cloth_radius_m, plate_radius=protocol.plate_radius_m)
+        settings = DrapeSettings(steps=40, step_seconds=0.05 * size**0.5, plate_radius=protocol.plate_radius_m)
+        cloth = uniform_material(density=0.2, bending=4e-5 * size**3, stretch=300 * size, shear=60 * size)
+        angle, radius = np.arctan2(mesh.material[:, 1], mesh.material[:, 0]), np.hypot(*mesh.material.T)
+        for waves in (6, 7):
+            height = 0.02 * np.cos(waves * angle) * np.maximum(radius - protocol.plate_radius_m, 0)
+            laid = torch.from_numpy(np.column_stack([mesh.material, height]))
+            shape = DrapeSimulator(mesh, settings).drape(cloth, initial=laid).vertices
+            image = render(shape, mesh.faces, camera_of(protocol), size=protocol.image_size_px)
+            pictures[waves, size] = Shape(image, Surface(shape.numpy(), mesh.faces), protocol)
+    for waves in (6, 7):
+        small, large = pictures[waves, scale], pictures[waves, 1.0]
+        np.testing.assert_allclose(small.mesh.vertices, scale * large.mesh.vertices, rtol=0, atol=1e-6)
+        assert small.drape_coefficient == pytest.approx(large.drape_coefficient, abs=1e-4)
+        assert small.folds == large.folds
+        assert profile_rms(small.profile.radii, scale * large.profile.radii) < 1e-4
+    found, known = (
+        {
+            "mse": mse(pictures[6, size].pixels, pictures[7, size].pixels, protocol),
+            "hausdorff": hausdorff(pictures[6, size].surface, pictures[7, size].surface) / size,
+            **distribution_scores([pictures[6, size]], [pictures[7, size]]),
+        }
+        for size, protocol in ((scale, SMALL_CLOTH), (1.0, RELEASE))
+    )
+    assert found["mse"] == pytest.approx(known["mse"], abs=mse_tolerance(SMALL_CLOTH))
+    assert found["hausdorff"] == pytest.approx(known["hausdorff"], abs=2e-4)
+    assert found["test_energy_score"] == pytest.approx(scale * known["test_energy_score"], rel=0.01)
+    assert found["test_dc_crps"] == pytest.approx(known["test_dc_crps"], abs=1e-4)
