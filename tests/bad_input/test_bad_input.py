@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 
-KINDS = ("images", "meshes", "tables", "protocols", "numbers", "results")
+KINDS = ("images", "meshes", "tables", "protocols", "numbers", "results", "baselines", "atlases", "withheld_files")
 CORPUS = {f"{kind}: {case.name}": case for kind in KINDS for case in import_module(f"bad_input.{kind}").CASES}
 
 

@@ -73,8 +73,8 @@ def read_point(path: Path) -> Point:
     remedy = "delete it and repeat `cusick-bench atlas build`"
     arrays = read_npz(path, remedy=remedy)
     shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "statistics")]
-    if shapes != [1, 3]:
-        raise BadFile(path, "must hold `value`, a row, and `statistics`, of three dimensions", remedy)
+    if shapes != [1, 3] or {arrays[name].dtype.kind for name in ("value", "statistics")} != {"f"}:
+        raise BadFile(path, "must hold numbers: `value`, a row, and `statistics`, of three dimensions", remedy)
     return Point(arrays["value"], arrays["statistics"])
 
 

@@ -23,6 +23,7 @@ from cusick_bench.files import BadFile, parse_json, read_npz
 
 _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
+_MOST = 1000  # of inflation and tempering
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,12 @@ class Calibration:
     inflation: float = 1.0
     tempering: float = 1.0
     cases: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("inflation", "tempering"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MOST:
+                raise ValueError(f"{name} of the calibration must be a number > 0, got {value!r}")
 
 
 def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
@@ -97,14 +104,26 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
             name: Response(name, fit(f"{name}/gain"), fit(f"{name}/mean"), fit(f"{name}/spread"), later)
             for name, later in about["responses"].items()
         }
+        calibration = Calibration(**about["calibration"])
+        _check_shapes(path, arrays)
         emulator = Emulator(
             fit("base"), fit("base_spread"), fit("log_sd"), arrays["correlation"], arrays["discrepancy"], responses
         )
-        return emulator, Calibration(**about["calibration"])
-    except BadFile:
-        raise
+        return emulator, calibration
+    except BadFile as error:
+        raise DiagnosisError(f"the atlas {path} cannot be used ({error.what}); {remedy}") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error}); {remedy}") from error
+
+
+def _check_shapes(path: Path, arrays: dict[str, ndarray]) -> None:
+    """Makes sure that arrays have the shapes of the shipped atlas; responses to other effects have their own."""
+    if path == SHIPPED:
+        return
+    shipped = read_npz(SHIPPED, remedy="reinstall cusick-bench", most_bytes=_LARGEST)
+    for name, value in arrays.items():
+        if name in shipped and value.shape != shipped[name].shape:
+            raise ValueError(f"{name} must have the shape {shipped[name].shape}, got {value.shape}")
 
 
 def _finite(value: ndarray) -> bool:

@@ -116,6 +116,8 @@ def _of_file(path: Path) -> pd.DataFrame:
         entries = _of_json(path) if path.suffix == ".json" else _of_csv(path)
     except ValueError as error:
         raise LeaderboardError(f"{path} is no table of cells ({error}); make it anew with `check --write`") from error
+    if not entries:
+        raise LeaderboardError(f"{path} holds no cells; make it with `check RUN --against FILE --write`")
     names = {name for _, entry in entries for name in entry}
     missing = [name for name in IDENTITY if name not in names]
     if missing:
@@ -123,8 +125,6 @@ def _of_file(path: Path) -> pd.DataFrame:
         raise LeaderboardError(
             f"{path} lacks the column {missing[0]!r}: {hint}make it with `check RUN --against FILE --write`"
         )
-    if not entries:
-        raise LeaderboardError(f"{path} holds no cells")
     table = pd.DataFrame([_cell(where, entry) for where, entry in entries])
     return table.astype({"seed": int}).sort_values(list(IDENTITY), ignore_index=True)
 
@@ -143,6 +143,8 @@ def _of_json(path: Path) -> list[tuple[str, dict[str, Any]]]:
     cells = document.get("cells") if isinstance(document, dict) else document
     if not isinstance(cells, list) or not all(isinstance(cell, dict) for cell in cells):
         raise ValueError('it must hold {"cells": [{"solver": ..., "cloth": ..., "seed": ..., metrics}]}')
+    if not all(isinstance(cell.get("metrics") or {}, dict) for cell in cells):
+        raise ValueError('metrics of a cell must be an object, {"train_mse": ..., ...}')
     return [(f"{path}, cell {place}", {**cell, **(cell.get("metrics") or {})}) for place, cell in enumerate(cells, 1)]
 
 

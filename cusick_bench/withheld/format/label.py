@@ -29,6 +29,7 @@ from cusick_bench.withheld.format.place import Place
 NULL, SINGLE, PAIR, OUTSIDE = "null", "single", "pair", "unknown"
 DETECTABLE, TYPICAL = "detectable shift", "typical severity"
 _LABELS = ("labels", "cases")  # keys under which they may stand in a document
+_MOST_EFFECTS = 2  # of a case
 _LOWEST, _HIGHEST = -3, 4  # powers of two
 
 
@@ -86,6 +87,8 @@ class LabelDocument(Document):
         names = _as_tuple(effect)
         if not names or (len(names) > 1 and set(names) & {causes.NONE, causes.UNKNOWN}):
             raise broken_rule(f"effect must be a name or a list of effects, got {list(names)}; correct it")
+        if len(names) > _MOST_EFFECTS:
+            raise broken_rule(f"a case has at most {_MOST_EFFECTS} effects, got {len(names)}; correct it")
         return effect
 
     @model_validator(mode="after")
@@ -94,6 +97,9 @@ class LabelDocument(Document):
             value = getattr(self, key)
             if isinstance(value, tuple) and len(value) != len(self.effects):
                 raise broken_rule(f"{key} must be a list of {len(self.effects)}, got one of {len(value)}; correct it")
+        for key in ("multiple", "multiple_of_typical"):
+            if any(one is not None and one < 0 for one in _as_tuple(getattr(self, key))):
+                raise broken_rule(f"{key} must be at least 0, got {getattr(self, key)}; give the size alone")
         return self
 
     @property
