@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
 from cusick_bench.sim.errors import did_you_mean
+from cusick_bench.sim.plugins import registered_classes
 from cusick_bench.solvers.base import Solver, SolverError
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
@@ -62,9 +63,7 @@ def registered() -> dict[str, type[Solver]]:
     """Every solver by name: built in, the benchmarked members of families, and those of other packages."""
     solvers = {solver.name: solver for solver in _BUILT_IN}
     solvers |= {f"nlopt:{algorithm}": nlopt_solver(algorithm) for algorithm in BENCHMARKED}
-    for entry in entry_points(group=ENTRY_POINTS):
-        solvers[entry.name] = entry.load()
-    return solvers
+    return solvers | registered_classes(ENTRY_POINTS, Solver, solvers)
 
 
 def solver_names() -> list[str]:

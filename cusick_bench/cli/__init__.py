@@ -1,5 +1,6 @@
 """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
+import os
 import sys
 from difflib import get_close_matches
 from importlib import import_module
@@ -39,6 +40,7 @@ PANELS = {
 COMMANDS = {name: module for commands in PANELS.values() for name, module in commands.items()}
 """The module of every command."""
 
+_MOST_THREADS = 1024
 _COMPLETION = ("install_completion", "show_completion")
 
 
@@ -115,4 +117,14 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="backslashreplace")  # help pages too where the encoding is ASCII
     stop_on_termination()
+    _check_surroundings()
     app()
+
+
+def _check_surroundings() -> None:
+    """Refuses a number of threads that would end in a traceback of numba's."""
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= _MOST_THREADS):
+        rule = f"must be a whole number from 1 to {_MOST_THREADS}"
+        sys.stderr.write(f"error: NUMBA_NUM_THREADS {rule}, got {threads[:40]!r}; correct or unset it\n")
+        raise SystemExit(2)

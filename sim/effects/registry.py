@@ -37,6 +37,7 @@ from cusick_bench.sim.effects.material.rest_curvature import RestCurvature
 from cusick_bench.sim.effects.material.rim_stiffening import RimStiffening
 from cusick_bench.sim.effects.material.stiffness_field import StiffnessField
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.plugins import registered_classes
 
 if TYPE_CHECKING:
     from cusick_bench.sim.setup import Setup
@@ -98,9 +99,7 @@ class Cause:
 def registered() -> dict[str, Effect]:
     """Every effect by name: built in, and those of other packages."""
     found = {effect.name: effect() for effect in _BUILT_IN}
-    for entry in entry_points(group=ENTRY_POINTS):
-        found.setdefault(entry.name, entry.load()())
-    return found
+    return found | {name: made() for name, made in registered_classes(ENTRY_POINTS, Effect, found).items()}
 
 
 def effect_names() -> list[str]:

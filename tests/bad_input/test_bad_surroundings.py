@@ -1,12 +1,14 @@
 """What surrounds a command: environment variables, terminals without Unicode, full disks, packages that register."""
 
-import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from cusick_bench.sim.effects.registry import registered
+from cusick_bench.solvers.registry import registered as registered_solvers
 
 SIMULATE = "simulate --density 0.2 --bending 1e-6 --vertices 97 --steps 2"
 LIMIT = 6 << 30  # [bytes] of address space of a command
@@ -50,15 +52,10 @@ def refused(made: subprocess.CompletedProcess[str], *words: str) -> None:
     ("words", "surroundings"),
     [
         ("solvers", {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0"}),
-        (SIMULATE, {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}),
-        ("data audit synthetic", {"PYTHONIOENCODING": "latin-1"}),
-        ("effects", {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
-        (SIMULATE, {"TERM": "dumb", "COLUMNS": "0"}),
-        ("data info synthetic", {"COLUMNS": "1"}),
-        ("data info synthetic", {"COLUMNS": "wide"}),
+        ("datasets", {"TERM": "dumb"}),
+        ("datasets", {"COLUMNS": "wide"}),
         ("data info synthetic", {"CUSICK_BENCH_CACHE": "/dev/null/cache"}),
-        ("data info synthetic", {"CUSICK_BENCH_CACHE": "/proc/cache"}),
-        ("data info synthetic", {"HOME": "/nowhere", "XDG_CACHE_HOME": "/nowhere"}),
+        ("datasets", {"HOME": "/nowhere", "XDG_CACHE_HOME": "/nowhere"}),
         (SIMULATE, {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}),
     ],
     ids=str,
@@ -71,65 +68,65 @@ def test_odd_surroundings_change_nothing(tmp_path, words, surroundings):
 
 
 @pytest.mark.parametrize("threads", ["0", "-1", "many", "1000000000"])
-@pytest.mark.parametrize("variable", ["NUMBA_NUM_THREADS"])
-def test_a_number_of_threads_that_is_none_is_refused(tmp_path, variable, threads):
-    refused(command(SIMULATE, tmp_path, **{variable: threads}), variable, threads)
+def test_a_number_of_threads_that_is_none_is_refused(tmp_path, threads):
+    refused(command(SIMULATE, tmp_path, NUMBA_NUM_THREADS=threads), "NUMBA_NUM_THREADS", threads)
 
 
-@pytest.mark.parametrize("data", ["", "/nowhere", "/dev/null", "\u00fc\u00df\u2603"])
+@pytest.mark.parametrize("data", ["", "/dev/null"])
 def test_a_release_that_is_not_there_is_refused(tmp_path, data):
-    refused(command("data info cusick", tmp_path, CUSICK_DATA=data), "CUSICK_DATA" if not data else data)
+    refused(command("data info cusick", tmp_path, CUSICK_DATA=data), data or "CUSICK_DATA")
 
 
 def test_a_disk_that_is_full_is_told_in_one_line(tmp_path):
-    full = "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)); import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
+    limit = "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))"
+    full = f"{limit}; import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)"
     refused(command(f"{SIMULATE} --out out", tmp_path, limits=full), "File too large", "free some space")
 
 
-def test_little_memory_is_told_in_one_line(tmp_path):
-    little = "resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))"
-    made = command("simulate --density 0.2 --bending 1e-6 --vertices 100000 --steps 2", tmp_path, limits=little)
-    refused(made, "not enough memory", "vertices")
+@pytest.fixture
+def register(tmp_path, monkeypatch):
+    """Makes a package that registers something, and forgets it afterwards."""
 
+    def registering(group: str, entry: str) -> None:
+        (tmp_path / "odd_plugin.py").write_text(PLUGIN)
+        (tmp_path / "odd_import.py").write_text("raise ImportError('it needs a library that is not here')\n")
+        folder = tmp_path / "odd_plugin-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: odd-plugin\nVersion: 1.0\n")
+        (folder / "entry_points.txt").write_text(f"[cusick_bench.{group}]\n{entry}\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        registered.cache_clear()
 
-def write_plugin(here: Path, group: str, *entries: str) -> dict[str, str]:
-    """A package that registers something, and the variable that makes it found."""
-    (here / "odd_plugin.py").write_text(PLUGIN)
-    (here / "odd_import.py").write_text("raise ImportError('it needs a library that is not here')\n")
-    folder = here / "odd_plugin-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: odd-plugin\nVersion: 1.0\n")
-    (folder / "entry_points.txt").write_text("\n".join([f"[{group}]", *entries, ""]))
-    return {"PYTHONPATH": os.pathsep.join([str(here), os.environ.get("PYTHONPATH", "")])}
+    yield registering
+    monkeypatch.undo()
+    registered.cache_clear()
+    for name in ("odd_plugin", "odd_import"):
+        sys.modules.pop(name, None)
 
 
 @pytest.mark.parametrize("group", ["solvers", "effects"])
 @pytest.mark.parametrize(
-    "entry",
+    ("entry", "reason"),
     [
-        "odd = odd_import:Thing",
-        "odd = odd_plugin:absent",
-        "odd = odd_plugin:broken",
-        "odd = odd_plugin:Nothing",
-        "odd = odd_plugin:number",
-        "odd = no_such_module:Thing",
+        ("odd = odd_import:Thing", "it needs a library that is not here"),
+        ("odd = odd_plugin:absent", "cannot be imported"),
+        ("odd = odd_plugin:broken", "must be a subclass"),
+        ("odd = odd_plugin:Nothing", "must be a subclass"),
+        ("odd = odd_plugin:number", "must be a subclass"),
+        ("odd = no_such_module:Thing", "No module named"),
     ],
 )
-def test_a_package_that_registers_nonsense_is_named_and_left_out(tmp_path, group, entry):
-    variables = write_plugin(tmp_path, f"cusick_bench.{group}", entry)
-    made = command(f"{group} --json", tmp_path, **variables)
-    assert made.returncode == 0, made.stderr[-2000:]
-    names = {row["name"] for row in json.loads(made.stdout)[group]}
+def test_a_package_that_registers_nonsense_is_named_and_left_out(register, group, entry, reason):
+    register(group, entry)
+    with pytest.warns(RuntimeWarning, match=f"'odd'.*{reason}.*left out"):
+        names = registered() if group == "effects" else registered_solvers()
     assert "odd" not in names
     assert len(names) > 5
-    assert "odd" in made.stderr
-    assert "Traceback" not in made.stderr
 
 
 @pytest.mark.parametrize(("group", "taken"), [("solvers", "homo"), ("effects", "creep")])
-def test_a_package_does_not_take_a_built_in_name(tmp_path, group, taken):
-    variables = write_plugin(tmp_path, f"cusick_bench.{group}", f"{taken} = odd_plugin:Nothing")
-    made = command(f"{group} --json", tmp_path, **variables)
-    assert made.returncode == 0, made.stderr[-2000:]
-    assert taken in {row["name"] for row in json.loads(made.stdout)[group]}
-    assert taken in made.stderr
+def test_a_package_does_not_take_a_built_in_name(register, group, taken):
+    register(group, f"{taken} = odd_plugin:Nothing")
+    with pytest.warns(RuntimeWarning, match=f"'{taken}'.*name that is taken"):
+        names = registered() if group == "effects" else registered_solvers()
+    assert taken in names

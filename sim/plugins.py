@@ -1,0 +1,43 @@
+"""Classes that other packages register under an entry point; one that cannot be used is named and left out."""
+
+import warnings
+from collections.abc import Collection
+from importlib.metadata import entry_points
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dict[str, type[T]]:
+    """Loads what other packages register.
+
+    Whatever goes wrong in such a package is no reason to stop a command that may not even use it: it is told as a
+    warning.
+
+    Args:
+        group: Group of the entry points.
+        base: Class of which each must be a subclass.
+        taken: Names that are built in, which nobody else may have.
+
+    Returns:
+        Classes by name.
+    """
+    found: dict[str, type[T]] = {}
+    for entry in entry_points(group=group):
+        if entry.name in taken or entry.name in found:
+            _left_out(group, entry.name, entry.value, "has a name that is taken; give it another one")
+            continue
+        try:
+            loaded = entry.load()
+        except Exception as error:  # a module may raise anything while it is imported
+            _left_out(group, entry.name, entry.value, f"cannot be imported ({type(error).__name__}: {error}); mend it")
+            continue
+        if isinstance(loaded, type) and issubclass(loaded, base):
+            found[entry.name] = loaded
+        else:
+            _left_out(group, entry.name, entry.value, f"must be a subclass of {base.__name__}, got {loaded!r:.60}")
+    return found
+
+
+def _left_out(group: str, name: str, value: str, why: str) -> None:
+    warnings.warn(f"{name!r} ({value}) of {group} {why}; it is left out", RuntimeWarning, stacklevel=3)
