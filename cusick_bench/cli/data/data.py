@@ -164,7 +164,7 @@ def stats_command(
     from cusick_bench.datasets.stats import statistics
 
     dataset = _load(name_or_path, None, uncorrected=False)
-    with progress_bar("reading cloths", len(cloth or dataset.cloths)) as bar:
+    with progress_bar("reading cloths", len(dataset.cloths)) as bar:
         found = statistics(dataset, cloth, progress=lambda name: bar.advance())
     if json:
         print_json({"name": dataset.name, "cloths": [item.document() for item in found]})
