@@ -363,7 +363,7 @@ class TestCommand:
         ("extra", "message"),
         [
             (["--solver", "hobo"], "unknown solver"),
-            (["--budget", "0"], "must be > 0"),
+            (["--budget", "0"], "greater than or equal to 1"),
             (["--shard", "5/4"], "i/n"),
             (["--executor", "cloud"], "unknown executor"),
             (["--law", "hooke"], "law"),
