@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cusick_bench.sim.effects.base import Effect
 from cusick_bench.sim.effects.boundary.cut_size import CutSize
@@ -99,7 +99,8 @@ class Cause:
 def registered() -> dict[str, Effect]:
     """Every effect by name: built in, and those of other packages."""
     found = {effect.name: effect() for effect in _BUILT_IN}
-    return found | {name: made() for name, made in registered_classes(ENTRY_POINTS, Effect, found).items()}
+    others: Any = registered_classes(ENTRY_POINTS, Effect, found)
+    return found | {name: made() for name, made in others.items()}
 
 
 def effect_names() -> list[str]:
