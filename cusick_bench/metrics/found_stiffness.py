@@ -6,13 +6,14 @@ space `field`) is left at its mean. Where every element is drawn by itself (`bdp
 of elements hardly differs from draw to draw, so that the interval is narrow; the spread between elements is beside it.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -25,8 +26,11 @@ from cusick_bench.metrics.stiffness import (
     cloth_stiffness,
     element_weights,
 )
-from cusick_bench.problem import DrapeProblem
 from cusick_bench.solvers.base import Prediction, Solver
+
+if TYPE_CHECKING:
+    from cusick_bench.problem import DrapeProblem
+
 
 LEVELS = (0.05, 0.95)  # of the interval
 DRAWS = 400  # of the posterior: the bounds of the interval are then known to a tenth of a standard deviation
@@ -54,7 +58,7 @@ class Quantity:
     value: float
     ci90: tuple[float, float] | None = None
 
-    def times(self, factor: float) -> "Quantity":
+    def times(self, factor: float) -> Quantity:
         """The number in another unit.
 
         Args:
@@ -183,6 +187,8 @@ def find_stiffness(
         What was found, None where the answer has no parameters, and bending stiffness of the draws that it sums up
         [N m], in the order of `BENDING`, None without a posterior.
     """
+    import torch
+
     if prediction.tau is None:
         return None, None
     space, law = problem.space, problem.space.prior.law

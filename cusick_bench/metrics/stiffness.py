@@ -21,17 +21,20 @@ References:
     Peirce. The "handle" of cloth as a measurable quantity. J. Textile Institute 21, 1930 (flexural rigidity, mg cm).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
-from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
-from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine.elements import elements_of
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
 
 GRAM_FORCE = 9.80665e-3
 """1 gf [N]: a gram under the standard acceleration of gravity, 9.80665 m/s2 (3rd CGPM, 1901; exact)."""
@@ -90,6 +93,9 @@ def element_weights(mesh: Mesh, plate_radius: float) -> ElementWeights:
     Returns:
         Weights that add up to 1 in each direction.
     """
+    from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
+    from cusick_bench.sim.engine.elements import elements_of
+
     elements = elements_of(mesh)
     area = elements.hinge_weight / elements.hinge_scale**2  # (l^2 / A) / (l / A)^2
     low, fraction = elements.direction_low, elements.direction_fraction
@@ -119,6 +125,8 @@ def cloth_stiffness(
     Raises:
         ValueError: The tables are per element, and no weights are given.
     """
+    from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR
+
     if weights is None and (stretch.ndim > 2 or bending.ndim > 2):
         raise ValueError("tables per element need the weights of the elements; see `element_weights`")
     factor = PUBLISHED_BENDING_FACTOR if law == "published" else 1.0

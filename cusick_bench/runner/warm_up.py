@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba.core import config, event
@@ -56,7 +57,8 @@ class WarmUp:
         if solver.kind != "solver" or kind in self.kinds:
             return
         self.kinds.add(kind)
-        with _alone(Path(config.CACHE_DIR), kind), event.install_listener("numba:compile", _Teller()):  # pyright: ignore[reportArgumentType]
+        configuration: Any = config
+        with _alone(Path(configuration.CACHE_DIR), kind), event.install_listener("numba:compile", _Teller()):
             try:
                 solver.solve(build_problem(dataset, tiny), np.random.default_rng(0))
             except Exception as error:  # the cell itself will say what is wrong with it

@@ -86,3 +86,12 @@ def test_cloths_of_the_data_are_completed():
 
 def test_no_cloth_is_offered_of_data_that_cannot_be_read():
     assert _completed("run --data nowhere --cloth fab")[1] == []
+
+
+def test_a_leaderboard_waits_for_no_simulator():
+    modules = "cells", "board", "formats", "text"
+    code = (
+        f"import sys; {'; '.join(f'import cusick_bench.leaderboard.{name}' for name in modules)}; print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert SLOW & set(done.stdout.split()) <= {"pandas", "scipy", "jinja2"}
