@@ -296,7 +296,7 @@ class TestSubmission:
         path = tmp_path / "synthetic.csv"
         result = CliRunner().invoke(app, ["submit", str(finished), "--track", "synthetic", "--out", str(path)])
         assert result.exit_code == 2
-        assert "track synthetic is for the data set synthetic, got lab0" in " ".join(result.output.split())
+        assert "track synthetic is for the data set synthetic, got lab" in " ".join(result.output.split())
         rows = [row | {"dataset": "synthetic"} for row in rows_of(load_cells(finished), "synthetic")]
         with pytest.raises(LeaderboardError, match="for meshes of --vertices 600 or 2699, got 100"):
             append(path, rows)
