@@ -66,7 +66,6 @@ _SIMULATE: dict[str, tuple[str, str]] = {
     "negative contact": (CLOTH + " --mode equilibrium --self-contact -1", "self_contact|self-contact"),
     "contact that is no number": (CLOTH + " --mode equilibrium --self-contact nan", "self_contact|self-contact"),
     "contact of a metre": (CLOTH + " --mode equilibrium --self-contact 1", "contact thickness must be less than"),
-    "contact in a drop": (CLOTH + " --self-contact 0.001", "self-contact is for mode 'equilibrium'"),
     "balance of a law without energy": (CLOTH + " --mode equilibrium --law published", "no equilibrium mode"),
     "unknown mode": (CLOTH + " --mode fall", "--mode.*'fall' is not one of"),
     "unknown law": (CLOTH + " --law hooke", "--law.*'hooke' is not one of"),
