@@ -52,7 +52,8 @@ def convergence(
     Without --vertices the meshes have 297, 1205, 2699 and 7496.
     """
     sizes = vertices or [297, 1205, 2699, 7496]
-    checked_density(density), checked_bending(bending)
+    checked_density(density)
+    checked_bending(bending)
     rows: list[dict[str, Any]] = []
     with progress_bar("draping", len(sizes) * draws) as bar:
         for size in sizes:
