@@ -25,19 +25,27 @@ def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dic
     found: dict[str, type[T]] = {}
     for entry in entry_points(group=group):
         if entry.name in taken or entry.name in found:
-            _left_out(group, entry.name, entry.value, "has a name that is taken; give it another one")
+            leave_out(group, entry.name, entry.value, "has a name that is taken; give it another one")
             continue
         try:
             loaded = entry.load()
         except Exception as error:  # a module may raise anything while it is imported
-            _left_out(group, entry.name, entry.value, f"cannot be imported ({type(error).__name__}: {error}); mend it")
+            leave_out(group, entry.name, entry.value, f"cannot be imported ({type(error).__name__}: {error}); mend it")
             continue
         if isinstance(loaded, type) and issubclass(loaded, base):
             found[entry.name] = loaded
         else:
-            _left_out(group, entry.name, entry.value, f"must be a subclass of {base.__name__}, got {loaded!r:.60}")
+            leave_out(group, entry.name, entry.value, f"must be a subclass of {base.__name__}, got {loaded!r:.60}")
     return found
 
 
-def _left_out(group: str, name: str, value: str, why: str) -> None:
+def leave_out(group: str, name: str, value: object, why: str) -> None:
+    """Warns of a registered class that cannot be used.
+
+    Args:
+        group: Group of the entry points.
+        name: Name under which it is registered.
+        value: What is registered.
+        why: What is wrong with it, and what mends it.
+    """
     warnings.warn(f"{name!r} ({value}) of {group} {why}; it is left out", RuntimeWarning, stacklevel=3)

@@ -75,7 +75,8 @@ class Screen(Console):
     def size(self) -> ConsoleDimensions:
         """Size of the terminal; without one, lines are as long as it takes, unless COLUMNS says otherwise."""
         found = super().size
-        if self.is_terminal or self._width is not None or os.environ.get("COLUMNS", "").isdigit():
+        narrowed = self.is_terminal or self._width is not None or os.environ.get("COLUMNS", "").isdigit()
+        if narrowed and found.width > 0:  # COLUMNS=0 says nothing
             return found
         return ConsoleDimensions(NATURAL_WIDTH, found.height)
 

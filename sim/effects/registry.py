@@ -37,7 +37,7 @@ from cusick_bench.sim.effects.material.rest_curvature import RestCurvature
 from cusick_bench.sim.effects.material.rim_stiffening import RimStiffening
 from cusick_bench.sim.effects.material.stiffness_field import StiffnessField
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.plugins import registered_classes
+from cusick_bench.sim.plugins import leave_out, registered_classes
 
 if TYPE_CHECKING:
     from cusick_bench.sim.setup import Setup
@@ -100,7 +100,12 @@ def registered() -> dict[str, Effect]:
     """Every effect by name: built in, and those of other packages."""
     found = {effect.name: effect() for effect in _BUILT_IN}
     others: Any = registered_classes(ENTRY_POINTS, Effect, found)
-    return found | {name: made() for name, made in others.items()}
+    for name, kind in others.items():
+        try:
+            found[name] = kind()
+        except Exception as error:  # a class of another package may raise anything
+            leave_out(ENTRY_POINTS, name, kind, f"cannot be made ({type(error).__name__}: {error}); mend it")
+    return found
 
 
 def effect_names() -> list[str]:
