@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from cusick_bench.datasets.errors import DataError
     from cusick_bench.datasets.loading import load
     from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count, profile_from_image
-    from cusick_bench.metrics.hausdorff import hausdorff
+    from cusick_bench.metrics.hausdorff_distance import hausdorff
     from cusick_bench.metrics.image import iou, mse
     from cusick_bench.problem.budget import Budget
     from cusick_bench.problem.drape_problem import DrapeProblem
@@ -46,7 +46,7 @@ _MODULES = {
     "disc_mesh": "sim.cloth.mesh",
     "drape_coefficient": "datasets.profile",
     "fold_count": "datasets.profile",
-    "hausdorff": "metrics.hausdorff",
+    "hausdorff": "metrics.hausdorff_distance",
     "iou": "metrics.image",
     "load": "datasets.loading",
     "mse": "metrics.image",

@@ -75,7 +75,7 @@ class RunFile:
                     continue
                 if set(record) != names:
                     raise ValueError(f"its keys must be {', '.join(sorted(names))}")
-                run = _FINISHED.validate_python(record, strict=True)
+                run = _FINISHED.validate_json(line, strict=True)
             except (ValueError, TypeError) as error:
                 raise BenchmarkError(
                     f"{self.path}, line {number} is no finished run ({error}); delete it, or choose another --out"

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from cusick_bench.garment.cloth import Cloth, cloth_of_cell, cloth_of_numbers
     from cusick_bench.garment.errors import GarmentError
     from cusick_bench.garment.fitting import Fitting, hang, walk
-    from cusick_bench.garment.measure import SkirtMeasures, spread
+    from cusick_bench.garment.measurement import SkirtMeasures, measure, spread
     from cusick_bench.garment.motion import STILL, WaistMotion
     from cusick_bench.garment.skirt import KINDS, Skirt, SkirtSize, a_line_skirt, circular_skirt
 
@@ -29,6 +29,7 @@ __all__ = [
     "cloth_of_cell",
     "cloth_of_numbers",
     "hang",
+    "measure",
     "spread",
     "walk",
 ]
@@ -43,7 +44,7 @@ __getattr__ = lazy_names(
         "KINDS": "skirt",
         "STILL": "motion",
         "Skirt": "skirt",
-        "SkirtMeasures": "measure",
+        "SkirtMeasures": "measurement",
         "SkirtSize": "skirt",
         "WaistMotion": "motion",
         "a_line_skirt": "skirt",
@@ -51,7 +52,8 @@ __getattr__ = lazy_names(
         "cloth_of_cell": "cloth",
         "cloth_of_numbers": "cloth",
         "hang": "fitting",
-        "spread": "measure",
+        "measure": "measurement",
+        "spread": "measurement",
         "walk": "fitting",
     },
 )

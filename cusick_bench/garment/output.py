@@ -18,7 +18,7 @@ from numpy import ndarray
 from PIL import Image
 
 from cusick_bench.garment.body import Body
-from cusick_bench.garment.measure import seen_from_above, seen_from_front
+from cusick_bench.garment.measurement import seen_from_above, seen_from_front
 from cusick_bench.garment.motion import WaistMotion
 from cusick_bench.garment.pictures import draw_skirt, save_gif, strip, turntable
 from cusick_bench.garment.skirt import Skirt

@@ -8,13 +8,15 @@ if TYPE_CHECKING:
     from cusick_bench.metrics.calibration import coverage, fold_test, ranks
     from cusick_bench.metrics.classification import Classifier, Confusion, learn
     from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
+    from cusick_bench.metrics.drape_variability import Variability, variability, variability_rows
     from cusick_bench.metrics.energy import energy_distance
     from cusick_bench.metrics.errors import MetricError
+    from cusick_bench.metrics.hausdorff_distance import hausdorff
     from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
+    from cusick_bench.metrics.prediction_score import expected_best, from_levels, score, to_levels
     from cusick_bench.metrics.profile import profile_rms, profile_rms_rotated, quantile_distance, spectrum_distance
     from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
     from cusick_bench.metrics.ruled import ruled_surface
-    from cusick_bench.metrics.score import expected_best, from_levels, to_levels
     from cusick_bench.metrics.shape import Shape
     from cusick_bench.metrics.statistics import (
         LOCKED,
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
         standardised,
     )
     from cusick_bench.metrics.surface import Surface
-    from cusick_bench.metrics.variability import Variability, variability_rows
 
 NUMERICS_VERSION = 1  # raised when a metric's numbers change: see runner/numerics.py
 
@@ -53,6 +54,7 @@ __all__ = [
     "expected_best",
     "fold_test",
     "from_levels",
+    "hausdorff",
     "image_statistics",
     "iou",
     "iou_pairs",
@@ -65,9 +67,11 @@ __all__ = [
     "quantile_distance",
     "ranks",
     "ruled_surface",
+    "score",
     "spectrum_distance",
     "standardised",
     "to_levels",
+    "variability",
     "variability_rows",
     "variogram_score",
 ]
@@ -85,7 +89,7 @@ __getattr__ = lazy_names(
         "STATISTICS": "statistics",
         "Shape": "shape",
         "Surface": "surface",
-        "Variability": "variability",
+        "Variability": "drape_variability",
         "coverage": "calibration",
         "crps": "proper_scores",
         "distribution_scores": "distribution",
@@ -93,9 +97,10 @@ __getattr__ = lazy_names(
         "energy_distance": "energy",
         "energy_distance_of_draws": "proper_scores",
         "energy_score": "proper_scores",
-        "expected_best": "score",
+        "expected_best": "prediction_score",
         "fold_test": "calibration",
-        "from_levels": "score",
+        "from_levels": "prediction_score",
+        "hausdorff": "hausdorff_distance",
         "image_statistics": "statistics",
         "iou": "image",
         "iou_pairs": "image",
@@ -108,10 +113,12 @@ __getattr__ = lazy_names(
         "quantile_distance": "profile",
         "ranks": "calibration",
         "ruled_surface": "ruled",
+        "score": "prediction_score",
         "spectrum_distance": "profile",
         "standardised": "statistics",
-        "to_levels": "score",
-        "variability_rows": "variability",
+        "to_levels": "prediction_score",
+        "variability": "drape_variability",
+        "variability_rows": "drape_variability",
         "variogram_score": "proper_scores",
     },
 )

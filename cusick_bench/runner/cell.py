@@ -18,7 +18,7 @@ from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe
 from cusick_bench.datasets.truth import true_tables
 from cusick_bench.files import read_json_object, read_npz
 from cusick_bench.metrics.found_stiffness import find_stiffness, stiffness_document
-from cusick_bench.metrics.score import score, to_levels
+from cusick_bench.metrics.prediction_score import score, to_levels
 from cusick_bench.metrics.stiffness import ClothStiffness, cloth_stiffness
 from cusick_bench.problem import (
     SPACES,

@@ -28,6 +28,7 @@ from cusick_bench.diagnosis.inference.hypotheses import hypotheses
 from cusick_bench.diagnosis.inference.power import expected_features
 from cusick_bench.diagnosis.inference.residual import Residual, against_base
 from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.sim.effects import registered
 
 
@@ -91,7 +92,9 @@ def test_processes_give_the_same_in_the_same_order(workers: int) -> None:
 
 
 def test_cases_without_their_labels_are_refused(tmp_path: Path) -> None:
-    found = CliRunner().invoke(app, ["atlas", "calibrate", str(tmp_path), "labels.json", str(tmp_path)])
+    found = CliRunner().invoke(
+        app, ["atlas", "calibrate", str(tmp_path), "labels.json", str(tmp_path), "--atlas", "new"]
+    )
     assert found.exit_code == 2
     assert "got 3 paths" in found.output
 

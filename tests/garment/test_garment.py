@@ -29,7 +29,7 @@ from cusick_bench.garment import (
     walk,
 )
 from cusick_bench.garment.fitting import AIR, State
-from cusick_bench.garment.measure import measure
+from cusick_bench.garment.measurement import measure
 from cusick_bench.problem import StiffnessPrior
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.obj import read_obj
@@ -413,7 +413,7 @@ BAD_CELLS = {
     "belongs to another problem": {"bending": np.ones((5, 3))},
     "belong to another problem": {"stretch": np.ones((7, 6, 4)), "faces": np.zeros((9, 3), int)},
     "positive stiffness": {"bending": np.full((3, 5), np.nan)},
-    "density must be > 0": {"density": np.array(0.0)},
+    "areal density must be": {"density": np.array(0.0)},
 }
 
 
@@ -493,7 +493,7 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         (["--from", "nowhere", *NUMBERS], "give either --from RESULT"),
         (["--from", "nowhere"], "no result at nowhere"),
         (["--density", "0.2"], "both --density and --bending"),
-        (["--density", "-1", "--bending", "1e-5"], "density must be > 0"),
+        (["--density", "-1", "--bending", "1e-5"], "areal density must be from 0.005 to 5.0 kg/m2, got -1"),
         (["--density", "0.2", "--bending", "1,2"], "one number or three"),
         ([*NUMBERS, "--draws", "0"], "number of draws must be at least 1"),
         ([*NUMBERS, "--waist", "0.3"], "wider than its waist"),

@@ -382,7 +382,7 @@ def test_best_hausdorff_of_n_is_that_of_n_draws(monkeypatch):
     assert whole["test_hausdorff_best_of_10_m"] == pytest.approx(expected_best(twenty, 10), abs=1e-4)
     assert "test_hausdorff_best_of_100_m" not in whole
     assert set(DISTRIBUTION_METRICS) <= set(whole)
-    module = import_module("cusick_bench.metrics.score")
+    module = import_module("cusick_bench.metrics.prediction_score")
     monkeypatch.setattr(module, "_MEAN_DRAWS", 5)
     monkeypatch.setattr(module, "SUBSETS", (5, 10, 23))
     in_sets = scores()

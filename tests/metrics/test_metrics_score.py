@@ -10,7 +10,7 @@ import torch
 from cusick_bench.datasets import DrapeSample, load
 from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.metrics import MetricError, from_levels, mse, mse_pairs, ruled_surface, to_levels
-from cusick_bench.metrics.score import score
+from cusick_bench.metrics.prediction_score import score
 from cusick_bench.sim.constants import PIXELS_PER_METRE
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.reference.silhouettes import silhouette

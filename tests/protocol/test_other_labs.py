@@ -27,7 +27,7 @@ from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.stats import statistics
 from cusick_bench.metrics.distribution import distribution_scores
-from cusick_bench.metrics.hausdorff import hausdorff
+from cusick_bench.metrics.hausdorff_distance import hausdorff
 from cusick_bench.metrics.image import mse
 from cusick_bench.metrics.profile import profile_rms
 from cusick_bench.metrics.shape import Shape

@@ -12,6 +12,7 @@ from cusick_bench.datasets import load
 from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, profile_from_image
 from cusick_bench.metrics import expected_best, mse_pairs
 from cusick_bench.problem import Budget, DrapeProblem
+from cusick_bench.sim import plugins
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers import registry
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction, Solver, SolverError
@@ -174,7 +175,7 @@ class TestRegistry:
             def load(self):
                 return Foreign
 
-        monkeypatch.setattr(registry, "entry_points", lambda group: [Entry()] if group == registry.ENTRY_POINTS else [])
+        monkeypatch.setattr(plugins, "entry_points", lambda group: [Entry()] if group == registry.ENTRY_POINTS else [])
         assert isinstance(make_solver("foreign"), Foreign)
 
     def test_global_search_needs_an_end(self):
@@ -186,7 +187,7 @@ class TestPrediction:
     @pytest.mark.parametrize(
         ("train", "draws", "message"),
         [
-            (np.zeros((2, 2)), np.zeros((1, 256, 256)), "train_image must be 256 x 256"),
+            (np.zeros((2, 2)), np.zeros((1, 256, 256)), "at least one image of 2 x 2 pixels"),
             (np.zeros((256, 256)), np.zeros((0, 256, 256)), "at least one image"),
             (np.zeros((256, 256)), np.full((1, 256, 256), np.nan), r"must lie in \[0, 1\]"),
             (np.full((256, 256), 255.0), np.zeros((1, 256, 256)), r"must lie in \[0, 1\]"),
@@ -307,7 +308,7 @@ class TestReferenceRows:
         assert (other != draws).any()
 
     def test_draws_must_be_positive(self):
-        with pytest.raises(SolverError, match="draws must be >= 1"):
+        with pytest.raises(SolverError, match="draws must be from 1"):
             _answer("null:random-phase,draws=0", toy_problem())
 
     def test_oracle_mean_leaves_the_target_out(self, heldout):

@@ -32,7 +32,7 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.statistics import specimen_statistics
-from cusick_bench.metrics.score import score
+from cusick_bench.metrics.prediction_score import score
 from cusick_bench.problem import LOSSES, SPACES, Budget, StiffnessPrior, laid_like
 from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics
 from cusick_bench.sim.cloth.material import Material, uniform_material

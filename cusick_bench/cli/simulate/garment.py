@@ -106,7 +106,7 @@ def skirt(
 ) -> None:
     """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
     from cusick_bench.garment import KINDS, Fitting, SkirtSize, hang, spread, walk
-    from cusick_bench.garment.measure import measure
+    from cusick_bench.garment.measurement import measure
     from cusick_bench.garment.output import write_motion, write_rest
 
     clock = time.perf_counter()

@@ -31,7 +31,7 @@ from cusick_bench.leaderboard.verification.comparison import (
     pixel_tolerance,
     relative,
 )
-from cusick_bench.metrics.score import from_levels, score
+from cusick_bench.metrics.prediction_score import from_levels, score
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json

@@ -25,7 +25,7 @@ from cusick_bench.datasets import DrapeSample
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
 from cusick_bench.metrics.errors import MetricError
-from cusick_bench.metrics.hausdorff import hausdorff
+from cusick_bench.metrics.hausdorff_distance import hausdorff
 from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
 from cusick_bench.metrics.profile import (
     profile_rms,
