@@ -74,7 +74,7 @@ def test_files_hold_the_same(cells, out):
 
 def test_table_shows_both_units_and_a_dash_where_there_is_none(cells, out):
     words = [*WORDS, *(word for solver in SOLVERS for word in ("--solver", solver)), "--out", str(out)]
-    text = CliRunner().invoke(app, words).stdout
+    text = CliRunner().invoke(app, words, env={"COLUMNS": "300"}).stdout
     for expected in ("bending [µN m]", "[gf cm²/cm]", "stretch [N/m]", "/ true", "warp", "weft", "bias"):
         assert expected in text
     (line,) = [line for line in text.splitlines() if "null:disc" in line and " - " in line]

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 app = typer.Typer(help="What a data set holds, what is irregular in it, and what its drapes are like.")
 app.command()(synthetic)
 
-_CLOTH = Column("cloth", no_wrap=True)
 _SHOWN = 3  # irregularities of a kind that are listed without --all
 
 NameOrPath = Annotated[
@@ -120,7 +119,11 @@ def info_command(
     output.print(f"{dataset.name}: {len(dataset)} silhouettes in {dataset.root}")
     output.print(f"sha256 {dataset.content_hash}")
     heads = ("fabric", "samples", "images", "meshes", "faces", "repeats", "kg/m2", "mm")
-    table = Table(_CLOTH, *heads, caption="repeats: pairs of captures of one drape; kg/m2: density; mm: thickness")
+    table = Table(
+        Column("cloth", no_wrap=True),
+        *heads,
+        caption="repeats: pairs of captures of one drape; kg/m2: density; mm: thickness",
+    )
     for row in rows:
         faces = " + ".join(f"{count} {side or 'unknown'}" for side, count in row["sides"].items())
         counts = (str(row[name]) for name in ("fabric", "samples", "silhouettes", "meshes"))
@@ -178,7 +181,7 @@ def _stats_table(found: list[ClothStatistics]) -> Table:
         "DC: drape coefficient, mean ± sd over units (sample x face); repeat ... fabric: MSE between images of the "
         "same drape, the other face, another sample, another fabric; down - up, drift over time: of DC ± standard error"
     )
-    table = Table(_CLOTH, *heads, caption=caption)
+    table = Table(Column("cloth", no_wrap=True), *heads, caption=caption)
     for item in found:
         drift = [change for change in item.drift.values() if isfinite(change.error)]
         table.add_row(
