@@ -70,6 +70,7 @@ class Screen(Console):
 
     def __init__(self, *, stderr: bool = False, **options: Any) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False, **options)
+        self._width = options.get("width")  # COLUMNS is read where a table is printed, not when this is made
 
     @property
     def size(self) -> ConsoleDimensions:
