@@ -293,7 +293,7 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
 
     results: list[dict[str, Any]] = []
     faces = drawn.simulator.mesh.faces
-    with progress_bar("draping", count) as bar, interruptible(partial(_kept, results, out)):
+    with progress_bar("draping", count) as bar, interruptible(partial(_kept, out)):
         for numbers, batch in drawn.batches(count):
             for place, number in enumerate(numbers):
                 bar.advance()
@@ -310,9 +310,12 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
     return results
 
 
-def _kept(results: list[dict[str, Any]], out: Path | None) -> str:
+def _kept(out: Path | None) -> str:
     """What is written of drapes when the command is interrupted."""
-    return "nothing was written" if out is None else f"{len(results)} drapes are written to {out}"
+    if out is None:
+        return "nothing was written"
+    written = sum(1 for _ in out.glob("*_profile.csv"))  # the last file of a drape
+    return f"{written} drapes are written to {out}"
 
 
 def _report(results: list[dict[str, Any]], as_json: bool, extra: dict[str, Any]) -> None:
