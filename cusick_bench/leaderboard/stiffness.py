@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import variants
 from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean
 from cusick_bench.leaderboard.cells import Cells
@@ -135,7 +136,7 @@ def stiffness_rows_csv(rows: Iterable[StiffnessRow]) -> str:
     Returns:
         Text of the file.
     """
-    return pd.DataFrame(stiffness_records(rows)).to_csv(index=False, lineterminator="\n")
+    return csv_text(pd.DataFrame(stiffness_records(rows)))
 
 
 def cell_records(cells: Cells) -> list[dict[str, Any]]:
@@ -174,7 +175,7 @@ def stiffness_csv(cells: Cells) -> str:
     Returns:
         Text of the file, only a heading where no cell has a stiffness.
     """
-    return pd.DataFrame(cell_records(cells), columns=list(CELL_COLUMNS)).to_csv(index=False, lineterminator="\n")
+    return csv_text(pd.DataFrame(cell_records(cells), columns=list(CELL_COLUMNS)))
 
 
 Found = dict[tuple[str, int], FoundStiffness]

@@ -21,12 +21,8 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.problem import Budget
 from cusick_bench.runner.cell import build_problem
 from cusick_bench.runner.grid import Cell, record_key
+from cusick_bench.runner.store import locked
 from cusick_bench.solvers.registry import make_solver
-
-try:
-    import fcntl
-except ImportError:  # Windows: processes that start together compile at the same time
-    fcntl = None
 
 VERTICES, STEPS = 97, 3  # of the tiny problem
 DRAPES = 16.0  # forward-equivalents of its budget: a search for the level, and some gradients
@@ -69,12 +65,11 @@ class WarmUp:
 def _alone(folder: Path, kind: str) -> Iterator[None]:
     """Compiles while the other processes wait, which then read the kernels from disk; the first of a kind says so."""
     compiled = folder / f"warm-{kind}"
-    if fcntl is None or compiled.exists():
+    if compiled.exists():
         yield
         return
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "compiling.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed, however this process ends
+    with locked(folder):
         yield
         compiled.touch()
 

@@ -62,8 +62,7 @@ def audit_command(
 def _print_audit(found: Audit, every: bool) -> None:
     output.print(
         f"{found.fabrics} fabrics, {found.samples} samples, {found.silhouettes} silhouettes, {found.meshes} meshes, "
-        f"{len(found.irregularities)} irregularities",
-        highlight=False,
+        f"{len(found.irregularities)} irregularities"
     )
     groups = defaultdict(list)
     for item in found.irregularities:
@@ -84,9 +83,7 @@ def _print_audit(found: Audit, every: bool) -> None:
         count = len(found.impossible)
         output.print(
             f"{count} silhouette{' shows' if count == 1 else 's show'} no cloth on its plate, which stops `run` and "
-            f"`diagnose`: {found.impossible[0]}" + (f" and {count - 1} more" if count > 1 else ""),
-            highlight=False,
-            markup=False,
+            f"`diagnose`: {found.impossible[0]}" + (f" and {count - 1} more" if count > 1 else "")
         )
 
 

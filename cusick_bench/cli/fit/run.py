@@ -1,6 +1,5 @@
 """`cusick-bench run`: solvers on cloths; repeat the command to go on where it was stopped."""
 
-import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -168,14 +167,13 @@ def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":
 def _write_stiffness(out: Path) -> None:
     """The stiffness of all finished cells of the folder, whoever ran them."""
     from cusick_bench.leaderboard import LeaderboardError, load_cells, stiffness_csv
+    from cusick_bench.runner.store import write_atomically
 
     try:
         text = stiffness_csv(load_cells(out))
     except LeaderboardError:  # no cell has finished
         return
-    part = out / f"{STIFFNESS_FILE}.{os.getpid()}.part"  # other shards may be at it
-    part.write_text(text, encoding="utf-8")
-    part.replace(out / STIFFNESS_FILE)
+    write_atomically(out / STIFFNESS_FILE, text.encode())
 
 
 def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:

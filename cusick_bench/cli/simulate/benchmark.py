@@ -72,7 +72,7 @@ def benchmark(
         document = run_benchmark(plan, done, kept.keep)
     page = out.with_suffix(".md")
     write_atomically(page, markdown(document, command_line()).encode())
-    console.print(f"wrote {out} and {page}", markup=False, highlight=False)
+    console.print(f"wrote {out} and {page}")
     if as_json:
         print_json(document)
         return
