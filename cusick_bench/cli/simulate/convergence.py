@@ -1,86 +1,373 @@
-"""`cusick-bench convergence`: how drape coefficient and fold number depend on the mesh."""
+"""`cusick-bench convergence`: how far drapes depend on the mesh and the time step, and how fast they converge."""
 
-from typing import Annotated, Any
+from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     DENSITY,
     MOST_DRAWS,
+    MOST_STEPS,
     Json,
+    Law,
+    LawName,
+    Seed,
     VerticesList,
     checked_bending,
     checked_density,
     cloth_option,
+    output_option,
+    simulation_option,
 )
-from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.progress import Bar, progress_bar
+
+if TYPE_CHECKING:
+    from cusick_bench.benchmark.convergence.linear_plate import LinearPlate
+    from cusick_bench.benchmark.convergence.mesh_dependence import MeshChange, MeshRow
+    from cusick_bench.benchmark.convergence.order import Limit, Order
+    from cusick_bench.benchmark.convergence.reference import PlateComparison, PlateOrder
+    from cusick_bench.benchmark.convergence.time_step import TimeStep
+    from cusick_bench.report.figures.convergence import Panel
+    from cusick_bench.sim.engine.system import Law as LawOfDrape
 
 app = typer.Typer()
 
+_SIZES, _REFERENCE_SIZES = (297, 1205, 2699, 7496), (297, 1205, 2699)
+_STEPS = (50, 100, 200)
+_TIME_SIZE = 1205  # the time step is studied on the mesh whose size is nearest to this
+_MOST_HALVINGS = 8
+_MOST_MESHES = 1000
 
-def _one(vertices: int, draw: int, density: float, bending: float) -> tuple[float, int]:
-    from cusick_bench.datasets.profile import drape_coefficient, fold_count, profile_from_image
-    from cusick_bench.sim.cloth.material import uniform_material
-    from cusick_bench.sim.cloth.mesh import disc_mesh
-    from cusick_bench.sim.drape import DrapeSimulator
-    from cusick_bench.sim.engine.settings import DrapeSettings
-    from cusick_bench.sim.render.camera import ParallelCamera
-    from cusick_bench.sim.render.silhouette import render
 
-    simulator = DrapeSimulator(disc_mesh(vertices, seed=draw), DrapeSettings(seed=draw))
-    drape = simulator.drape(uniform_material(density=density, bending=bending))
-    image = render(drape.vertices.detach(), simulator.mesh.faces, ParallelCamera())
-    return drape_coefficient(image), fold_count(profile_from_image(image))
+@dataclass(frozen=True)
+class _Common:
+    """What both studies share."""
+
+    law: LawOfDrape
+    meshes: int
+    jitter: float
+    seed: int
+
+    def document(self) -> dict[str, Any]:
+        """What the JSON document says of it."""
+        return {"law": self.law, "meshes_per_size": self.meshes, "jitter": self.jitter, "seed": self.seed}
+
+
+@dataclass(frozen=True)
+class _Study:
+    """How one cloth is looked at on several meshes."""
+
+    sizes: Sequence[int]
+    cloth: Mapping[str, float]
+    draws: int
+    steps: Sequence[int]
+    halvings: int
 
 
 @app.command()
 @user_errors
 def convergence(
     vertices: VerticesList = None,
+    reference: Annotated[
+        Path | None,
+        simulation_option(help="Table of reference drapes of an ideal plate: simulate its rows, and compare."),
+    ] = None,
+    law: Law = LawName.paper,
     density: Annotated[float, DENSITY] = 0.192,
     bending: Annotated[float, cloth_option(help="Bending stiffness [N m].")] = 1.4e-5,
     draws: Annotated[
         int, typer.Option(min=2, max=MOST_DRAWS, help="Drapes per size, each with its own mesh and laying.")
     ] = 8,
+    meshes: Annotated[
+        int,
+        simulation_option(
+            min=1, max=_MOST_MESHES, help="Meshes of one size for a drape laid down in one way; 1 tells no spread."
+        ),
+    ] = 1,
+    jitter: Annotated[
+        float,
+        simulation_option(
+            min=0, max=0.4, help="Share of the spacing by which interior vertices are moved: irregular meshes."
+        ),
+    ] = 0.0,
+    steps: Annotated[
+        list[int] | None,
+        simulation_option(
+            min=1, max=MOST_STEPS, help="Steps after which a drop is compared with its rest; repeatable."
+        ),
+    ] = None,
+    halvings: Annotated[
+        int, simulation_option(min=0, max=_MOST_HALVINGS, help="How often the time step is halved.")
+    ] = 2,
+    picture: Annotated[
+        Path | None, output_option(help="PNG to write: drape coefficient, folds and errors over the vertices.")
+    ] = None,
+    seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Drapes one cloth on meshes of several sizes: how much drape coefficient and folds depend on the mesh.
+    """Drapes one cloth on meshes of several sizes and with shorter time steps: how much depends on them, how fast less.
 
-    Without --vertices the meshes have 297, 1205, 2699 and 7496.
+    Without --vertices the meshes have 297, 1205, 2699 and 7496; a minute or two on two cores. With --reference the
+    rows of the table are simulated instead, by default on 297, 1205 and 2699.
     """
-    sizes = vertices or [297, 1205, 2699, 7496]
-    checked_density(density)
-    checked_bending(bending)
-    rows: list[dict[str, Any]] = []
-    with progress_bar("draping", len(sizes) * draws) as bar:
-        for size in sizes:
-            found = []
-            for draw in range(draws):
-                found.append(_one(size, draw, density, bending))
-                bar.advance()
-            coefficient, folds = np.array(found, dtype=float).T
-            rows.append(
-                {
-                    "vertices": size,
-                    "drape_coefficient": coefficient.mean(),
-                    "drape_coefficient_se": coefficient.std(ddof=1) / np.sqrt(draws),
-                    "folds": folds.mean(),
-                    "folds_se": folds.std(ddof=1) / np.sqrt(draws),
-                }
-            )
+    from cusick_bench.sim.engine.settings import DrapeSettings
+
+    DrapeSettings(law=law.value, mode="equilibrium")  # refuses laws that have no rests
+    if picture is not None:
+        _make_room(picture)
+    common = _Common(law.value, meshes, jitter, seed)
+    if reference is not None:
+        sizes = sorted(set(vertices or _REFERENCE_SIZES))
+        document, panels = _compare(reference, sizes, common, show=not as_json)
+        title = f"law {law.value} against {reference.name}"
+    else:
+        sizes = sorted(set(vertices or _SIZES))
+        cloth = {"density": checked_density(density), "bending": checked_bending(bending)}
+        study = _Study(sizes, cloth, draws, sorted(set(steps or _STEPS)), halvings)
+        document, panels = _depend(study, common, show=not as_json)
+        title = f"law {law.value}, {density:g} kg/m2, {bending:g} N m, {draws} drapes each"
+    if picture is not None:
+        from cusick_bench.report.figures.convergence import save_convergence
+
+        save_convergence(picture, title, panels)
+        tell(f"wrote {picture}")
     if as_json:
-        print_json({"density": density, "bending": bending, "draws": draws, "meshes": rows})
-        return
-    table = Table(title=f"{draws} drapes each, {density:g} kg/m2, {bending:g} N m (mean ± standard error)")
-    for name in ("vertices", "drape coefficient", "folds"):
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(
-            str(row["vertices"]),
-            f"{row['drape_coefficient']:.4f} ± {row['drape_coefficient_se']:.4f}",
-            f"{row['folds']:.2f} ± {row['folds_se']:.2f}",
+        print_json(document)
+
+
+def _make_room(picture: Path) -> None:
+    """Makes the folder of the picture before minutes are spent on what it shows."""
+    if picture.is_dir():
+        raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
+    picture.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _compare(
+    reference: Path, sizes: Sequence[int], common: _Common, *, show: bool
+) -> tuple[dict[str, Any], list[Panel]]:
+    """Simulates the rows of a table of reference drapes."""
+    from cusick_bench.benchmark.convergence.reference import compare_with_reference, reference_orders
+    from cusick_bench.datasets.files.plate_drapes import read_plate_drapes
+    from cusick_bench.report.figures.convergence import reference_panels
+
+    drapes = read_plate_drapes(reference)
+    found: list[PlateComparison] = []
+    with progress_bar("draping", sum(sizes) * len(drapes) * common.meshes) as bar:
+        for size in sizes:
+            bar.say(f"{size} vertices")
+            found += compare_with_reference(
+                drapes, [size], common.law, meshes=common.meshes, jitter=common.jitter, seed=common.seed,
+                done=_weighed(bar, size),
+            )  # fmt: skip
+    orders = reference_orders(found)
+    if show:
+        _print_reference(found, common)
+        if len(sizes) > 1:
+            _print_orders(orders)
+    document = {
+        **common.document(),
+        "reference_file": str(reference),
+        "reference": [asdict(one) for one in found],
+        "orders": [asdict(one) for one in orders],
+    }
+    return document, reference_panels(found)
+
+
+def _depend(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, Any], list[Panel]]:
+    """Drapes one cloth on meshes of several sizes and with several time steps, and a stiff plate beside it."""
+    import numpy as np
+
+    from cusick_bench.benchmark.convergence.linear_plate import linear_plate
+    from cusick_bench.benchmark.convergence.mesh_dependence import (
+        NAMES,
+        draw_statistics,
+        mesh_changes,
+        mesh_row,
+        mesh_spread,
+    )
+    from cusick_bench.benchmark.convergence.order import extrapolated_limit
+    from cusick_bench.benchmark.convergence.time_step import drapes_of_time_step, time_step
+    from cusick_bench.report.figures.convergence import mesh_panels
+    from cusick_bench.sim.cloth.material import uniform_material
+    from cusick_bench.sim.engine.settings import DrapeSettings
+
+    sizes, draws = study.sizes, study.draws
+    material = uniform_material(density=study.cloth["density"], bending=study.cloth["bending"])
+    settings = DrapeSettings(law=common.law)
+    spread = common.meshes if common.meshes > 1 else 0
+    time_size = min(sizes, key=lambda size: abs(np.log(size / _TIME_SIZE)))
+    timed = drapes_of_time_step(draws, study.steps, study.halvings)
+    moved: dict[str, Any] = {"jitter": common.jitter, "seed": common.seed}
+    by_size, rows = {}, []
+    with progress_bar("draping", sum(sizes) * (draws + spread + common.meshes) + timed * time_size) as bar:
+        for size in sizes:
+            bar.say(f"{size} vertices")
+            done = _weighed(bar, size)
+            by_size[size] = draw_statistics(size, draws, material, settings, done=done, **moved)
+            row = mesh_row(size, by_size[size])
+            if spread:
+                row = replace(row, mesh_sd_points=mesh_spread(size, spread, material, settings, done=done, **moved))
+            rows.append(row)
+        bar.say("linear plate")
+        plate = linear_plate(
+            sizes, common.law, meshes=common.meshes, done=_weighed(bar, sum(sizes) / len(sizes)), **moved
         )
+        bar.say("time step")
+        time = time_step(
+            time_size, draws, material, settings, steps=study.steps, halvings=study.halvings,
+            done=_weighed(bar, time_size), **moved,
+        )  # fmt: skip
+    coefficients = np.column_stack([by_size[size][:, NAMES.index("area_dc")] for size in sizes])
+    limit = extrapolated_limit(sizes, coefficients, seed=common.seed)
+    changes = mesh_changes(by_size)
+    if show:
+        _print_meshes(rows, study, limit)
+        _print_plate(plate)
+        _print_changes(changes)
+        _print_time(time)
+    document = {
+        **common.document(),
+        **study.cloth,
+        "draws": draws,
+        "meshes": [asdict(row) for row in rows],
+        "limit": None if limit is None else asdict(limit),
+        "linear_plate": asdict(plate),
+        "statistics": [asdict(change) for change in changes],
+        "time_step": asdict(time),
+    }
+    return document, mesh_panels(rows, limit, plate)
+
+
+def _weighed(bar: Bar, weight: float) -> Callable[[int], None]:
+    """Drapes as progress: a large mesh counts as more work."""
+    return lambda drapes: bar.advance(weight * drapes)
+
+
+def _table(title: str, *names: str) -> Table:
+    table = Table(title=title)
+    for name in names:
+        table.add_column(name, justify="right")
+    return table
+
+
+def _print_reference(found: Sequence[PlateComparison], common: _Common) -> None:
+    names = (
+        "folds", "ln bending", "Poisson", "vertices", "drape coefficient", "error points", "reference ± points",
+        "rim min error mm", "rim max error mm", "rim lowest error mm", "deflection ratio", "folds found", "seconds",
+    )  # fmt: skip
+    several = common.meshes > 1
+    table = _table(
+        f"law {common.law} against reference drapes" + (f", means of {common.meshes} meshes" if several else ""),
+        *names, *(["sd points"] if several else []),
+    )  # fmt: skip
+    for one in found:
+        cells = [
+            str(one.folds), f"{one.ln_bending:g}", f"{one.poisson:.3g}", str(one.vertices),
+            _text(one.drape_coefficient, ".4f"), _text(one.error_points, "+.2f"), f"{one.accuracy_points:.2g}",
+            _text(one.rim_min_error_mm, "+.3f"), _text(one.rim_max_error_mm, "+.3f"),
+            _text(one.rim_lowest_error_mm, "+.3f"), _text(one.deflection_ratio, ".4f"),
+            "/".join(str(folds) for folds in sorted(set(one.folds_found))) or "-", _text(one.seconds, ".2f"),
+        ]  # fmt: skip
+        table.add_row(*cells, *([_text(one.drape_coefficient_sd_points, ".3f")] if several else []))
     output.print(table)
+    fixed = {one.poisson_simulated for one in found if one.poisson_simulated != one.poisson}
+    for poisson in sorted(fixed):
+        output.print(f"law {common.law} bends with a Poisson's ratio of {poisson:.3g} whatever the row's: it is fixed")
+    for one in found:
+        for failure in one.failures:
+            output.print(f"{one.folds} folds, ln bending {one.ln_bending:g}, {one.vertices} vertices: {failure}")
+
+
+def _print_orders(orders: Sequence[PlateOrder]) -> None:
+    names = ("folds", "ln bending", "Poisson", "drape coefficient", "deflection")
+    table = _table("observed order of the errors", *names)
+    for one in orders:
+        both = (_order(one.drape_coefficient), _order(one.deflection))
+        table.add_row(str(one.folds), f"{one.ln_bending:g}", f"{one.poisson:.3g}", *both)
+    output.print(table)
+    output.print("order: slope of log error over log spacing of vertices ± standard error (from three sizes on)")
+
+
+def _print_meshes(rows: Sequence[MeshRow], study: _Study, limit: Limit | None) -> None:
+    density, bending = study.cloth["density"], study.cloth["bending"]
+    names = ["vertices", "drapes", "drape coefficient", "folds", "fold depth mm"]
+    spread = any(row.mesh_sd_points is not None for row in rows)
+    title = f"{study.draws} drapes each, {density:g} kg/m2, {bending:g} N m (mean ± standard error)"
+    table = _table(title, *names, *(["sd over meshes points"] if spread else []))
+    for row in rows:
+        cells = [
+            str(row.vertices), str(row.drapes), f"{row.drape_coefficient:.4f} ± {row.drape_coefficient_se:.4f}",
+            f"{row.folds:.2f} ± {row.folds_se:.2f}", f"{row.fold_depth_mm:.2f} ± {row.fold_depth_mm_se:.2f}",
+        ]  # fmt: skip
+        table.add_row(*cells, *([_text(row.mesh_sd_points, ".2f")] if spread else []))
+    output.print(table)
+    if limit is None:
+        output.print("drape coefficient: no limit can be extrapolated (fewer than three sizes, or no order to be seen)")
+        return
+    low, high = limit.value_90
+    order = f"{limit.order:.2f} ({limit.order_90[0]:.2f} to {limit.order_90[1]:.2f})"
+    output.print(f"drape coefficient: limit {limit.value:.4f} ({low:.4f} to {high:.4f}), observed order {order}; 90 %")
+
+
+def _print_plate(plate: LinearPlate) -> None:
+    title = f"linear plate, Poisson's ratio {plate.poisson:.3g}: exact deflection of the rim {plate.exact_mm:.4f} mm"
+    table = _table(title, "vertices", "mesh", "deflection mm", "ratio to exact")
+    for row in plate.rows:
+        table.add_row(str(row.vertices), str(row.mesh), f"{row.deflection_mm:.4f}", f"{row.ratio:.4f}")
+    output.print(table)
+    output.print(f"observed order of the deflection's error: {_order(plate.order)}")
+
+
+def _print_changes(changes: Sequence[MeshChange]) -> None:
+    from cusick_bench.benchmark.convergence.mesh_dependence import largest_change
+    from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES
+
+    if not changes:
+        return
+    title = f"statistics of a diagnosis: largest change against {changes[0].against} vertices, in sd between drapes"
+    table = _table(title, "vertices", "draws", *GROUPS)
+    for change in changes:
+        cells = []
+        for columns in GROUPS.values():
+            one = largest_change(change.statistics, [NAMES[column] for column in columns])
+            cells.append("-" if one is None else f"{one.change_sd:+.2f} ± {one.error_sd:.2f}\n{one.name}")
+        table.add_row(str(change.vertices), str(change.draws), *cells)
+    output.print(table)
+
+
+def _print_time(time: TimeStep) -> None:
+    table = _table(
+        f"drops against their rests, {time.vertices} vertices", "steps", "step s", "draws", "at rest %",
+        "same branch %", "distance mm", "drape coefficient points",
+    )  # fmt: skip
+    for row in time.rests:
+        table.add_row(
+            str(row.steps), f"{row.step_seconds:g}", str(row.draws), _text(100 * row.at_rest, ".0f"),
+            _text(100 * row.same_branch, ".0f"), _text(row.distance_mm, ".4f"),
+            _text(row.drape_coefficient_points, ".4f"),
+        )  # fmt: skip
+    output.print(table)
+    for change in time.halvings:
+        title = f"step halved from {change.step_seconds:g} to {change.halved_seconds:g} s, {change.draws} draws"
+        table = _table(title, "statistic", "change", "change in sd between drapes")
+        for one in change.statistics:
+            seen = "-" if one.change_sd is None else f"{one.change_sd:+.2f} ± {one.error_sd:.2f}"
+            table.add_row(one.name, f"{one.change:+.4f}", seen)
+        output.print(table)
+
+
+def _order(order: Order | None) -> str:
+    if order is None:
+        return "-"
+    return f"{order.order:.2f}" + ("" if order.standard_error is None else f" ± {order.standard_error:.2f}")
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None or value != value else format(value, form)
