@@ -129,7 +129,8 @@ def drop_with_history(
         for state in states:
             system, p = state.advance(system, p, x[0], step / settings.steps)
         found = system.evaluate(x, laid, p.batch(), exact=False)
-        factor = stepper.step(f"step {step + 1} of {settings.steps}", found, v, v_new, x_new, far, factor)
+        name = f"step {step + 1} of {settings.steps}"
+        factor = stepper.step(name, iter([(slice(None), found)]), (x, v), (x_new, v_new), far, factor)
         x, x_new, v, v_new = x_new, x, v_new, v
     left = system.evaluate(x, laid, p.batch(), exact=False).force()[0, system.free]
     failure = flown_apart(settings, float(np.linalg.norm(left) / (settings.gravity * elastic.mass.sum())))

@@ -22,7 +22,7 @@ from numba.core import config
 
 _log = logging.getLogger(__name__)
 
-CALLED = ("sim/laws/*.py", "sim/linear/dense.py", "metrics/surface.py")
+CALLED = ("sim/laws/*.py", "sim/linear/dense.py", "sim/linear/lanes.py", "metrics/surface.py")
 """Files whose compiled functions those of other files call."""
 
 

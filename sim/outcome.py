@@ -14,7 +14,7 @@ from cusick_bench.sim.contact.barrier import SelfContact
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.engine.descent import FALLING
-from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint
+from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint, evaluated
 from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -92,9 +92,9 @@ class Outcome:
         return self.settings.mode == "drop"
 
     def _drop(self, p: Parameters, laid: ndarray, differentiate: bool) -> tuple[ndarray, "Adjoint"]:
-        """Drops all cloths, as many at once as there are threads: each thread's cloth then stays in its cache."""
-        positions = np.full_like(laid, np.nan)
-        groups = np.array_split(np.arange(len(laid)), -(-len(laid) // numba.get_num_threads()))
+        """Drops all cloths, as many at once as the threads factorise: each thread's matrix then stays in its cache."""
+        positions, together = np.full_like(laid, np.nan), numba.get_num_threads() * self.system.linear.width
+        groups = np.split(np.arange(len(laid)), range(together, len(laid), together))
         memory = self.factor_memory // len(groups)
         dropped = [self._drop_group(p, laid, group, positions, memory if differentiate else None) for group in groups]
 
@@ -133,7 +133,7 @@ class Outcome:
                 alive = np.delete(alive, error.members)
                 continue
             last = rollout.positions[-1]
-            force = system.evaluate(last, laid[alive], own, exact=False).force()
+            force = np.concatenate([state.force() for _, state in evaluated(system, last, laid[alive], own)])
             weight = s.gravity * own.mass.sum(1)
             self.residual[alive] = np.linalg.norm(force[:, system.free].reshape(len(alive), -1), axis=1) / weight
             self.iterations[alive] = s.steps

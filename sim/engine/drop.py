@@ -12,11 +12,13 @@ References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Eq. 3.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from numba import get_num_threads
 from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
@@ -26,6 +28,11 @@ from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationEr
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
+_CACHE = 8 * 2**20  # [bytes] of elements evaluated together; they stay in the cache until their matrix is assembled
+_VERTEX_MEMORY = 1400  # [bytes] of the elements of a cloth, for each of its vertices
+States = Iterator[tuple[slice, Evaluation]]
+"""Elements of a batch, part by part; each is valid until the next one is asked for."""
+
 _FAR = 20.0  # a cloth that moves farther than so many times its size has blown up
 
 
@@ -42,6 +49,39 @@ class Rollout:
     positions: Float[ndarray, "states *members vertices 3"]
     velocities: Float[ndarray, "states *members vertices 3"]
     factors: list[Factor | None]
+
+
+def parts(system: DrapeSystem, members: int) -> list[slice]:
+    """Parts of a batch whose elements are evaluated together: as many cloths as the cache holds, one a thread at least.
+
+    Args:
+        system: Cloth and support.
+        members: Cloths of the batch.
+
+    Returns:
+        Neighbouring cloths.
+    """
+    together = max(get_num_threads(), _CACHE // (_VERTEX_MEMORY * system.mesh.vertices))
+    return [slice(start, start + together) for start in range(0, members, together)]
+
+
+def evaluated(
+    system: DrapeSystem, x: Float[ndarray, "members vertices 3"], laid: Float[ndarray, "members vertices 3"],
+    p: Parameters,
+) -> States:  # fmt: skip
+    """Evaluates a batch part by part.
+
+    Args:
+        system: Cloth and support.
+        x: Positions [m].
+        laid: Where springs hold [m].
+        p: The batch of cloths.
+
+    Yields:
+        The elements of each part, valid until the next one is asked for.
+    """
+    for some in parts(system, len(x)):
+        yield some, system.evaluate(x[some], laid[some], p.part(some), exact=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,18 +110,34 @@ class Stepper:
         """Storage of the right-hand side."""
         return np.empty((len(self.mass), len(self.system.free), 3))
 
-    def factor(self, state: Evaluation, old: Factor | None) -> Factor:
-        """Factor of the step matrix M + h^2 K at an evaluated state; `old` is storage to use again.
+    def assemble(self, states: States, v: ndarray | None = None) -> Bool[ndarray, "members"]:
+        """Puts the step matrix M + h^2 K into `blocks`, and M v + h F into `right` where v is given.
 
         Args:
-            state: Elements at the positions before the step.
+            states: Elements at the positions before the step.
+            v: Velocities before (members, vertices, 3) [m/s].
+
+        Returns:
+            Which members have finite forces.
+        """
+        system, h, finite = self.system, self.h, np.ones(len(self.mass), bool)
+        for part, state in states:
+            mass = self.mass[part]
+            if v is not None:
+                finite[part] = right_hand_side(system.free, mass, h, v[part], state.force(), self.right[part])
+            state.matrix(scale=h * h, diagonal=mass + h * h * system.spring, out=self.blocks[part])
+        return finite
+
+    def factor(self, old: Factor | None) -> Factor:
+        """Factor of the step matrix in `blocks`.
+
+        Args:
             old: Factor whose storage may be used again.
 
         Returns:
             The factor, of one matrix or of a batch.
         """
-        linear, h = self.system.linear, self.h
-        state.matrix(scale=h * h, diagonal=self.mass + h * h * self.system.spring, out=self.blocks)
+        linear = self.system.linear
         if len(self.blocks) == 1:
             return linear.factorise(self.blocks[0], out=old)
         return linear.factorise_batch(self.blocks, out=old)
@@ -91,15 +147,16 @@ class Stepper:
         return factor.solve(self.right[0])[None] if factor.members is None else factor.solve(self.right)
 
     def step(
-        self, name: str, state: Evaluation, v: ndarray, v_new: ndarray, x_new: ndarray, far: float, old: Factor | None
-    ) -> Factor:
-        """One step from an evaluated state.
+        self, name: str, states: States, before: tuple[ndarray, ndarray], after: tuple[ndarray, ndarray], far: float,
+        old: Factor | None,
+    ) -> Factor:  # fmt: skip
+        """One step from evaluated states.
 
         Args:
             name: What errors call it.
-            state: Elements at the positions before.
-            v: Velocities before (members, vertices, 3) [m/s].
-            v_new, x_new: Receive velocities and positions after.
+            states: Elements at the positions before.
+            before: Positions [m] and velocities [m/s] before (members, vertices, 3).
+            after: Receive those after.
             far: A cloth with a coordinate beyond has blown up [m].
             old: Storage of a factor to use again.
 
@@ -109,19 +166,19 @@ class Stepper:
         Raises:
             DrapeDiverged: As `drop` does.
         """
-        system, h = self.system, self.h
-        finite = right_hand_side(system.free, self.mass, h, v, state.force(), self.right)
+        (x, v), (x_new, v_new), h = before, after, self.h
+        finite = self.assemble(states, v)
         if not finite.all():
             reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
             raise self._diverged(name, ~finite, reason)
         try:
-            factor = self.factor(state, old)
+            factor = self.factor(old)
         except NotPositiveDefinite as error:
             raise self._diverged(name, error.members, f"{error}; check the stiffness tables") from error
         except SimulationError as error:  # a matrix that is not finite
             bad = np.asarray(~np.isfinite(self.blocks).all((1, 2, 3)))
             raise self._diverged(name, bad, str(error)) from error
-        reached = move(system.free, h, self.solve(factor), state.x, v_new, x_new)
+        reached = move(self.system.free, h, self.solve(factor), x, v_new, x_new)
         if not (reached < far).all():
             raise self._diverged(name, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s")
         return factor
@@ -183,9 +240,9 @@ def drop(
     kept, factor = 0, None
     for step in range(steps):
         here, there = (step, step + 1) if record else (step % 2, (step + 1) % 2)
-        state = system.evaluate(positions[here], laid, p, exact=False)
         name = f"step {step + 1} of {steps}"
-        factor = stepper.step(name, state, velocities[here], velocities[there], positions[there], far, factor)
+        before, after = (positions[here], velocities[here]), (positions[there], velocities[there])
+        factor = stepper.step(name, evaluated(system, positions[here], laid, p), before, after, far, factor)
         keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
         if keep:
@@ -230,17 +287,22 @@ def drop_adjoint(
         x, v, v_new = positions[step], velocities[step], velocities[step + 1]
         factor = rollout.factors[step]
         if factor is None:
-            factor = again = stepper.factor(system.evaluate(x, positions[0], p, exact=False), again)
+            stepper.assemble(evaluated(system, x, positions[0], p))
+            factor = again = stepper.factor(again)
         right_hand_side(free, ones, h, g_v, g_x, stepper.right)
         multiplier[:, free] = stepper.solve(factor)
         if rollout.factors[step] is not None:  # a second adjoint of this rollout computes it again
             rollout.factors[step] = None
             system.linear.recycle(factor)
-        by_x, by_anchor = system.adjoint(x, multiplier, v_new, p, gradient, force_factor=h, stiffness_factor=h * h)
+        for some in parts(system, len(x)):
+            by_x, by_anchor = system.adjoint(
+                x[some], multiplier[some], v_new[some], p.part(some), gradient.part(some), force_factor=h,
+                stiffness_factor=h * h,
+            )  # fmt: skip
+            # velocity of fixed vertices is zero whatever the parameters; the springs' stiffness is constant
+            g_x[some] += by_x
+            g_anchor[some] += by_anchor
         gradient.mass[:] += (multiplier * (v - v_new)).sum(-1)
         g_v = mass[..., None] * multiplier
-        # velocity of fixed vertices is zero whatever the parameters; the springs' stiffness is constant
-        g_x += by_x
-        g_anchor += by_anchor
     g_initial = g_x + g_anchor
     return (gradient, g_initial) if batch else (gradient.member(0), g_initial[0])

@@ -37,6 +37,17 @@ class Parameters:
         """
         return Parameters(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
 
+    def part(self, members: slice) -> "Parameters":
+        """Neighbouring cloths of this batch.
+
+        Args:
+            members: Their places in the batch.
+
+        Returns:
+            Their parameters, in the same memory.
+        """
+        return Parameters(self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members])
+
     def take(self, members: Int[ndarray, "some"]) -> "Parameters":
         """Some cloths of this batch.
 
@@ -74,6 +85,19 @@ class ParameterGradient:
             Its gradient, in the same memory.
         """
         return ParameterGradient(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
+
+    def part(self, members: slice) -> "ParameterGradient":
+        """Gradients of neighbouring members.
+
+        Args:
+            members: Their places in the batch.
+
+        Returns:
+            Their gradients, in the same memory.
+        """
+        return ParameterGradient(
+            self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members]
+        )
 
     def put(self, members: int | Int[ndarray, "some"], found: "ParameterGradient") -> None:
         """Sets the gradients of some members, in place.

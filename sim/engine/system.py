@@ -136,15 +136,14 @@ class DrapeSystem:
         return {True: (np.arange(len(faces)), np.arange(len(hinges)), np.arange(self.mesh.vertices)), False: loose}
 
     def _work(self, members: int, everywhere: bool = False) -> Workspace:
-        """Element buffers, used again at every evaluation of as many members."""
-        key = (members, everywhere)
-        if key not in self._workspaces:
-            self._workspaces.pop(next((old for old in self._workspaces if old[1] == everywhere), key), None)
-            self._workspaces[key] = Workspace.of(self.elements, members)
-        return self._workspaces[key]
+        """Element buffers, used again at every evaluation of as many members or fewer."""
+        made = self._workspaces.get(everywhere)
+        if made is None or len(made.face_energy) < members:
+            made = self._workspaces[everywhere] = Workspace.of(self.elements, members)
+        return made.first(members)
 
     @cached_property
-    def _workspaces(self) -> dict[tuple[int, bool], Workspace]:
+    def _workspaces(self) -> dict[bool, Workspace]:
         return {}
 
     def evaluate(

@@ -41,8 +41,26 @@ class Workspace:
             np.zeros((*hinges, 12)), np.zeros(hinges), np.zeros(hinges), np.ones(hinges), np.zeros((0, 0, 10, 9)), [],
         )  # fmt: skip
 
+    def first(self, members: int) -> "Workspace":
+        """These buffers, for fewer cloths.
+
+        Args:
+            members: Number of cloths.
+
+        Returns:
+            The first part of every buffer.
+        """
+        if members == len(self.face_energy):
+            return self
+        return Workspace(
+            self.face_energy[:members], self.face_vector[:members], self.face_blocks[:members],
+            self.hinge_energy[:members], self.hinge_vector[:members], self.hinge_moment[:members],
+            self.hinge_stiffness[:members], self.ones[:members], self.no_blocks, self._exact,
+        )  # fmt: skip
+
     def exact_blocks(self) -> Float[ndarray, "members hinges 10 9"]:
         """Hinge blocks of the exact Hessian, made when first asked for."""
-        if not self._exact:
-            self._exact.append(np.zeros((*self.hinge_energy.shape, 10, 9)))
-        return self._exact[0]
+        members, hinges = self.hinge_energy.shape
+        if not self._exact or len(self._exact[0]) < members:
+            self._exact[:] = [np.zeros((members, hinges, 10, 9))]
+        return self._exact[0][:members]

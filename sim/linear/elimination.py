@@ -76,7 +76,7 @@ def analyse(pattern: BlockPattern, dissection: Dissection, workers: int) -> Elim
     scattered = [_scatter(columns, start, front, boundaries[front], int(panel_start[front])) for front in fronts]
     runs = [_runs(front, int(parent[front]), boundaries, start) for front in fronts]
     parts = schedule(parent, children, _work(own, beyond), workers)
-    update_start, update_end = _stack(parts, parent, children, (BLOCK * beyond) ** 2)
+    update_start, update_end = stack_updates(parts, parent, children, (BLOCK * beyond) ** 2)
     return EliminationTree(
         order=dissection.order,
         start=start,
@@ -221,7 +221,7 @@ def _postorder(root: int, children: list[list[int]]) -> list[int]:
     return fronts[::-1]
 
 
-def _stack(
+def stack_updates(
     parts: list[list[int]], parent: ndarray, children: list[list[int]], sizes: ndarray
 ) -> tuple[Int[ndarray, " fronts"], int]:
     """Place of every update in the workspace, and the size of the workspace.

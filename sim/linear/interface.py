@@ -176,9 +176,15 @@ class FactorBatch(Factor):
 
 
 class LinearSolver(ABC):
-    """Factorises matrices of one pattern; building it is the analysis."""
+    """Factorises matrices of one pattern; building it is the analysis.
+
+    Attributes:
+        name: As in `BACKENDS`.
+        width: Matrices of a batch that one thread works on at a time.
+    """
 
     name: str
+    width: int = 1
 
     def __init__(self, pattern: BlockPattern) -> None:
         self.pattern = pattern
@@ -277,6 +283,7 @@ class Backend:
 
 BACKENDS: dict[str, Backend] = {
     "multifrontal": Backend("cusick_bench.sim.linear.multifrontal", "MultifrontalSolver", "numba"),
+    "lockstep": Backend("cusick_bench.sim.linear.lockstep", "LockstepSolver", "numba"),
     "splu": Backend("cusick_bench.sim.linear.backends", "SparseLuSolver", "scipy"),
     "pardiso": Backend("cusick_bench.sim.linear.backends", "PardisoSolver", "pypardiso"),
     "cholmod": Backend("cusick_bench.sim.linear.backends", "CholmodSolver", "cvxopt"),

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,14 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear import dense
 from cusick_bench.sim.linear.dissection import dissect
 from cusick_bench.sim.linear.elimination import analyse
-from cusick_bench.sim.linear.interface import BlockPattern, NotPositiveDefinite, available_backends, solver
+from cusick_bench.sim.linear.interface import (
+    BlockPattern,
+    LinearSolver,
+    NotPositiveDefinite,
+    available_backends,
+    solver,
+)
+from cusick_bench.sim.linear.lanes import LANES
 from cusick_bench.sim.linear.multifrontal import MultifrontalSolver
 
 
@@ -182,7 +190,9 @@ def test_batch_equals_singles(backend, pattern):
     batch = linear.factorise_batch(blocks)
     singles = [linear.factorise(one).solve(b) for one, b in zip(blocks, right, strict=True)]
     assert batch.members == 5
-    compare = np.testing.assert_array_equal if backend != "pardiso" else np.testing.assert_allclose
+    compare = np.testing.assert_array_equal
+    if backend in ("pardiso", "lockstep"):  # other sums than for single matrices
+        compare = partial(np.testing.assert_allclose, rtol=0, atol=1e-13 * np.abs(singles).max())
     compare(batch.solve(right), np.stack(singles))
     again = linear.factorise_batch(blocks[::-1], out=batch)
     compare(again.solve(right[::-1]), np.stack(singles)[::-1])
@@ -191,8 +201,44 @@ def test_batch_equals_singles(backend, pattern):
 def test_batch_with_one_bad_member_is_told(backend, pattern):
     blocks = np.stack([random_blocks(pattern, seed=seed) for seed in range(3)])
     blocks[1, pattern.rows == pattern.indices] -= 100 * np.eye(3)
-    with pytest.raises(NotPositiveDefinite):
+    with pytest.raises(NotPositiveDefinite) as caught:
         solver(pattern, backend).factorise_batch(blocks)
+    np.testing.assert_array_equal(caught.value.members, [False, True, False])
+
+
+@pytest.fixture(scope="module")
+def lockstep(pattern) -> LinearSolver:
+    return solver(pattern, "lockstep")
+
+
+def test_lockstep_gives_the_same_bits_in_any_batch_and_place(lockstep, pattern):
+    blocks = np.stack([random_blocks(pattern, seed=seed) for seed in range(LANES + 3)])
+    right = right_side(pattern, len(blocks))
+    expected = lockstep.factorise_batch(blocks).solve(right)
+    for some in ([5, 2], [10, 9, 8, 7], [1, *range(LANES + 3)]):
+        np.testing.assert_array_equal(lockstep.factorise_batch(blocks[some]).solve(right[some]), expected[some])
+
+
+@pytest.mark.parametrize("where", ["first", "middle", "last"])
+def test_lockstep_tells_bad_members_wherever_the_matrix_is_bad(lockstep, pattern, where):
+    """One vertex, the first, some, or the last to be eliminated, makes two of the members indefinite or singular."""
+    blocks = np.stack([random_blocks(pattern, seed=seed) for seed in range(LANES + 3)])
+    order = lockstep.tree.order
+    vertex = order[{"first": 0, "middle": len(order) // 2, "last": -1}[where]]
+    of_vertex = (pattern.rows == vertex) | (pattern.indices == vertex)
+    blocks[2, (pattern.rows == vertex) & (pattern.indices == vertex)] -= 100 * np.eye(3)
+    blocks[LANES + 1, of_vertex] = 0.0
+    with pytest.raises(NotPositiveDefinite) as caught:
+        lockstep.factorise_batch(blocks)
+    np.testing.assert_array_equal(np.flatnonzero(caught.value.members), [2, LANES + 1])
+
+
+def test_lockstep_tells_a_matrix_that_is_not_finite(lockstep, pattern):
+    blocks = np.stack([random_blocks(pattern)] * 3)
+    blocks[1, lockstep.needed_slots[7], 1, 2] = np.nan
+    with pytest.raises(SimulationError, match="matrix must be finite") as caught:
+        lockstep.factorise_batch(blocks)
+    assert not isinstance(caught.value, NotPositiveDefinite)
 
 
 def test_only_needed_slots_are_read(backend, pattern):
@@ -259,7 +305,7 @@ def test_bad_patterns_are_told():
 
 def test_default_backend_is_ours(pattern):
     assert isinstance(solver(pattern), MultifrontalSolver)
-    assert available_backends()[:2] == ["multifrontal", "splu"]
+    assert available_backends()[:3] == ["multifrontal", "lockstep", "splu"]
 
 
 def test_unknown_and_missing_backends_are_told(pattern, monkeypatch):
