@@ -229,6 +229,15 @@ def stack_updates(
     Each part has two stacks, one for even and one for odd depths: while a front puts its update on one
     stack, its children's lie on top of the other and can be dropped right after. Memory stays small and
     warm in the cache.
+
+    Args:
+        parts: Fronts in working order, those of each worker and those that come last.
+        parent: Parent of every front, -1 for a root.
+        children: Children of every front.
+        sizes: Size of every front's update.
+
+    Returns:
+        Start of every update, and size of the workspace.
     """
     side = np.zeros(len(parent), np.int64)
     for front in reversed(range(len(parent))):

@@ -125,92 +125,137 @@ def _operation(generate: Callable[..., None]) -> Any:
 
 
 @_operation
-def add_tile(code, target, source):
-    """C <- C + A."""
+def add_tile(_code, target, source):
+    """C <- C + A.
+
+    Args:
+        target: C.
+        source: A.
+    """
     for number in range(BLOCK * BLOCK):
-        code.store(code.builder.fadd(code.load(target, number), code.load(source, number)), target, number)
+        _code.store(_code.builder.fadd(_code.load(target, number), _code.load(source, number)), target, number)
 
 
 @_operation
-def subtract_strips(code, target, left, right, columns):
-    """C <- C - A B^T, of a tile C and the first columns of two strips."""
+def subtract_strips(_code, target, left, right, columns):
+    """C <- C - A B^T, of a tile C and the first columns of two strips.
+
+    Args:
+        target: C.
+        left: A.
+        right: B.
+        columns: Number of columns (not of tiles).
+    """
     pairs = list(product(_AXES, _AXES))
-    totals = {(i, j): code.variable(code.load(target, BLOCK * j + i)) for i, j in pairs}
-    with code.columns(columns) as loop:
-        column = code.column(loop)
-        a, b = ([code.load(code.plus(strip, column), axis) for axis in _AXES] for strip in (left, right))
+    totals = {(i, j): _code.variable(_code.load(target, BLOCK * j + i)) for i, j in pairs}
+    with _code.columns(columns) as loop:
+        column = _code.column(loop)
+        a, b = ([_code.load(_code.plus(strip, column), axis) for axis in _AXES] for strip in (left, right))
         for i, j in pairs:
-            code.builder.store(code.subtract_product(code.builder.load(totals[i, j]), a[i], b[j]), totals[i, j])
+            _code.builder.store(_code.subtract_product(_code.builder.load(totals[i, j]), a[i], b[j]), totals[i, j])
     for i, j in pairs:
-        code.store(code.builder.load(totals[i, j]), target, BLOCK * j + i)
+        _code.store(_code.builder.load(totals[i, j]), target, BLOCK * j + i)
 
 
 @_operation
-def factorise_tile(code, tile):
-    """A <- L with L L^T = A, in the lower triangle; the diagonal receives its reciprocals."""
-    a = {(i, j): code.load(tile, BLOCK * j + i) for i, j in product(_AXES, _AXES) if i >= j}
+def factorise_tile(_code, tile):
+    """A <- L with L L^T = A, in the lower triangle; the diagonal receives its reciprocals.
+
+    Args:
+        tile: A.
+    """
+    a = {(i, j): _code.load(tile, BLOCK * j + i) for i, j in product(_AXES, _AXES) if i >= j}
     for j in _AXES:
         for k in range(j):
             for i in range(j, BLOCK):
-                a[i, j] = code.subtract_product(a[i, j], a[i, k], a[j, k])
-        a[j, j] = code.inverse_root(a[j, j])
+                a[i, j] = _code.subtract_product(a[i, j], a[i, k], a[j, k])
+        a[j, j] = _code.inverse_root(a[j, j])
         for i in range(j + 1, BLOCK):
-            a[i, j] = code.times(a[i, j], a[j, j])
+            a[i, j] = _code.times(a[i, j], a[j, j])
     for (i, j), value in a.items():
-        code.store(value, tile, BLOCK * j + i)
+        _code.store(value, tile, BLOCK * j + i)
 
 
 @_operation
-def divide_tile(code, tile, triangle):
-    """B <- B L^-T, of two tiles, with L as `factorise_tile` leaves it."""
-    low = _lower(code, triangle)
+def divide_tile(_code, tile, triangle):
+    """B <- B L^-T, of two tiles.
+
+    Args:
+        tile: B.
+        triangle: L as `factorise_tile` leaves it.
+    """
+    low = _lower(_code, triangle)
     for i in _AXES:
-        row = [code.load(tile, BLOCK * j + i) for j in _AXES]
-        for j, value in enumerate(_solved(code, low, row)):
-            code.store(value, tile, BLOCK * j + i)
+        row = [_code.load(tile, BLOCK * j + i) for j in _AXES]
+        for j, value in enumerate(_solved(_code, low, row)):
+            _code.store(value, tile, BLOCK * j + i)
 
 
 @_operation
-def solve_tile(code, x, triangle):
-    """x <- L^-1 x, with L as `factorise_tile` leaves it."""
-    for j, value in enumerate(_solved(code, _lower(code, triangle), [code.load(x, j) for j in _AXES])):
-        code.store(value, x, j)
+def solve_tile(_code, x, triangle):
+    """x <- L^-1 x.
+
+    Args:
+        x: Three vectors.
+        triangle: L as `factorise_tile` leaves it.
+    """
+    for j, value in enumerate(_solved(_code, _lower(_code, triangle), [_code.load(x, j) for j in _AXES])):
+        _code.store(value, x, j)
 
 
 @_operation
-def solve_transposed_tile(code, x, triangle):
-    """x <- L^-T x, with L as `factorise_tile` leaves it."""
-    low, value = _lower(code, triangle), [code.load(x, j) for j in _AXES]
+def solve_transposed_tile(_code, x, triangle):
+    """x <- L^-T x.
+
+    Args:
+        x: Three vectors.
+        triangle: L as `factorise_tile` leaves it.
+    """
+    low, value = _lower(_code, triangle), [_code.load(x, j) for j in _AXES]
     for j in reversed(_AXES):
         for k in range(j + 1, BLOCK):
-            value[j] = code.subtract_product(value[j], low[k, j], value[k])
-        value[j] = code.times(value[j], low[j, j])
-        code.store(value[j], x, j)
+            value[j] = _code.subtract_product(value[j], low[k, j], value[k])
+        value[j] = _code.times(value[j], low[j, j])
+        _code.store(value[j], x, j)
 
 
 @_operation
-def subtract_strip_times(code, target, strip, x, columns):
-    """y <- y - A x, of three numbers y and the first columns of a strip."""
-    totals = [code.variable(code.load(target, i)) for i in _AXES]
-    with code.columns(columns) as loop:
-        value = code.load(code.plus(x, code.builder.mul(loop.index, _integer(VECTOR))))
+def subtract_strip_times(_code, target, strip, x, columns):
+    """y <- y - A x, of the first columns of a strip.
+
+    Args:
+        target: y, three vectors.
+        strip: A.
+        x: A vector for each column.
+        columns: Number of columns.
+    """
+    totals = [_code.variable(_code.load(target, i)) for i in _AXES]
+    with _code.columns(columns) as loop:
+        value = _code.load(_code.plus(x, _code.builder.mul(loop.index, _integer(VECTOR))))
         for i in _AXES:
-            factor = code.load(code.plus(strip, code.column(loop)), i)
-            code.builder.store(code.subtract_product(code.builder.load(totals[i]), factor, value), totals[i])
+            factor = _code.load(_code.plus(strip, _code.column(loop)), i)
+            _code.builder.store(_code.subtract_product(_code.builder.load(totals[i]), factor, value), totals[i])
     for i in _AXES:
-        code.store(code.builder.load(totals[i]), target, i)
+        _code.store(_code.builder.load(totals[i]), target, i)
 
 
 @_operation
-def subtract_transposed_strip_times(code, target, strip, x, columns):
-    """y <- y - A^T x, of the first columns of a strip and three numbers x."""
-    values = [code.load(x, i) for i in _AXES]
-    with code.columns(columns) as loop:
-        place = code.plus(target, code.builder.mul(loop.index, _integer(VECTOR)))
-        total = code.load(place)
+def subtract_transposed_strip_times(_code, target, strip, x, columns):
+    """y <- y - A^T x, of the first columns of a strip.
+
+    Args:
+        target: y, a vector for each column.
+        strip: A.
+        x: Three vectors.
+        columns: Number of columns.
+    """
+    values = [_code.load(x, i) for i in _AXES]
+    with _code.columns(columns) as loop:
+        place = _code.plus(target, _code.builder.mul(loop.index, _integer(VECTOR)))
+        total = _code.load(place)
         for i in _AXES:
-            total = code.subtract_product(total, code.load(code.plus(strip, code.column(loop)), i), values[i])
-        code.store(total, place)
+            total = _code.subtract_product(total, _code.load(_code.plus(strip, _code.column(loop)), i), values[i])
+        _code.store(total, place)
 
 
 def _lower(code: _Code, triangle: Any) -> dict[tuple[int, int], Any]:
