@@ -235,7 +235,7 @@ class TestCommand:
         assert len(document["linear_plate"]["rows"]) == 6
         assert [change["vertices"] for change in document["statistics"]] == [97, 120]
         assert len(document["statistics"][0]["statistics"]) == len(NAMES)
-        assert [row["steps"] for row in document["time_step"]["rests"]] == [40]
+        assert [row["steps"] for row in document["time_step"]["rests"]] == [10, 20, 40]
         assert document["time_step"]["vertices"] == 150
 
     def test_tables_of_one_cloth(self):

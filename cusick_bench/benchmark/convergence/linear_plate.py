@@ -26,6 +26,7 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.errors import DrapeDiverged
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,15 @@ class LinearPlate:
         poisson: Poisson's ratio with which the law bends.
         exact_mm: Exact deflection of the rim [mm].
         rows: A row a mesh.
-        order: Observed order of the deflection's error; None where a single size was asked for.
+        order: Observed order of the deflection's error; None where there are no two sizes.
+        failures: Meshes on which the cloth did not come to rest, and why.
     """
 
     poisson: float
     exact_mm: float
     rows: tuple[LinearPlateRow, ...]
     order: Order | None
+    failures: tuple[str, ...]
 
 
 def exact_rim_deflection(
@@ -119,19 +122,22 @@ def linear_plate(
 
     Raises:
         SimulationError: The law has no rests, or a size or jitter is out of range.
-        DrapeDiverged: No rest was found.
     """
     settings = DrapeSettings(law=law, mode="equilibrium")
     poisson = poisson_of(law, 0.0)
     exact = exact_rim_deflection(poisson)
-    rows = []
+    rows, failures = [], []
     for size in sizes:
         for number in range(seed, seed + meshes):
             mesh = jittered_mesh(disc_mesh(size, seed=number), jitter, seed=number)
             flat = torch.from_numpy(mesh.flat)
-            drape = DrapeSimulator(mesh, settings).drape(plate_cloth(0.0, 0.0, law), initial=flat)
+            done(1)
+            try:
+                drape = DrapeSimulator(mesh, settings).drape(plate_cloth(0.0, 0.0, law), initial=flat)
+            except DrapeDiverged as error:
+                failures.append(f"{size} vertices, mesh {number}: {error}")
+                continue
             sunk = -float(rim_curve(mesh, drape.vertices.numpy()).heights.mean())
             rows.append(LinearPlateRow(size, number, 1e3 * sunk, sunk / exact))
-            done(1)
     order = observed_order([row.vertices for row in rows], [row.ratio - 1 for row in rows])
-    return LinearPlate(poisson, 1e3 * exact, tuple(rows), order)
+    return LinearPlate(poisson, 1e3 * exact, tuple(rows), order, tuple(failures))

@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from cusick_bench.benchmark.convergence.linear_plate import LinearPlate
 from cusick_bench.benchmark.convergence.mesh_dependence import MeshRow
@@ -21,6 +21,7 @@ from cusick_bench.benchmark.convergence.order import Limit, mesh_spacing
 from cusick_bench.benchmark.convergence.reference import PlateComparison
 
 _MOST_TICKS = 8
+_FEW_DECADES = 3  # up to which 1, 2 and 5 are marked, beyond only powers of ten
 _BELOW = 0.5  # share of the smallest error at which the line of order 2 ends
 
 
@@ -199,6 +200,10 @@ def _logarithmic(axis: Axes, panel: Panel) -> None:
     if len(values) == 0:
         return
     axis.set_yscale("log")
+    decades = np.log10(values.max() / values.min())
+    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades < _FEW_DECADES else (1,)))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+    axis.yaxis.set_minor_formatter(NullFormatter())
     if len(sizes) > 1:
         spacing = mesh_spacing(sizes)
         slope = (spacing / spacing[-1]) ** 2 * _BELOW * values.min()

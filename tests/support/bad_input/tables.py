@@ -99,12 +99,42 @@ def _beside(make: Callable[[Path], None], here: Path, stock: Stock) -> None:
     make(here / "weights.csv")
 
 
+DRAPES = "folds,ln_bending,poisson,drape_coefficient,rim_min_mm,rim_max_mm,rim_lowest_mm,accuracy\n"
+COMPARED = "convergence --vertices 97 --json --reference {here}/drapes.csv"
+
+_DRAPES_REFUSED = {
+    "reference without drapes": (DRAPES, "has no drape"),
+    "reference of fabrics": (HEAD + "7,0.2,0.0004\n", "needs the columns"),
+    "reference in metres": (DRAPES + "6,-5,0,0.8585,0.13846,0.14812,0.03426,5e-4\n", "line 2.*rim_lowest_mm"),
+    "reference with half a fold": (DRAPES + "6.5,-5,0,0.8585,138.46,148.12,-34.26,5e-4\n", "line 2.*folds"),
+    "reference with NaN": (DRAPES + "6,nan,0,0.8585,138.46,148.12,-34.26,5e-4\n", "line 2.*ln_bending"),
+    "reference with a coefficient in per cent": (
+        DRAPES + "6,-5,0,85.85,138.46,148.12,-34.26,5e-4\n",
+        "drape_coefficient",
+    ),
+    "reference with a drape twice": (DRAPES + 2 * "6,-5,0,0.8585,138.46,148.12,-34.26,5e-4\n", "line 3.*again"),
+}
+
+
+def _drapes(content: str, here: Path, stock: Stock) -> None:
+    (here / "drapes.csv").write_text(content)
+
+
+def _odd_drapes(make: Callable[[Path], None], here: Path, stock: Stock) -> None:
+    make(here / "drapes.csv")
+
+
 CASES = [
     *(Case(n, INFO, partial(_write, text), right=_weighs(*known)) for n, (text, *known) in _READ.items()),
     *(Case(n, INFO, partial(_write, text), refused=said) for n, (text, said) in _REFUSED.items()),
     *(Case(n, INFO, partial(_odd, make), refused=said) for n, (make, said) in ODD.items()),
     *(
         Case(f"{n} as --fabrics-csv", INFO + " --fabrics-csv {here}/weights.csv", partial(_beside, make), refused=said)
+        for n, (make, said) in ODD.items()
+    ),
+    *(Case(n, COMPARED, partial(_drapes, text), refused=said) for n, (text, said) in _DRAPES_REFUSED.items()),
+    *(
+        Case(f"{n} as --reference", COMPARED, partial(_odd_drapes, make), refused=said)
         for n, (make, said) in ODD.items()
     ),
     Case("/dev/zero as --fabrics-csv", "data info synthetic --json --fabrics-csv /dev/zero", refused="got a device"),
