@@ -25,11 +25,22 @@ def ring_folds(
     Returns:
         Number of peaks of harmonics 0 to `harmonics` whose prominence is at least `prominence`.
     """
-    from scipy.signal import find_peaks  # here: it takes half a second to import
-
     spectrum = np.fft.rfft(radii)
     spectrum[harmonics + 1 :] = 0
     smooth = np.fft.irfft(spectrum, len(radii))
     lowest = int(np.argmin(smooth))
     closed = np.append(np.roll(smooth, -lowest), smooth[lowest])  # from valley to valley: prominences are the circle's
-    return len(find_peaks(closed, prominence=prominence)[0])
+    levels = closed[np.append(True, np.diff(closed) != 0)]
+    peaks = np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:])) + 1
+    return sum(_prominence(levels, int(peak)) >= prominence for peak in peaks)
+
+
+def _prominence(levels: Float[ndarray, " angles"], peak: int) -> float:
+    """Height of a peak above the higher of the two lowest points between it and the next higher level on each side.
+
+    As `scipy.signal.find_peaks` has it, which takes a second to import.
+    """
+    higher = np.flatnonzero(levels > levels[peak])
+    before, after = higher[higher < peak], higher[higher > peak]
+    left, right = levels[before[-1] if len(before) else 0 : peak], levels[peak + 1 : after[0] if len(after) else None]
+    return float(levels[peak] - max(left.min(), right.min()))
