@@ -133,7 +133,8 @@ class DrapeSimulator:
             fixed, spring = np.zeros(self.mesh.vertices, bool), np.where(radius < s.plate_radius, PLATE_SPRING, 0.0)
         if not (radius <= s.plate_radius + _EDGE).any():
             raise SimulationError(f"no vertex lies on the plate of radius {s.plate_radius} m: nothing holds the cloth")
-        object.__setattr__(self, "system", DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend))
+        system = DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend, s.half_hinges)
+        object.__setattr__(self, "system", system)
         elsewhere = torch_device(self.device) is not None
         engine = TorchEngine(self.system, s, self.device, self.device_memory) if elsewhere else None
         object.__setattr__(self, "engine", engine)
@@ -191,7 +192,7 @@ class DrapeSimulator:
         Args:
             material: The cloth; its tensors may require gradients.
             initial: Shape in which the cloth is laid down [m]; by default random, from the settings' seed.
-            rest_angle: Stress-free dihedral angles [rad]; by default random, from the settings' seed.
+            rest_angle: Stress-free dihedral angles of whole hinges [rad]; by default random, from the settings' seed.
             warm: In mode `equilibrium`, a drape of a similar cloth to start from: its branch is followed.
 
         Returns:
@@ -225,7 +226,7 @@ class DrapeSimulator:
         Args:
             materials: The cloths; their tensors may require gradients. Either all or none have tables per element.
             initial: Shapes in which they are laid down [m]; by default all from the settings' seed.
-            rest_angle: Stress-free dihedral angles [rad]; by default all from the settings' seed.
+            rest_angle: Stress-free dihedral angles of whole hinges [rad]; by default all from the settings' seed.
             warm: In mode `equilibrium`, drapes of similar cloths to start from [m].
 
         Returns:
@@ -244,6 +245,7 @@ class DrapeSimulator:
         laid = torch.from_numpy(self.laid_down()).expand(members, -1, -1) if initial is None else initial
         angle = self.rest_angles().expand(members, -1) if rest_angle is None else rest_angle
         self._check_arrays(members, initial=laid, rest_angle=angle, warm=warm)
+        angle = angle * torch.from_numpy(self.system.elements.hinge_share).to(angle.device)
         clock = time.perf_counter()
         stretch = _stacked([m.stretch for m in materials], 6, 4)
         bending = _stacked([m.bending for m in materials], 3, 5)

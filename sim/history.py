@@ -90,7 +90,7 @@ def drop_with_history(
         simulator: Mesh and settings.
         material: The cloth without these laws.
         initial: Shape in which it is laid down [m].
-        rest_angle: Stress-free dihedral angles [rad].
+        rest_angle: Stress-free dihedral angles of whole hinges [rad].
         laws: Internal variables.
 
     Returns:
@@ -116,7 +116,7 @@ def drop_with_history(
     material.check_fits(simulator.mesh)
     elastic = Parameters(
         _array(material.stretch.reshape(-1, 6, 4)), _array(material.bending.reshape(-1, 3, 5)),
-        _array(material.vertex_mass(simulator.mesh)), _array(rest_angle),
+        _array(material.vertex_mass(simulator.mesh)), _array(rest_angle) * base.elements.hinge_share,
     )  # fmt: skip
     states = [law.start(base, elastic) for law in sorted(laws, key=lambda law: law.rank)]
     x = _array(initial)[None].copy()

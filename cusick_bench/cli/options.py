@@ -39,6 +39,13 @@ class LawName(StrEnum):
     published = "published"
 
 
+class ClampName(StrEnum):
+    """How hinges on the plate's edge bend."""
+
+    half = "half"
+    whole = "whole"
+
+
 class CameraName(StrEnum):
     """Cameras."""
 
@@ -115,6 +122,14 @@ Steps = Annotated[int, simulation_option(min=1, max=MOST_STEPS, help="Steps of a
 Law = Annotated[
     LawName,
     simulation_option(help="Material law: the paper's, as an energy, or that of the published program."),
+]
+Clamp = Annotated[
+    ClampName | None,
+    simulation_option(
+        help="Hinges on the plate's edge bend in their free half, or whole as in the published program (half as stiff "
+        "there); half under law paper, whole under law published.",
+        show_default=False,
+    ),
 ]
 CameraOption = Annotated[
     CameraName,

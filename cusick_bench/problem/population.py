@@ -193,7 +193,7 @@ def _prior() -> StiffnessPrior:
 
 
 def _problem(vertices: int) -> DrapeProblem:
-    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings())
+    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(clamp="whole"))  # as for the numbers in field_space
     space = FieldSpace(simulator.mesh, _prior())
     nothing = np.zeros((RELEASE.image_size_px, RELEASE.image_size_px))
     return DrapeProblem(train_image=nothing, simulator=simulator, space=space)

@@ -64,8 +64,14 @@ class ProblemSettings:
                 raise ProblemError(f"unknown {name} {value!r}; use one of {', '.join(options)}")
 
     def record(self) -> dict[str, Any]:
-        """The settings as a document; causes only where there are any, so that cells without keep their names."""
+        """The settings as a document.
+
+        Causes and the clamp are in it only where there are causes, and where the clamp is mended: cells without are
+        named as they were before there was a choice.
+        """
         record = asdict(self) | {"causes": list(self.causes)}
+        clamp = {"clamp": "half"} if self.drape.half_hinges else {}
+        record["drape"] = {name: value for name, value in record["drape"].items() if name != "clamp"} | clamp
         return record if self.causes else {name: value for name, value in record.items() if name != "causes"}
 
 

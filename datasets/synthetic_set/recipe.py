@@ -29,6 +29,7 @@ SAMPLES = 12
 CAPTURES = {1: "up", 2: "up", 3: "down", 4: "down"}
 VERTICES = 1205  # of the true mesh; fits use meshes with another seed, so that truth and model differ
 MESH_SEED = 77
+CLAMP = "whole"  # the set was made before the hinges on the plate's edge were mended; fits to it do well to do the same
 
 # Spread of the random elements; see the module's docstring for what they are matched to.
 STIFFNESS_SPREAD = 0.10  # sd of log stiffness over the cloth
@@ -121,7 +122,7 @@ def drapes(cloth: Cloth, *, samples: int = SAMPLES, seed: int = SEED, vertices: 
         One drape a capture.
     """
     mesh = disc_mesh(vertices, seed=MESH_SEED)
-    simulator = DrapeSimulator(mesh, DrapeSettings())
+    simulator = DrapeSimulator(mesh, DrapeSettings(clamp=CLAMP))
     for sample in range(1, samples + 1):
         generator = np.random.default_rng([seed, cloth.number, sample])
         stiffness = [smooth_field(STIFFNESS_SPREAD, STIFFNESS_LENGTH, generator) for _ in range(2)]

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from cusick_bench.sim.engine.system import Law
 
 
+Clamp = Literal["half", "whole"]
+"""How hinges on the plate's edge bend: their free half alone, or all of them."""
+
+
 @dataclass(frozen=True)
 class DrapeSettings:
     """How a drape is simulated.
@@ -27,6 +31,10 @@ class DrapeSettings:
         gravity: [m/s2].
         plate_radius: [m].
         support: `fixed` (plate vertices eliminated) or `springs` (held by 1 kN/m, as published; the plate's edge free).
+        clamp: How hinges on the edge of a plate of support `fixed` bend. `half`: in their free half alone, for the
+            other half lies on the plate; `whole`: in both, as in the published program, which is half as stiff there
+            and lets the cloth hang too low. By default `half` under law `paper`, `whole` under law `published`.
+            Springs are no clamp: on them the edge bends as all of the cloth.
         laying_amplitude: Standard deviation of the height in which the cloth is laid down [m].
         laying_length: Its correlation length [m].
         rest_amplitude: Standard deviation of the rest shape's height [m].
@@ -49,6 +57,7 @@ class DrapeSettings:
     gravity: float = GRAVITY
     plate_radius: float = PLATE_RADIUS
     support: Literal["fixed", "springs"] = "fixed"
+    clamp: Clamp | None = None
     laying_amplitude: float = 1e-3
     laying_length: float = 0.03
     rest_amplitude: float = 0.0
@@ -65,6 +74,13 @@ class DrapeSettings:
         for name, options in (("mode", ("drop", "equilibrium")), ("support", ("fixed", "springs"))):
             if getattr(self, name) not in options:
                 raise SimulationError(f"{name} must be one of {', '.join(options)}, got {getattr(self, name)!r}")
+        if self.clamp not in (None, "half", "whole"):
+            raise SimulationError(f"clamp must be half or whole, got {self.clamp!r}")
+        if self.clamp == "half" and (self.law != "paper" or self.support != "fixed"):
+            raise SimulationError(
+                "clamp 'half' is for law 'paper' on support 'fixed', "
+                f"got law {self.law!r} on support {self.support!r}; use clamp 'whole', or leave it out"
+            )
         for name in ("steps", "step_seconds", "gravity", "plate_radius", "tolerance", "iterations"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
@@ -79,3 +95,8 @@ class DrapeSettings:
             raise SimulationError(
                 "law 'published' has no energy, so no equilibrium mode; use mode 'drop' or law 'paper'"
             )
+
+    @property
+    def half_hinges(self) -> bool:
+        """Whether hinges on the plate's edge bend in their free half alone."""
+        return self.clamp != "whole" and self.law == "paper" and self.support == "fixed"

@@ -39,6 +39,7 @@ class DrapeSystem:
         fixed: Vertices that never move (their degrees of freedom are eliminated).
         spring: Stiffness of the spring that ties each vertex to its anchor [N/m], 0 for none.
         backend: Linear solver, see `cusick_bench.sim.linear.interface.solver`.
+        half_hinges: Whether of a hinge between fixed and free cloth the free half alone bends (see `elements_of`).
     """
 
     mesh: Mesh
@@ -47,6 +48,7 @@ class DrapeSystem:
     fixed: Bool[ndarray, "vertices"]
     spring: Float[ndarray, "vertices"]
     backend: str = "auto"
+    half_hinges: bool = False
     elements: Elements = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -55,7 +57,7 @@ class DrapeSystem:
             raise SimulationError(f"law must be one of {', '.join(_LAWS)}, got {self.law!r}")
         if self.fixed.all():
             raise SimulationError("every vertex is fixed: nothing can drape; is the plate larger than the cloth?")
-        object.__setattr__(self, "elements", elements_of(self.mesh))
+        object.__setattr__(self, "elements", elements_of(self.mesh, self._clamped))
 
     def require_energy(self, what: str) -> None:
         """Checks that the forces derive from an energy.
@@ -99,9 +101,13 @@ class DrapeSystem:
         """
         if not np.array_equal(mesh.faces, self.mesh.faces):
             raise SimulationError("an analysis is shared by meshes of the same faces only; make a new system")
-        other = self.with_elements(elements_of(mesh))
+        other = self.with_elements(elements_of(mesh, self._clamped))
         object.__setattr__(other, "mesh", mesh)
         return other
+
+    @property
+    def _clamped(self) -> ndarray | None:
+        return self.fixed if self.half_hinges else None
 
     @cached_property
     def free(self) -> ndarray:

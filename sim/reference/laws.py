@@ -10,6 +10,8 @@ Per hinge with dihedral angle theta, edge length l and adjacent face areas A1 + 
 
     M(theta) = B(kappa) theta l^2 / (A1 + A2),    B read from B (3 x 5)
 
+With the system's `half_hinges`, A1 + A2 of a hinge on the edge of fixed cloth is the area of its free face alone.
+
 Law `paper` has the energy E = sum_faces A psi + sum_hinges int M dtheta and forces -grad E. Law `published` takes the
 secant forces (k and B held fixed in the derivative) and a quarter of the hinge moment.
 
@@ -67,7 +69,7 @@ class Reference:
         area: Material areas of the faces [m2].
         hinges: Vertex indices (edge start, edge end, the two outer corners).
         length: Material edge lengths of the hinges [m].
-        hinge_area: A1 + A2 [m2].
+        hinge_area: A1 + A2, or of a hinge on a clamp that of its free face [m2].
         direction: Weights of the hinge directions 0, 45, 90 degrees from the warp.
         spring: Stiffness of each vertex's spring to its anchor [N/m].
         free: Vertices that move.
@@ -94,6 +96,11 @@ class Reference:
         start, end, left, right = material[hinges].unbind(1)
         along = end - start
         areas = [torch.linalg.det(torch.stack([along, outer - start], dim=2)).abs() / 2 for outer in (left, right)]
+        hinge_area = areas[0] + areas[1]
+        if self.system.half_hinges:
+            at_start, at_end, at_left, at_right = torch.as_tensor(self.system.fixed, device=self.device)[hinges].T
+            for held, free, area in ((at_left, ~at_right, areas[1]), (at_right, ~at_left, areas[0])):
+                hinge_area = torch.where(at_start & at_end & held & free, area, hinge_area)
         to_warp = torch.atan2(along[:, 1].abs(), along[:, 0].abs())
         for name, value in {
             "faces": faces,
@@ -101,7 +108,7 @@ class Reference:
             "area": torch.linalg.det(edges) / 2,
             "hinges": hinges,
             "length": along.norm(dim=1),
-            "hinge_area": areas[0] + areas[1],
+            "hinge_area": hinge_area,
             "direction": hat(to_warp / (math.pi / 4), 3),
             "spring": torch.as_tensor(self.system.spring, device=self.device),
             "free": torch.as_tensor(self.system.free, device=self.device),

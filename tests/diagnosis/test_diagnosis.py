@@ -1,5 +1,6 @@
 """The diagnosis against known answers: fabrics made by the atlas' own statistics, by simulation, and by a liar."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
+from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel, with_clamp
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, NOT_SIMULATED, Design
 from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
@@ -85,7 +86,7 @@ def residual_of(emulator: Emulator, specimens: np.ndarray, drift: np.ndarray) ->
 
 def simulated_captures(cause: str = "", severity: float = 0.0, *, samples: int = 8, seed: int = 3) -> Captures:
     """Two captures of each face of samples of a simulated fabric on another mesh than the atlas'."""
-    setups = BaseModel(300, meshes=40).samples(THETA, samples, (900, seed))
+    setups = BaseModel(300, with_clamp(load()[0].clamp), meshes=40).samples(THETA, samples, (900, seed))
     simulators, rows = Simulators(), []
     labels = [(sample, side) for sample in range(1, samples + 1) for side in ("up", "down")]
     for later in (False, True):
@@ -200,7 +201,8 @@ def test_limp_cloth_answers_as_its_simulation_does(emulator: Emulator) -> None:
         hypothesis = next(one for one in hypotheses(emulator) if one.name == name)
         value = {p.name: p.default for p in hypothesis.effect.parameters} | {hypothesis.effect.severity.name: severity}
         cause = Candidate(hypothesis, value, 0.0, 0.0, 0.0)
-        acts, base = simulate(theta, (cause,), 8, (3,), drift=1.0), simulate(theta, (), 8, (3,), drift=1.0)
+        model = BaseModel(settings=with_clamp(emulator.clamp))
+        acts, base = (simulate(theta, causes, 8, (3,), drift=1.0, model=model) for causes in ((cause,), ()))
         made = np.nanmean(acts.specimens - base.specimens, axis=0) / emulator.sd(theta)
         given = {key: np.array([number]) for key, number in value.items()}
         moved = shifts(emulator, hypothesis, theta, emulator.sd(theta), 1.0, given).features[0, : made.size]
@@ -321,6 +323,27 @@ def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> N
         build(tmp_path, replace(SMALL, samples=3))
 
 
+def test_an_atlas_says_on_which_clamp_it_was_made(emulator: Emulator, tmp_path: Path, one_thread: None) -> None:
+    """Designs and atlases of before there was a choice say nothing of it: their hinges were whole."""
+    assert emulator.clamp == "whole"  # the shipped one
+    save(tmp_path / "atlas.npz", replace(emulator, clamp="half"), Calibration())
+    assert load(tmp_path / "atlas.npz")[0].clamp == "half"
+    statistics = {}
+    for clamp in ("half", "whole"):
+        build(tmp_path / clamp, replace(SMALL, clamp=clamp))
+        design, points = read_points(tmp_path / clamp)
+        assert design.clamp == clamp
+        statistics[clamp] = points[BASE][0].statistics
+    radius = NAMES.index("mean_radius")
+    assert np.nanmean(statistics["half"][..., radius] - statistics["whole"][..., radius]) > 1e-4  # [m]: stiffer
+    said = json.loads((tmp_path / "whole" / "design.json").read_text())
+    said.pop("clamp")
+    (tmp_path / "whole" / "design.json").write_text(json.dumps(said))
+    assert read_points(tmp_path / "whole")[0].clamp == "whole"
+    with pytest.raises(DiagnosisError, match="another design"):
+        build(tmp_path / "whole", SMALL)
+
+
 def test_points_do_not_depend_on_what_is_made_with_them(tmp_path: Path, one_thread: None) -> None:
     """An imaging effect sees the base drapes again, whether or not these are asked for too."""
     names = [BASE, "camera-scale", "plate-radius"]
@@ -409,7 +432,7 @@ def test_simulated_cause_moves_what_the_atlas_says(emulator: Emulator, one_threa
     """Statistics of a real simulation against the atlas: camera scale, whose answer is known."""
     hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
     cause = Candidate(hypothesis, {"error": 0.05}, 0.0, 0.0, 0.0)
-    model = BaseModel(200)
+    model = BaseModel(200, with_clamp(emulator.clamp))
     plain = simulate(THETA, (), 2, (1,), model=model).specimens
     scaled = simulate(THETA, (cause,), 2, (1,), model=model).specimens
     radius = NAMES.index("mean_radius")

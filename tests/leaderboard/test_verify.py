@@ -88,6 +88,16 @@ class TestCells:
         change_arrays(folder, vertices=lambda v: v * [1, 1, 0.98], draw_vertices=lambda v: v * [1, 1, 0.98])
         assert "shape [m]" in {check.name for check in verify_cell(folder, dataset).broken}
 
+    @pytest.mark.parametrize("clamp", ["whole", "half"])
+    def test_a_cell_is_draped_again_on_its_own_clamp(self, data, dataset, tmp_path, clamp):
+        drape = DrapeSettings(steps=20, clamp=clamp)
+        folder = folder_of(grid(data, tmp_path / clamp, ["homo,search=3"], drape), "homo")
+        record = read_record(folder)
+        assert record["settings"]["drape"].get("clamp") == (None if clamp == "whole" else "half")
+        assert cell_of(record).key == folder.name
+        found = verify_cell(folder, dataset)
+        assert (found.status, found.broken) == ("verified", [])
+
     def test_the_key_is_that_of_the_cell(self, finished, dataset):
         for folder in load_cells(finished).table["folder"]:
             record = read_record(folder)

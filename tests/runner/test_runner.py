@@ -94,6 +94,22 @@ class TestGrid:
         monkeypatch.setattr("cusick_bench.sim.engine.NUMERICS_VERSION", 99)
         assert key() != before
 
+    def test_cells_are_named_by_a_mended_clamp_only(self, dataset):
+        """Records of before there was a choice say nothing of it: their hinges were whole, and their names stay."""
+
+        def cell(**changes) -> Cell:
+            drape = DrapeSettings(steps=20, **changes)
+            settings = ProblemSettings(vertices=100, drape=drape, budget=Budget(8))
+            return plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=settings)[0]
+
+        drapes = {name: cell(clamp=name).record()["settings"]["drape"] for name in ("half", "whole")}
+        assert drapes["half"] == drapes["whole"] | {"clamp": "half"}
+        assert "clamp" not in drapes["whole"]
+        assert cell().key == cell(clamp="half").key != cell(clamp="whole").key
+        assert cell().problem_hash() != cell(clamp="whole").problem_hash()
+        for other in ({"law": "published"}, {"support": "springs"}):
+            assert cell(**other).key == cell(**other, clamp="whole").key
+
     @pytest.mark.parametrize(
         ("part", "touched"),
         [

@@ -153,6 +153,7 @@ def test_impossible_fields_are_refused(amplitude: float, length: float):
     [
         ({"mode": "fall"}, "mode must be one of drop, equilibrium, got 'fall'"),
         ({"support": "glue"}, "support must be one of fixed, springs"),
+        ({"clamp": "glue"}, "clamp must be half or whole, got 'glue'"),
         ({"steps": 0}, "steps must be > 0"),
         ({"step_seconds": -0.05}, "step_seconds must be > 0"),
         ({"gravity": float("nan")}, "gravity must be > 0 and finite, got nan"),

@@ -27,8 +27,8 @@ def _system(law: str, support: str = "fixed", vertices: int = 80) -> DrapeSystem
     radius = np.hypot(*mesh.material.T)
     on = radius < PLATE_RADIUS + 1e-9
     spring = np.where(radius < PLATE_RADIUS - 1e-9, 1e3, 0.0)
-    held = (on, np.zeros(mesh.vertices)) if support == "fixed" else (np.zeros_like(on), spring)
-    return DrapeSystem(mesh, law, 9.8, *held)  # pyright: ignore[reportArgumentType]
+    held = (np.zeros_like(on), spring) if support == "springs" else (on, np.zeros(mesh.vertices))
+    return DrapeSystem(mesh, law, 9.8, *held, half_hinges=support == "half hinges")  # pyright: ignore[reportArgumentType]
 
 
 def _patch(law: str, support: str = "springs") -> DrapeSystem:
@@ -38,9 +38,9 @@ def _patch(law: str, support: str = "springs") -> DrapeSystem:
     corner = np.add.outer(4 * np.arange(4), np.arange(3)).ravel()
     lower, upper = [corner, corner + 4, corner + 5], [corner, corner + 5, corner + 1]
     mesh = Mesh(points, np.concatenate([np.column_stack(lower), np.column_stack(upper)]))
-    left = mesh.material[:, 0] < 0.01
-    held = (left, np.zeros(20)) if support == "fixed" else (np.zeros(20, bool), np.where(left, 1e3, 0.0))
-    return DrapeSystem(mesh, law, 9.8, *held)  # pyright: ignore[reportArgumentType]
+    left = mesh.material[:, 0] < (0.04 if support == "half hinges" else 0.01)
+    held = (np.zeros(20, bool), np.where(left, 1e3, 0.0)) if support == "springs" else (left, np.zeros(20))
+    return DrapeSystem(mesh, law, 9.8, *held, half_hinges=support == "half hinges")  # pyright: ignore[reportArgumentType]
 
 
 def _parameters(system: DrapeSystem, *, elementwise: bool = True, rest: float = 0.02) -> Parameters:
@@ -141,7 +141,7 @@ def test_states_reach_every_regime_of_the_tables():
 
 
 @pytest.mark.parametrize("name", STATES)
-@pytest.mark.parametrize("support", ["fixed", "springs"])
+@pytest.mark.parametrize("support", ["fixed", "half hinges", "springs"])
 def test_paper_energy_forces_and_hessian_equal_autograd(name: str, support: str):
     system = _patch("paper", support)
     p, reference = _parameters(system), Reference(system)
@@ -238,7 +238,7 @@ def test_published_law_has_no_energy():
         Reference(system).energy(flat, flat, _torch(_parameters(system)))
 
 
-@pytest.mark.parametrize("support", ["fixed", "springs"])
+@pytest.mark.parametrize("support", ["fixed", "half hinges", "springs"])
 @pytest.mark.parametrize("law", ["paper", "published"])
 def test_drop_and_its_adjoint_equal_plain_autograd(law: str, support: str):
     system = _system(law, support)
@@ -303,7 +303,7 @@ def test_recomputed_factors_give_the_same_gradient_as_kept_ones():
     assert np.array_equal(kept[1], again[1])
 
 
-@pytest.mark.parametrize("support", ["fixed", "springs"])
+@pytest.mark.parametrize("support", ["fixed", "half hinges", "springs"])
 def test_equilibrium_gradient_equals_central_differences(support: str):
     system = _system("paper", support)
     p, laid = _parameters(system), _laid(system)

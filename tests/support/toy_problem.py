@@ -18,29 +18,29 @@ from cusick_bench.problem.spaces import SPACES
 from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
 from cusick_bench.sim.render.silhouette import render
 
 AREAL_DENSITY = 0.2  # [kg/m2]
 
 
 @lru_cache(maxsize=8)
-def _simulator(vertices: int, mode: str, seed: int) -> DrapeSimulator:
-    settings = DrapeSettings(mode=mode, steps=20, seed=seed)  # pyright: ignore[reportArgumentType]
+def _simulator(vertices: int, mode: str, seed: int, clamp: Clamp | None) -> DrapeSimulator:
+    settings = DrapeSettings(mode=mode, steps=20, seed=seed, clamp=clamp)  # pyright: ignore[reportArgumentType]
     return DrapeSimulator(disc_mesh(vertices), settings)
 
 
 @lru_cache(maxsize=8)
-def _drape(vertices: int, mode: str, bending: float, seed: int) -> np.ndarray:
-    simulator = _simulator(vertices, mode, seed)
+def _drape(vertices: int, mode: str, bending: float, seed: int, clamp: Clamp | None) -> np.ndarray:
+    simulator = _simulator(vertices, mode, seed, clamp)
     space = HomogeneousSpace(simulator.mesh, StiffnessPrior("paper", AREAL_DENSITY))
     with torch.no_grad():
         specimen = space.specimen(torch.as_tensor(space.bending_level(bending)))
         return simulator.drape(specimen.material).vertices.numpy()
 
 
-def _image(vertices: int, mode: str, bending: float, seed: int, protocol: Protocol = RELEASE) -> np.ndarray:
-    drape, faces = _drape(vertices, mode, bending, seed), _simulator(vertices, mode, seed).mesh.faces
+def _image(vertices: int, mode: str, bending: float, seed: int, protocol: Protocol, clamp: Clamp | None) -> np.ndarray:
+    drape, faces = _drape(vertices, mode, bending, seed, clamp), _simulator(vertices, mode, seed, clamp).mesh.faces
     with torch.no_grad():
         return render(torch.as_tensor(drape), faces, camera_of(protocol), size=protocol.image_size_px).numpy()
 
@@ -56,6 +56,7 @@ def toy_problem(
     laid_as_true: bool = False,
     folder: Path | None = None,
     protocol: Protocol = RELEASE,
+    clamp: Clamp | None = None,
 ) -> DrapeProblem:
     """Poses the problem of finding a cloth again that was draped by the simulator itself.
 
@@ -69,9 +70,10 @@ def toy_problem(
         laid_as_true: Lay the cloth down as it was, instead of guessing that from its silhouette.
         folder: Where to keep what a resumed solver needs; nowhere by default.
         protocol: How the drape is seen; sizes of cloth and plate are the release's.
+        clamp: How hinges on the plate's edge bend, as in `DrapeSettings`.
     """
-    image = _image(vertices, mode, bending, sample, protocol)
-    simulator = _simulator(vertices, mode, sample if laid_as_true else 0)
+    image = _image(vertices, mode, bending, sample, protocol, clamp)
+    simulator = _simulator(vertices, mode, sample if laid_as_true else 0, clamp)
     mesh = simulator.mesh
     return DrapeProblem(
         train_image=image,
@@ -82,10 +84,17 @@ def toy_problem(
         meter=Meter(budget or Budget(20)),
         journal=Journal(folder),
         checkpoint=Checkpoint(folder),
-        train_mesh=TrainMesh(_drape(vertices, mode, bending, sample), mesh.faces, mesh.material),
+        train_mesh=TrainMesh(_drape(vertices, mode, bending, sample, clamp), mesh.faces, mesh.material),
     )
 
 
-def toy_image(sample: int, *, bending: float = 3.0, vertices: int = 100, protocol: Protocol = RELEASE) -> np.ndarray:
+def toy_image(
+    sample: int,
+    *,
+    bending: float = 3.0,
+    vertices: int = 100,
+    protocol: Protocol = RELEASE,
+    clamp: Clamp | None = None,
+) -> np.ndarray:
     """Silhouette of another sample of the toy problem's cloth."""
-    return _image(vertices, "drop", bending, sample, protocol)
+    return _image(vertices, "drop", bending, sample, protocol, clamp)

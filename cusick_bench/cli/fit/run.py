@@ -14,6 +14,7 @@ from cusick_bench.cli.options import (
     LARGEST_SEED,
     Budget,
     CameraName,
+    Clamp,
     Data,
     DropMode,
     FabricsCsv,
@@ -78,6 +79,7 @@ def run_command(
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
     law: Law = LawName.paper,
+    clamp: Clamp = None,
     camera: Annotated[
         CameraName | None,
         simulation_option(
@@ -116,7 +118,7 @@ def run_command(
     settings = ProblemSettings(
         space=space or DEFAULT_SPACE,
         vertices=vertices,
-        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps),
+        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp and clamp.value),
         camera="protocol" if camera is None else camera.value,
         renderer=renderer,
         loss=loss,

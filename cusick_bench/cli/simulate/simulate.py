@@ -24,6 +24,7 @@ from cusick_bench.cli.options import (
     MOST_DRAWS,
     CameraName,
     CameraOption,
+    Clamp,
     Json,
     Law,
     LawName,
@@ -223,6 +224,7 @@ def simulate(
     ] = None,
     steps: Steps = 100,
     law: Law = LawName.paper,
+    clamp: Clamp = None,
     camera: CameraOption = CameraName.parallel,
     self_contact: Annotated[
         float,
@@ -266,6 +268,7 @@ def simulate(
     sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
     settings = DrapeSettings(
         law=law.value,
+        clamp=clamp and clamp.value,
         mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,
         laying_amplitude=laying_height,

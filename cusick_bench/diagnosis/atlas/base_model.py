@@ -32,7 +32,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
-from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
 from cusick_bench.sim.setup import Field, Setup, Side
 
 NAMES = ("bending", "anisotropy", "bias", "growth", "shear", "laying", "rest")
@@ -55,6 +55,7 @@ _OTHER_LENGTHS = (-0.5, 0.4)  # ln of correlation lengths over those of the base
 DENSITY = 0.15  # [kg/m2]; only ratios to weight matter
 STRETCH = 300.0  # [N/m] at that density: nearly inextensible
 SETTINGS = DrapeSettings(steps=90)
+"""How its cloths are draped; an atlas says with which clamp (`with_clamp`)."""
 MESHES = 8  # meshes in turn, so that no mesh's own asymmetry is taken for a property of the cloth
 
 
@@ -118,6 +119,19 @@ class BaseModel:
                     )
                 )  # fmt: skip
         return setups
+
+
+def with_clamp(clamp: Clamp, settings: DrapeSettings = SETTINGS) -> DrapeSettings:
+    """Settings of the base model of an atlas.
+
+    Args:
+        clamp: How hinges on the plate's edge bend in its drapes.
+        settings: The others.
+
+    Returns:
+        The settings.
+    """
+    return replace(settings, clamp=clamp)
 
 
 def cloth(theta: Float[ndarray, "7"]) -> Material:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.engine.settings import Clamp
 
 BASE = "base"
 FINE = "fine-mesh"
@@ -37,6 +38,7 @@ class Design:
         one_mesh_points: How many of them have all samples on one mesh.
         samples: Samples of each, draped on both sides.
         vertices: Mesh size.
+        clamp: How hinges on the plate's edge bend (see `DrapeSettings`).
     """
 
     points: int = 320
@@ -47,6 +49,7 @@ class Design:
     one_mesh_points: int = 80
     samples: int = 4
     vertices: int = 480
+    clamp: Clamp = "half"
 
     def theta(self) -> Float[ndarray, "points parameters"]:
         """The fabrics: first `points` of any stiffness in shear, then `stiff_points`."""

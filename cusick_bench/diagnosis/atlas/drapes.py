@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.base_model import BaseModel
+from cusick_bench.diagnosis.atlas.base_model import BaseModel, with_clamp
 from cusick_bench.diagnosis.atlas.design import (
     BASE,
     FINE,
@@ -86,7 +86,7 @@ def make_points(
     """
     kept = simulators or Simulators(most=_MOST_SIMULATORS)
     theta = design.theta()[point]
-    setups = BaseModel(design.vertices).samples(theta, design.samples, (SEED, point))
+    setups = BaseModel(design.vertices, with_clamp(design.clamp)).samples(theta, design.samples, (SEED, point))
     effects = registered()
     positions: list[torch.Tensor | None] = []  # of the base drapes, which imaging effects only see otherwise
     if any(name == BASE or (name in effects and effects[name].kind == "imaging") for name in names):
@@ -154,10 +154,11 @@ def _make_all(folder: Path, design: Design, fabrics: list[tuple[int, list[str]]]
 def _other_model(design: Design, point: int, name: str) -> BaseModel:
     """The model that drapes the same samples otherwise: their fields are functions of the cloth's points."""
     if name == FINE:
-        return BaseModel(FINE_VERTICES, FINE_SETTINGS)
+        return BaseModel(FINE_VERTICES, with_clamp(design.clamp, FINE_SETTINGS))
+    settings = with_clamp(design.clamp)
     if name == LAWS:
-        return BaseModel(design.vertices, other_laws=True)
-    return BaseModel(design.vertices, meshes=1, first_mesh=100 + point)  # a mesh of the fabric's own
+        return BaseModel(design.vertices, settings, other_laws=True)
+    return BaseModel(design.vertices, settings, meshes=1, first_mesh=100 + point)  # a mesh of the fabric's own
 
 
 def _with_effect(

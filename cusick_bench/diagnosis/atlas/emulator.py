@@ -41,6 +41,7 @@ from cusick_bench.diagnosis.measure.statistics import (
     rotated,
 )
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.engine.settings import Clamp
 
 _COUNT = len(NAMES)
 _LEAST_POINTS = 60
@@ -62,6 +63,8 @@ class Emulator:
         discrepancy: Covariance of what the base model gets wrong, in sd, the same on both faces, at the limp and at the
             stiff end of the atlas.
         responses: Response of each effect, by its name.
+        clamp: How hinges on the plate's edge bend in the drapes that it was fitted to (see `DrapeSettings`): what is
+            simulated beside it bends likewise.
     """
 
     base: Fit
@@ -70,6 +73,7 @@ class Emulator:
     correlation: Float[ndarray, "faces_statistics faces_statistics"]
     discrepancy: Float[ndarray, "2 statistics statistics"]
     responses: Mapping[str, Response]
+    clamp: Clamp = "half"
 
     def mean(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
         """Mean of every statistic, the same on both faces.
@@ -248,7 +252,7 @@ def fit(
         progress(place, len(covered))
         responses[name] = response(effect, changes(effect, theta, base, points[name], sd))
     discrepancy = _discrepancy(points, theta, sd)
-    return Emulator(level, spread, log_sd, correlation, discrepancy, responses)
+    return Emulator(level, spread, log_sd, correlation, discrepancy, responses, design.clamp)
 
 
 def _only_even(mean: ndarray) -> ndarray:

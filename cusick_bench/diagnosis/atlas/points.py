@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -11,6 +12,7 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.design import Design
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.files import BadFile, read_json_object, read_npz
+from cusick_bench.sim.engine.settings import Clamp
 
 DESIGN_FILE = "design.json"
 _MOST = 1_000_000
@@ -91,14 +93,18 @@ def read_design(path: Path) -> Design:
         BadFile: It is damaged.
     """
     remedy = "give a folder that `cusick-bench atlas build` has filled"
-    document, names = read_json_object(path, remedy=remedy), [field.name for field in fields(Design)]
+    document = read_json_object(path, remedy=remedy)
+    clamp = document.pop("clamp", "whole")  # not said in designs of before there was a choice
+    if clamp not in get_args(Clamp):
+        raise BadFile(path, f"must say {' or '.join(get_args(Clamp))} under clamp, got {str(clamp)[:60]!r}", remedy)
+    names = [field.name for field in fields(Design) if field.name != "clamp"]
     wrong = [name for name, value in document.items() if name not in names or type(value) is not int]
     wrong += [name for name, value in document.items() if not wrong and not 0 <= value <= _MOST]
     if wrong:
         raise BadFile(
             path, f"must hold whole numbers from 0 to {_MOST} under {', '.join(names)}; {wrong[0]!r} is none", remedy
         )
-    return Design(**document)
+    return Design(**document, clamp=clamp)
 
 
 def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:

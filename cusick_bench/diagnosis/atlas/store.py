@@ -7,7 +7,7 @@ save(path, fit(*read_points(folder)), Calibration())
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy import ndarray
@@ -20,6 +20,7 @@ from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
+from cusick_bench.sim.engine.settings import Clamp
 
 _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
@@ -66,6 +67,7 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
         "spreads": [name for name, _ in SPREADS],
         "responses": {name: response.later for name, response in emulator.responses.items()},
         "calibration": asdict(calibration),
+        "clamp": emulator.clamp,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".tmp")
@@ -105,10 +107,12 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
             for name, later in about["responses"].items()
         }
         calibration = Calibration(**about["calibration"])
+        clamp = about.get("clamp", "whole")  # not said in atlases of before there was a choice
+        if clamp not in get_args(Clamp):
+            raise ValueError(f"clamp must be {' or '.join(get_args(Clamp))}, got {str(clamp)[:60]!r}")
         _check_shapes(path, arrays)
-        emulator = Emulator(
-            fit("base"), fit("base_spread"), fit("log_sd"), arrays["correlation"], arrays["discrepancy"], responses
-        )
+        fits = (fit(name) for name in ("base", "base_spread", "log_sd"))
+        emulator = Emulator(*fits, arrays["correlation"], arrays["discrepancy"], responses, clamp)
         return emulator, calibration
     except BadFile as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error.what}); {remedy}") from error

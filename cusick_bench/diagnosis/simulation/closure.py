@@ -22,6 +22,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
+from cusick_bench.diagnosis.atlas.base_model import BaseModel, with_clamp
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.evidence import Candidate, candidates, grid_at
@@ -164,6 +165,7 @@ class _Model:
         seed: tuple[int, ...],
     ) -> None:  # fmt: skip
         self.emulator, self.draping, self.seed = emulator, draping, seed
+        self.base_model = BaseModel(settings=with_clamp(emulator.clamp))
         self.specimens, self.features = samples.specimens[chosen], samples.features(chosen)
         self.scatter, self.drift = scatter_of(self.specimens), samples.later
         self.start, self.sd = residual.theta, residual.sd
@@ -187,8 +189,9 @@ class _Model:
     def drape(self, theta: ndarray, causes: Sequence[Candidate]) -> Simulated:
         """Simulated samples."""
         return simulate(
-            theta, causes, self.draping.samples, self.seed, drift=self.drift, simulators=self.draping.simulators
-        )
+            theta, causes, self.draping.samples, self.seed,
+            drift=self.drift, model=self.base_model, simulators=self.draping.simulators,
+        )  # fmt: skip
 
     def distance(self, drapes: Simulated) -> float:
         """G between simulated samples and those that the model is fitted to."""

@@ -100,7 +100,8 @@ def cell_of(record: dict[str, Any]) -> Cell:
     """
     try:
         settings = dict(record["settings"])
-        parts = {"drape": DrapeSettings(**settings.pop("drape")), "budget": Budget(**settings.pop("budget"))}
+        drape = {"clamp": "whole"} | settings.pop("drape")  # records tell of a mended clamp only
+        parts = {"drape": DrapeSettings(**drape), "budget": Budget(**settings.pop("budget"))}
         names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol")
         return Cell(
             **{name: record[name] for name in names},

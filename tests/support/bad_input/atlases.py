@@ -79,6 +79,8 @@ _CHANGED: dict[str, Callable[[Arrays], Arrays]] = {
     "about it: calibration as text": _about(lambda about: about | {"calibration": {"inflation": "much"}}),
     "about it: no inflation": _about(lambda about: about | {"calibration": {"inflation": 0.0}}),
     "about it: negative tempering": _about(lambda about: about | {"calibration": {"tempering": -1.0}}),
+    "about it: unknown clamp": _about(lambda about: about | {"clamp": "glue"}),
+    "about it: clamp a list": _about(lambda about: about | {"clamp": ["half"]}),
     "about it: unknown calibration": _about(lambda about: about | {"calibration": {"colour": 1}}),
 }
 
@@ -102,6 +104,7 @@ _DESIGNS: dict[str, tuple[str, str]] = {
     "empty": ("", "cannot be read as JSON"),
     "a list": ("[]", "must hold one JSON object"),
     "unknown key": ('{"points": 60, "colour": 1}', "'colour' is none"),
+    "unknown clamp": ('{"points": 60, "clamp": "glue"}', "must say half or whole under clamp, got 'glue'"),
     "points as text": ('{"points": "many"}', "'points' is none"),
     "points true": ('{"points": true}', "'points' is none"),
     "half a point": ('{"points": 60.5}', "'points' is none"),

@@ -69,6 +69,8 @@ _SIMULATE: dict[str, tuple[str, str]] = {
     "balance of a law without energy": (CLOTH + " --mode equilibrium --law published", "no equilibrium mode"),
     "unknown mode": (CLOTH + " --mode fall", "--mode.*'fall' is not one of"),
     "unknown law": (CLOTH + " --law hooke", "--law.*'hooke' is not one of"),
+    "unknown clamp": (CLOTH + " --clamp glue", "--clamp.*'glue' is not one of"),
+    "mended clamp of the published law": (CLOTH + " --law published --clamp half", "clamp 'half' is for law 'paper'"),
     "unknown camera": (CLOTH + " --camera fisheye", "--camera.*'fisheye' is not one of"),
     "unknown device": (CLOTH + " --device tpu", "device"),
     "device that is not there": (CLOTH + " --device cuda:99", "cuda"),
