@@ -17,6 +17,7 @@ from cusick_bench.benchmark.convergence.mesh_dependence import (
     statistic_changes,
 )
 from cusick_bench.benchmark.convergence.order import extrapolated_limit, mesh_spacing, observed_order
+from cusick_bench.benchmark.convergence.plate_cloth import plate_cloth
 from cusick_bench.benchmark.convergence.reference import compare_with_reference, raised, reference_orders
 from cusick_bench.benchmark.convergence.time_step import FOLD_STATISTICS, drapes_of_time_step, time_step
 from cusick_bench.cli import app
@@ -144,6 +145,13 @@ class TestReference:
         assert shape[rim, 2] == pytest.approx(6e-3 * np.cos(6 * angle))
         assert (raised(mesh, 0) == mesh.flat).all()
 
+    def test_the_cloth_is_that_of_the_reference(self):
+        cloth = plate_cloth(-5.0, 0.0, "paper")
+        tables = 150 * np.array([1, 0, 1, 1])  # the law doubles them: 300 N/m, and half of that against shear
+        assert (cloth.stretch.numpy() == tables).all()
+        assert cloth.bending.numpy() == pytest.approx(np.exp(-5) * 0.2 * 9.8 * 0.15**3)
+        assert float(cloth.density) == 0.2
+
     def test_a_law_without_rests_is_refused(self):
         with pytest.raises(SimulationError, match="published"):
             compare_with_reference([STIFF], [97], "published")
@@ -196,6 +204,16 @@ class TestTimeStep:
         assert (change.step_seconds, change.halved_seconds, change.draws) == (0.05, 0.025, 3)
         assert [one.name for one in change.statistics] == [name for name in NAMES if name in FOLD_STATISTICS]
         assert any(one.change != 0 for one in change.statistics)
+
+    def test_a_change_is_that_of_twice_as_many_half_steps(self):
+        (change,) = time_step(97, 2, CLOTH, DrapeSettings(), steps=[20], halvings=1).halvings
+        whole, halved = (
+            draw_statistics(97, 2, CLOTH, DrapeSettings(steps=steps, step_seconds=seconds))
+            for steps, seconds in ((20, 0.05), (40, 0.025))
+        )
+        place = NAMES.index("area_dc")
+        assert change.statistics[0].name == "area_dc"
+        assert change.statistics[0].change == pytest.approx((halved - whole)[:, place].mean())
 
     def test_progress_counts_every_drape(self, timed):
         assert timed[1] == drapes_of_time_step(3, [25, 400], 1) == 3 * 6
