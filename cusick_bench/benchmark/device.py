@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from cusick_bench.benchmark.timing import Timing
-from cusick_bench.benchmark.workload import STEPS, cloth
+from cusick_bench.benchmark.workload import LOCKSTEP, STEPS, cloth
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
@@ -259,7 +259,7 @@ def drapes_per_second(cases: dict[str, Any], suffix: str = "") -> float:
     rates = []
     for name, timing in cases.items():
         case = name.removesuffix(suffix) if name.endswith(suffix) else ""
-        members = "1" if case == "drop" else case.removeprefix("batch of ")
+        members = "1" if case == "drop" else case.removeprefix("batch of ").removesuffix(LOCKSTEP)
         if members.isdecimal():
             rates.append(int(members) / timing["median_s"])
     return max(rates)

@@ -1,7 +1,7 @@
 """What the benchmark drapes: one cotton-like cloth on a mesh of a given size, and the cases timed on it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,9 @@ STEPS = 100
 FLOOR_SHARE = 10  # a floor is timed over so many times fewer steps
 CHANGE = 0.1  # standard deviation of log parameters between a warm start and its drape
 
+LOCKSTEP = ", lockstep"
+"""Ends the names of batches that run in lockstep."""
+
 CASES = (
     "drop",
     "drop+gradient",
@@ -31,6 +34,11 @@ CASES = (
     "silhouette+gradient",
 )
 """What is timed on every mesh, beside floors and batches."""
+
+
+def floor_backends() -> list[str]:
+    """Linear solvers of single matrices; `lockstep` leaves these to `multifrontal`."""
+    return [name for name in available_backends() if name != "lockstep"]
 
 
 def cloth(mesh: Mesh, *, spread: float = 0.0, seed: int = 0, track: bool = False) -> Material:
@@ -144,13 +152,20 @@ class Workload:
         drape.vertices.sum().backward()
         return drape
 
-    def batch(self, members: int) -> None:
+    @cached_property
+    def in_lockstep(self) -> DrapeSimulator:
+        """Simulator in mode `drop` whose batches run in lockstep."""
+        return DrapeSimulator(self.mesh, replace(self.dropping.settings, backend="lockstep"))
+
+    def batch(self, members: int, *, lockstep: bool = False) -> None:
         """Forward drops of several cloths at once.
 
         Args:
             members: Cloths at once.
+            lockstep: Whether their matrices are factorised in lockstep.
         """
-        self.dropping.drape_batch([self.plain] * members, initial=self._laid(members))
+        simulator = self.in_lockstep if lockstep else self.dropping
+        simulator.drape_batch([self.plain] * members, initial=self._laid(members))
 
     def _laid(self, members: int) -> Tensor:
         return torch.stack([torch.from_numpy(self.dropping.laid_down(seed)) for seed in range(members)])
@@ -190,7 +205,7 @@ class Workload:
             What to time, by name.
         """
         seeds = iter(range(1_000_000))
-        found: dict[str, Callable[[], object]] = {f"floor:{name}": self.floor(name) for name in available_backends()}
+        found: dict[str, Callable[[], object]] = {f"floor:{name}": self.floor(name) for name in floor_backends()}
         found |= zip(
             CASES,
             (
@@ -204,6 +219,7 @@ class Workload:
         )
         for members in batches:
             found[f"batch of {members}"] = lambda members=members: self.batch(members)
+            found[f"batch of {members}{LOCKSTEP}"] = lambda members=members: self.batch(members, lockstep=True)
         return found
 
     def phases(self) -> dict[str, Callable[[], object]]:

@@ -32,19 +32,23 @@ def test_the_quick_plan_takes_minutes_and_the_full_one_longer():
 def test_every_part_is_kept_once_it_is_measured(monkeypatch):
     cases = {key: {"median_s": 0.02} for key in ("equilibrium, warm, +gradient", "silhouette+gradient", "drop")}
     ratios = {key: {"median": 1.3} for key in ("drop / floor", "drop+gradient / floor")}
-    mesh = {"vertices": 97, "ratios": ratios, "cases": cases}
+    ratios |= {f"batch of 16{kind} / 16 drops": {"median": 0.7} for kind in ("", ", lockstep")}
+    mesh = {"vertices": 1205, "ratios": ratios, "cases": cases}
     monkeypatch.setattr(suite, "measure_mesh", lambda vertices, plan, done: mesh)
     monkeypatch.setattr(suite, "gradient_errors", lambda vertices: [])
     monkeypatch.setattr(suite, "start_up", lambda: 1.0)
     compared = {"times_faster": {"median": 2.0}, "times_leaner": 3.0}
     monkeypatch.setattr(suite.Comparison, "measure", lambda self, rounds: compared)
     kept = []
-    document = benchmark(Plan(vertices=(97,)), keep=lambda document: kept.append(list(document["missing"])))
+    document = benchmark(Plan(vertices=(1205,)), keep=lambda document: kept.append(list(document["missing"])))
     assert kept == [list(PARTS), *(list(PARTS[part:]) for part in range(1, len(PARTS) + 1)), []]
     assert document["ratios"]["plain autograd / engine, time"] == 2.0
     met = {row["target"]: row["met"] for row in document["targets"]}
     assert met["drop / floor"]
     assert not met["times faster than plain autograd"]
+    assert {name: value for name, value in met.items() if "batch" in name} == {
+        "batch of 16, lockstep / 16 drops, 1205 vertices": False
+    }
 
 
 def test_an_interrupted_benchmark_says_where_its_parts_lie(stopped_at_the_second_mesh, tmp_path):
