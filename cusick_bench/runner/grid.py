@@ -69,9 +69,9 @@ class ProblemSettings:
         Causes and the clamp are in it only where there are causes, and where the clamp is mended: cells without are
         named as they were before there was a choice.
         """
-        record = asdict(self) | {"causes": list(self.causes)}
+        drape = {name: value for name, value in asdict(self.drape).items() if name != "clamp"}
         clamp = {"clamp": "half"} if self.drape.half_hinges else {}
-        record["drape"] = {name: value for name, value in record["drape"].items() if name != "clamp"} | clamp
+        record: dict[str, Any] = asdict(self) | {"drape": drape | clamp, "causes": list(self.causes)}
         return record if self.causes else {name: value for name, value in record.items() if name != "causes"}
 
 

@@ -103,6 +103,10 @@ class TestLinearPlate:
         assert found.order.order == pytest.approx(slope, abs=0.1)
         assert found.poisson == pytest.approx(-1 / 3)
 
+    def test_a_whole_clamp_lets_it_hang_lower(self):
+        half, whole = (linear_plate([97], "paper", clamp=clamp).rows[0].ratio for clamp in ("half", "whole"))
+        assert whole > 1.3 * half
+
 
 class TestReference:
     def test_there_is_an_entry_for_every_row_and_size(self, compared):
@@ -227,6 +231,7 @@ class TestCommand:
         done = CliRunner().invoke(app, command.split())
         assert done.exit_code == 0, done.stderr
         document = json.loads(done.stdout)
+        assert document["clamp"] == "half"
         assert [row["vertices"] for row in document["reference"]] == [97, 120]
         first = document["reference"][0]
         assert (first["folds"], first["ln_bending"], first["poisson"]) == (0, -2, 0)
@@ -237,7 +242,7 @@ class TestCommand:
     def test_the_table_says_errors_and_the_fixed_poisson_ratio(self, tmp_path):
         table = tmp_path / "drapes.csv"
         table.write_text(HEADER + "0,-2,0,0.99699,149.857,149.857,-4.0192,1e-4\n")
-        command = f"convergence --reference {table} --vertices 97 --meshes 2 --jitter 0.2"
+        command = f"convergence --reference {table} --vertices 97 --meshes 2 --jitter 0.2 --clamp whole"
         done = CliRunner().invoke(app, command.split(), env={"COLUMNS": "300"})
         assert done.exit_code == 0, done.stderr
         for words in ("error points", "rim min error mm", "deflection ratio", "sd points", "ratio of -0.333"):

@@ -24,7 +24,7 @@ from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
 from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.errors import DrapeDiverged
 
@@ -102,6 +102,7 @@ def linear_plate(
     sizes: Sequence[int],
     law: Law,
     *,
+    clamp: Clamp | None = None,
     meshes: int = 1,
     jitter: float = 0.0,
     seed: int = 0,
@@ -112,6 +113,7 @@ def linear_plate(
     Args:
         sizes: Numbers of vertices.
         law: Material law with an energy.
+        clamp: How hinges on the plate's edge bend (see `DrapeSettings`).
         meshes: Meshes of each size.
         jitter: Share of the spacing by which interior vertices are moved.
         seed: Seed of the first mesh.
@@ -123,7 +125,7 @@ def linear_plate(
     Raises:
         SimulationError: The law has no rests, or a size or jitter is out of range.
     """
-    settings = DrapeSettings(law=law, mode="equilibrium")
+    settings = DrapeSettings(law=law, clamp=clamp, mode="equilibrium")
     poisson = poisson_of(law, 0.0)
     exact = exact_rim_deflection(poisson)
     rows, failures = [], []

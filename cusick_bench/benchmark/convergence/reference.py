@@ -22,7 +22,7 @@ from cusick_bench.sim.cloth.rim import rim_curve
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.branch import rim_folds
-from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
 from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.errors import DrapeDiverged
 
@@ -96,6 +96,7 @@ def compare_with_reference(
     sizes: Sequence[int],
     law: Law,
     *,
+    clamp: Clamp | None = None,
     meshes: int = 1,
     jitter: float = 0.0,
     seed: int = 0,
@@ -107,6 +108,7 @@ def compare_with_reference(
         drapes: The reference.
         sizes: Numbers of vertices.
         law: Material law with an energy.
+        clamp: How hinges on the plate's edge bend (see `DrapeSettings`).
         meshes: Meshes of each size.
         jitter: Share of the spacing by which interior vertices are moved.
         seed: Seed of the first mesh.
@@ -118,7 +120,7 @@ def compare_with_reference(
     Raises:
         SimulationError: The law has no rests, or a size or jitter is out of range.
     """
-    settings = DrapeSettings(law=law, mode="equilibrium", gravity=GRAVITY)
+    settings = DrapeSettings(law=law, clamp=clamp, mode="equilibrium", gravity=GRAVITY)
     found = []
     for size in sizes:
         seeds = range(seed, seed + meshes)

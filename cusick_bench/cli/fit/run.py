@@ -118,7 +118,7 @@ def run_command(
     settings = ProblemSettings(
         space=space or DEFAULT_SPACE,
         vertices=vertices,
-        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp and clamp.value),
+        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=None if clamp is None else clamp.value),
         camera="protocol" if camera is None else camera.value,
         renderer=renderer,
         loss=loss,

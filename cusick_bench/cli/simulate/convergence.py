@@ -14,6 +14,7 @@ from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     DENSITY,
     MOST_DRAWS,
+    Clamp,
     Json,
     Law,
     LawName,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.reference import PlateComparison, PlateOrder
     from cusick_bench.benchmark.convergence.time_step import TimeStep
     from cusick_bench.report.figures.convergence import Panel
+    from cusick_bench.sim.engine.settings import Clamp as ClampOfDrape
     from cusick_bench.sim.engine.system import Law as LawOfDrape
 
 app = typer.Typer()
@@ -51,13 +53,15 @@ class _Common:
     """What both studies share."""
 
     law: LawOfDrape
+    clamp: ClampOfDrape
     meshes: int
     jitter: float
     seed: int
 
     def document(self) -> dict[str, Any]:
         """What the JSON document says of it."""
-        return {"law": self.law, "meshes_per_size": self.meshes, "jitter": self.jitter, "seed": self.seed}
+        shared = {"law": self.law, "clamp": self.clamp}
+        return {**shared, "meshes_per_size": self.meshes, "jitter": self.jitter, "seed": self.seed}
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,7 @@ def convergence(
         simulation_option(help="Table of reference drapes of an ideal plate: simulate its rows, and compare."),
     ] = None,
     law: Law = LawName.paper,
+    clamp: Clamp = None,
     density: Annotated[float, DENSITY] = 0.192,
     bending: Annotated[float, cloth_option(help="Bending stiffness [N m].")] = 1.4e-5,
     draws: Annotated[
@@ -115,10 +120,12 @@ def convergence(
     """
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    DrapeSettings(law=law.value, mode="equilibrium")  # refuses laws that have no rests
+    resting = DrapeSettings(
+        law=law.value, clamp=None if clamp is None else clamp.value, mode="equilibrium"
+    )  # or refuses the law
     if picture is not None:
         _make_room(picture)
-    common = _Common(law.value, meshes, jitter, seed)
+    common = _Common(law.value, "half" if resting.half_hinges else "whole", meshes, jitter, seed)
     if reference is not None:
         sizes = sorted(set(vertices or _REFERENCE_SIZES))
         document, panels = _compare(reference, sizes, common, show=not as_json)
@@ -159,8 +166,8 @@ def _compare(
         for size in sizes:
             bar.say(f"{size} vertices")
             found += compare_with_reference(
-                drapes, [size], common.law, meshes=common.meshes, jitter=common.jitter, seed=common.seed,
-                done=_weighed(bar, size),
+                drapes, [size], common.law, clamp=common.clamp, meshes=common.meshes, jitter=common.jitter,
+                seed=common.seed, done=_weighed(bar, size),
             )  # fmt: skip
     orders = reference_orders(found)
     if show:
@@ -196,7 +203,7 @@ def _depend(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, An
 
     sizes, draws = study.sizes, study.draws
     material = uniform_material(density=study.cloth["density"], bending=study.cloth["bending"])
-    settings = DrapeSettings(law=common.law)
+    settings = DrapeSettings(law=common.law, clamp=common.clamp)
     spread = common.meshes if common.meshes > 1 else 0
     time_size = min(sizes, key=lambda size: abs(np.log(size / _TIME_SIZE)))
     timed = drapes_of_time_step(draws, study.steps, study.halvings)
@@ -213,8 +220,9 @@ def _depend(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, An
             rows.append(row)
         bar.say("linear plate")
         plate = linear_plate(
-            sizes, common.law, meshes=common.meshes, done=_weighed(bar, sum(sizes) / len(sizes)), **moved
-        )
+            sizes, common.law, clamp=common.clamp, meshes=common.meshes,
+            done=_weighed(bar, sum(sizes) / len(sizes)), **moved,
+        )  # fmt: skip
         bar.say("time step")
         time = time_step(
             time_size, draws, material, settings, steps=study.steps, halvings=study.halvings,

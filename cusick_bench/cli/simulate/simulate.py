@@ -268,7 +268,7 @@ def simulate(
     sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
     settings = DrapeSettings(
         law=law.value,
-        clamp=clamp and clamp.value,
+        clamp=None if clamp is None else clamp.value,
         mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,
         laying_amplitude=laying_height,

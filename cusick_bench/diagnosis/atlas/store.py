@@ -111,8 +111,9 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
         if clamp not in get_args(Clamp):
             raise ValueError(f"clamp must be {' or '.join(get_args(Clamp))}, got {str(clamp)[:60]!r}")
         _check_shapes(path, arrays)
-        fits = (fit(name) for name in ("base", "base_spread", "log_sd"))
-        emulator = Emulator(*fits, arrays["correlation"], arrays["discrepancy"], responses, clamp)
+        base, base_spread, log_sd = (fit(name) for name in ("base", "base_spread", "log_sd"))
+        correlation, discrepancy = arrays["correlation"], arrays["discrepancy"]
+        emulator = Emulator(base, base_spread, log_sd, correlation, discrepancy, responses, clamp)
         return emulator, calibration
     except BadFile as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error.what}); {remedy}") from error
