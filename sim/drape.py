@@ -24,9 +24,12 @@ from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
 from cusick_bench.sim.engine.branch import Branch, follow
+from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.drop import FACTOR_MEMORY
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.shell_system import ShellSystem
+from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.outcome import Outcome
@@ -122,7 +125,8 @@ class DrapeSimulator:
     factor_memory: int = FACTOR_MEMORY
     device: str = COMPILED
     device_memory: int | None = None
-    system: DrapeSystem = field(init=False, repr=False)
+    system: ClothSystem = field(init=False, repr=False)
+    unknowns: VertexUnknowns | ShellUnknowns = field(init=False, repr=False)
     engine: TorchEngine | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -133,10 +137,17 @@ class DrapeSimulator:
             fixed, spring = np.zeros(self.mesh.vertices, bool), np.where(radius < s.plate_radius, PLATE_SPRING, 0.0)
         if not (radius <= s.plate_radius + _EDGE).any():
             raise SimulationError(f"no vertex lies on the plate of radius {s.plate_radius} m: nothing holds the cloth")
-        system = DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend, s.half_hinges)
-        object.__setattr__(self, "system", system)
         elsewhere = torch_device(self.device) is not None
-        engine = TorchEngine(self.system, s, self.device, self.device_memory) if elsewhere else None
+        if s.law == "plate":
+            if elsewhere:
+                raise SimulationError(f"law 'plate' is simulated on the CPU, got device {self.device!r}; use 'cpu'")
+            system = ShellSystem(self.mesh, s.gravity, fixed, s.plate_radius, s.backend)
+            object.__setattr__(self, "unknowns", ShellUnknowns(system))
+        else:
+            system = DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend, s.half_hinges)
+            object.__setattr__(self, "unknowns", VertexUnknowns())
+        object.__setattr__(self, "system", system)
+        engine = TorchEngine(system, s, self.device, self.device_memory) if elsewhere else None
         object.__setattr__(self, "engine", engine)
 
     def laid_down(self, seed: int | None = None) -> Float[ndarray, "vertices 3"]:
@@ -250,11 +261,14 @@ class DrapeSimulator:
         stretch = _stacked([m.stretch for m in materials], 6, 4)
         bending = _stacked([m.bending for m in materials], 3, 5)
         mass = torch.stack([m.vertex_mass(self.mesh) for m in materials])
+        poisson = torch.stack([m.poisson for m in materials])
         if self.engine is not None:
             vertices, outcome = self.engine.drape(BatchParameters(stretch, bending, mass, angle), laid)
         else:
-            outcome = Outcome(self.system, self.settings, self.factor_memory, None if warm is None else _array(warm))
-            vertices = _DrapeFunction.apply(stretch, bending, mass, angle, laid, outcome)
+            outcome = Outcome(
+                self.system, self.unknowns, self.settings, self.factor_memory, None if warm is None else _array(warm)
+            )
+            vertices = _DrapeFunction.apply(stretch, bending, mass, angle, poisson, laid, outcome)
         return DrapeBatch(
             vertices, outcome.failures, outcome.residual <= outcome.at_rest, outcome.residual, outcome.iterations,
             time.perf_counter() - clock,
@@ -297,10 +311,11 @@ class _DrapeFunction(torch.autograd.Function):
         bending: Tensor,
         mass: Tensor,
         rest_angle: Tensor,
+        poisson: Tensor,
         initial: Tensor,
         outcome: Outcome,
     ) -> Tensor:
-        parameters = Parameters(_array(stretch), _array(bending), _array(mass), _array(rest_angle))
+        parameters = Parameters(_array(stretch), _array(bending), _array(mass), _array(rest_angle), _array(poisson))
         positions, ctx.back = outcome.run(parameters, _array(initial), any(ctx.needs_input_grad))
         ctx.tables = (stretch.shape[1], bending.shape[1])
         return torch.from_numpy(positions).to(initial.device)
@@ -312,5 +327,5 @@ class _DrapeFunction(torch.autograd.Function):
             table if tables > 1 else table.sum(1, keepdims=True)
             for table, tables in zip((gradient.stretch, gradient.bending), ctx.tables, strict=True)
         )
-        arrays = (stretch, bending, gradient.mass, gradient.rest_angle, g_initial)
+        arrays = (stretch, bending, gradient.mass, gradient.rest_angle, gradient.poisson, g_initial)
         return (*(torch.from_numpy(array).to(grad_outputs[0].device) for array in arrays), None)

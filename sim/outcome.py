@@ -13,12 +13,13 @@ from numpy import ndarray
 from cusick_bench.sim.contact.barrier import SelfContact
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
+from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.descent import FALLING
 from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint, evaluated
 from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
 
 DROP_AT_REST = 0.05
@@ -51,13 +52,15 @@ class Outcome:
 
     Attributes:
         system: Mesh, law and support.
+        unknowns: What the system computes with, from and to vertices, faces and hinges.
         settings: How the cloths are draped.
         factor_memory: Most memory for kept factors [bytes].
         warm: Where an equilibrium starts [m], or None.
         failures, residual, iterations: As in `DrapeBatch`.
     """
 
-    system: DrapeSystem
+    system: ClothSystem
+    unknowns: VertexUnknowns | ShellUnknowns
     settings: DrapeSettings
     factor_memory: int
     warm: Float[ndarray, "members vertices 3"] | None
@@ -85,7 +88,13 @@ class Outcome:
         members = len(laid)
         self.failures = [None] * members
         self.residual, self.iterations = np.full(members, np.nan), np.zeros(members, np.int64)
-        return self._drop(p, laid, differentiate) if self._drops else self._rest(p, laid)
+        own, start = self.unknowns.parameters(p), self.unknowns.configuration(laid)
+        x, own_back = self._drop(own, start, differentiate) if self._drops else self._rest(own, start)
+
+        def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
+            return self.unknowns.gradient(*own_back(self.unknowns.by_configuration(g_x)))
+
+        return self.unknowns.positions(x), back
 
     @property
     def _drops(self) -> bool:
@@ -150,7 +159,7 @@ class Outcome:
         mu = FALLING if self.warm is None else 0.0
         search = _TouchingSearch(system, s) if touching else _FreeSearch(system, s, mu, self.warm is None)
         if self.warm is not None:
-            starts: ndarray | None = self.warm.copy()
+            starts: ndarray | None = self.unknowns.configuration(self.warm).copy()
             starts[:, system.fixed] = laid[:, system.fixed]
         else:
             starts = None if touching else self._fallen(p, laid)
@@ -194,7 +203,7 @@ class Outcome:
 class _FreeSearch:
     """Rests of cloths that may pass through themselves."""
 
-    system: DrapeSystem
+    system: ClothSystem
     settings: DrapeSettings
     mu: float
     again: bool
@@ -222,7 +231,7 @@ class _FreeSearch:
 class _TouchingSearch:
     """Rests of cloths that keep off themselves; they also fall so, for a rest that is free of crossings."""
 
-    system: DrapeSystem
+    system: ClothSystem
     settings: DrapeSettings
 
     @cached_property
@@ -252,7 +261,7 @@ Adjoint = Callable[[ndarray], tuple[ParameterGradient, ndarray]]
 class _Dropped:
     """Cloths of a batch that dropped well together, and the way back."""
 
-    system: DrapeSystem
+    system: ClothSystem
     parameters: Parameters
     rollout: Rollout
     alive: Int[ndarray, "alive"]

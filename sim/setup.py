@@ -115,7 +115,7 @@ class Setup:
             bending = bending * _factor(self.log_bending, hinge_centres(mesh))[:, None, None]
         if self.log_mass:
             density = density * _factor(self.log_mass, face_centres(mesh))
-        return Material(stretch, bending, density)
+        return Material(stretch, bending, density, material.poisson)
 
     def rest_angle(self) -> Float[Tensor, "hinges"]:
         """Stress-free dihedral angles in the simulated frame [rad]: of the mirror image where the face lies down."""
@@ -273,6 +273,7 @@ def _expanded(cloths: list[Material], mesh: Mesh) -> list[Material]:
             c.stretch.expand(faces, 6, 4) if per_face and c.stretch.ndim == 2 else c.stretch,
             c.bending.expand(hinges, 3, 5) if per_hinge and c.bending.ndim == 2 else c.bending,
             c.density,
+            c.poisson,
         )
         for c in cloths
     ]

@@ -6,7 +6,7 @@ c11, c12, c22, c33. B is a table (3, 5): rows are hinge directions 0, 45, 90 deg
 bends as if it had a quarter of the tabulated stiffness (`published_bending_factor`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -34,6 +34,7 @@ class Material:
         stretch: C, shared (6, 4) or per face [N/m].
         bending: B, shared (3, 5) or per hinge [N m].
         density: Areal density, shared () or per face [kg/m2].
+        poisson: Poisson's ratio of bending, () in (-1, 1), which law `plate` has: D12 = poisson sqrt(D11 D22).
 
     Raises:
         SimulationError: Wrong shape, a value that is not finite, or a density that is not positive.
@@ -42,6 +43,7 @@ class Material:
     stretch: Float[Tensor, "*faces 6 4"]
     bending: Float[Tensor, "*hinges 3 5"]
     density: Float[Tensor, "*faces"]
+    poisson: Float[Tensor, ""] = field(default_factory=lambda: torch.zeros((), dtype=torch.float64))
 
     def __post_init__(self) -> None:
         for name, shape, unit in (("stretch", (6, 4), "N/m"), ("bending", (3, 5), "N m"), ("density", (), "kg/m2")):
@@ -54,6 +56,9 @@ class Material:
             if not torch.isfinite(value).all():
                 where = tuple(int(i) for i in torch.nonzero(~torch.isfinite(value))[0])
                 raise SimulationError(f"{name} must be finite [{unit}], got {float(value[where])} at index {where}")
+        object.__setattr__(self, "poisson", torch.as_tensor(self.poisson, dtype=torch.float64))
+        if self.poisson.ndim or not abs(float(self.poisson)) < 1:
+            raise SimulationError(f"Poisson's ratio must be one number within -1 and 1, got {self.poisson.tolist()}")
         if (self.density <= 0).any():
             raise SimulationError(
                 f"areal density must be > 0 kg/m2, got {float(self.density.min()):g}; weigh it, or see fabrics.csv"
@@ -95,8 +100,9 @@ class Material:
 
 
 def uniform_material(
-    *, density: float, bending: float | tuple[float, float, float], stretch: float = 300.0, shear: float = 60.0
-) -> Material:
+    *, density: float, bending: float | tuple[float, float, float], stretch: float = 300.0, shear: float = 60.0,
+    poisson: float = 0.0,
+) -> Material:  # fmt: skip
     """A cloth whose stiffness depends neither on strain nor on curvature.
 
     Args:
@@ -104,6 +110,7 @@ def uniform_material(
         bending: Table value of B, one for all directions or (0, 45, 90 degrees) [N m].
         stretch: Membrane stiffness along warp and weft, in force per width at unit strain [N/m]; Poisson's ratio 0.
         shear: Shear stiffness, in force per width at unit shear angle [N/m].
+        poisson: Poisson's ratio of bending, which law `plate` has.
 
     Returns:
         The cloth, homogeneous.
@@ -118,7 +125,9 @@ def uniform_material(
     # The law doubles the table; shear energy k3 G01^2 = (k3 / 4) angle^2, so k3 is twice the shear stiffness.
     table = torch.tensor([stretch / 2, 0.0, stretch / 2, shear], dtype=torch.float64).repeat(STRETCH_SAMPLES, 1)
     tables = torch.from_numpy(np.repeat(rows[:, None], 5, axis=1))
-    return Material(table, tables, torch.tensor(density, dtype=torch.float64))
+    return Material(
+        table, tables, torch.tensor(density, dtype=torch.float64), torch.tensor(poisson, dtype=torch.float64)
+    )
 
 
 def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
@@ -154,4 +163,6 @@ def project_admissible(material: Material, *, margin: float = 1e-3) -> Material:
         raise SimulationError(f"cannot project the stretch tables: the convex programme ended {problem.status}")
     stretch = torch.from_numpy(found.value * scale).reshape(material.stretch.shape)
     floor = margin * float(material.bending.detach().abs().mean())
-    return Material(stretch.to(material.stretch.device), material.bending.clamp_min(floor), material.density)
+    return Material(
+        stretch.to(material.stretch.device), material.bending.clamp_min(floor), material.density, material.poisson
+    )

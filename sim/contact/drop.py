@@ -20,8 +20,8 @@ from numpy import ndarray
 
 from cusick_bench.sim.contact.barrier import ContactForces, SelfContact
 from cusick_bench.sim.contact.matrix import ContactMatrix
+from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import NotPositiveDefinite
 
@@ -30,7 +30,7 @@ _HALVINGS = 12  # most halvings of a Newton step
 
 
 def contact_drop(
-    system: DrapeSystem,
+    system: ClothSystem,
     parameters: Parameters,
     laid: Float[ndarray, "vertices 3"],
     contact: SelfContact,
@@ -69,7 +69,7 @@ def contact_drop(
     return x
 
 
-def check_contact(system: DrapeSystem, contact: SelfContact) -> None:
+def check_contact(system: ClothSystem, contact: SelfContact) -> None:
     """Checks that a contact acts on a system.
 
     Args:

@@ -27,10 +27,10 @@ from cusick_bench.sim.contact.barrier import ContactForces, SelfContact, smalles
 from cusick_bench.sim.contact.drop import check_contact
 from cusick_bench.sim.contact.intersections import checked_positions
 from cusick_bench.sim.contact.matrix import ContactMatrix
+from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
 from cusick_bench.sim.engine.equilibrium import equilibrium_adjoint
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 AT_REST = 0.05  # net force below which the cloth no longer falls, as a fraction of its weight
@@ -78,7 +78,7 @@ class _State:
 class _TouchingEnergy:
     """Energy of a cloth and of its contacts with itself."""
 
-    system: DrapeSystem
+    system: ClothSystem
     parameters: Parameters
     anchor: Float[ndarray, "vertices 3"]
     contact: SelfContact
@@ -120,7 +120,7 @@ class _TouchingEnergy:
 
 
 def contact_equilibrium(
-    system: DrapeSystem,
+    system: ClothSystem,
     parameters: Parameters,
     laid: Float[ndarray, "vertices 3"],
     contact: SelfContact,
@@ -176,7 +176,7 @@ def contact_equilibrium(
 
 
 def contact_equilibrium_adjoint(
-    system: DrapeSystem, parameters: Parameters, rest: ContactRest, g_x: Float[ndarray, "vertices 3"]
+    system: ClothSystem, parameters: Parameters, rest: ContactRest, g_x: Float[ndarray, "vertices 3"]
 ) -> tuple[ParameterGradient, Float[ndarray, "vertices 3"]]:
     """Gradient of a function of the rest positions to all parameters and to the springs' anchors.
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.contact.barrier import ContactForces
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.linear.interface import BLOCK, BlockPattern, Factor, LinearSolver, solver
 
 _MARGIN = 1.5
@@ -22,7 +22,7 @@ save few analyses and their larger factors take longer in all."""
 class ContactMatrix:
     """Adds, regularises and factorises the Hessians of cloth and contacts; keeps the analysed pattern between calls."""
 
-    def __init__(self, system: DrapeSystem) -> None:
+    def __init__(self, system: ClothSystem) -> None:
         self.system = system
         self._rows = len(system.free)
         self._row_of = np.full(system.mesh.vertices, -1)

@@ -21,16 +21,16 @@ from jaxtyping import Bool, Float
 from numba import get_num_threads
 from numpy import ndarray
 
+from cusick_bench.sim.engine.cloth_system import ClothSystem, Evaluated
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.step_kernels import move, right_hand_side
-from cusick_bench.sim.engine.system import DrapeSystem, Evaluation
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
 _CACHE = 8 * 2**20  # [bytes] of elements evaluated together; they stay in the cache until their matrix is assembled
 _VERTEX_MEMORY = 1400  # [bytes] of the elements of a cloth, for each of its vertices
-States = Iterator[tuple[slice, Evaluation]]
+States = Iterator[tuple[slice, Evaluated]]
 """Elements of a batch, part by part; each is valid until the next one is asked for."""
 
 _FAR = 20.0  # a cloth that moves farther than so many times its size has blown up
@@ -51,7 +51,7 @@ class Rollout:
     factors: list[Factor | None]
 
 
-def parts(system: DrapeSystem, members: int) -> list[slice]:
+def parts(system: ClothSystem, members: int) -> list[slice]:
     """Parts of a batch whose elements are evaluated together: as many cloths as the cache holds, one a thread at least.
 
     Args:
@@ -66,7 +66,7 @@ def parts(system: DrapeSystem, members: int) -> list[slice]:
 
 
 def evaluated(
-    system: DrapeSystem, x: Float[ndarray, "members vertices 3"], laid: Float[ndarray, "members vertices 3"],
+    system: ClothSystem, x: Float[ndarray, "members vertices 3"], laid: Float[ndarray, "members vertices 3"],
     p: Parameters,
 ) -> States:  # fmt: skip
     """Evaluates a batch part by part.
@@ -95,7 +95,7 @@ class Stepper:
         batch: Whether errors say whose cloth they are about.
     """
 
-    system: DrapeSystem
+    system: ClothSystem
     mass: Float[ndarray, "members vertices"]
     h: float
     batch: bool = True
@@ -201,7 +201,7 @@ def too_far(laid: Float[ndarray, "*members vertices 3"]) -> float:
 
 
 def drop(
-    system: DrapeSystem,
+    system: ClothSystem,
     parameters: Parameters,
     initial: Float[ndarray, "*members vertices 3"],
     *,
@@ -253,7 +253,7 @@ def drop(
 
 
 def drop_adjoint(
-    system: DrapeSystem,
+    system: ClothSystem,
     parameters: Parameters,
     rollout: Rollout,
     g_x: Float[ndarray, "*members vertices 3"],

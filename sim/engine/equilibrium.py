@@ -12,9 +12,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.sparse import csr_array
 
+from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.linear.interface import Factor
 
@@ -57,7 +57,7 @@ class _State:
 class _ClothEnergy:
     """Energy of a cloth that may pass through itself."""
 
-    system: DrapeSystem
+    system: ClothSystem
     parameters: Parameters
     anchor: Float[ndarray, "vertices 3"]
 
@@ -96,7 +96,7 @@ class _ClothEnergy:
 
 
 def equilibrium(
-    system: DrapeSystem,
+    system: ClothSystem,
     parameters: Parameters,
     start: Float[ndarray, "vertices 3"],
     anchor: Float[ndarray, "vertices 3"],
@@ -145,7 +145,7 @@ class Rest(Protocol):
 
 
 def equilibrium_adjoint(
-    system: DrapeSystem,
+    system: ClothSystem,
     parameters: Parameters,
     rest: Rest,
     g_x: Float[ndarray, "vertices 3"],

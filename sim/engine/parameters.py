@@ -1,7 +1,8 @@
 """Numbers of a simulated cloth as the kernels take them, and the derivatives of a scalar to them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
@@ -15,16 +16,22 @@ class Parameters:
         bending: B, one shared table (1, 3, 5) or one per hinge [N m].
         mass: Vertex masses [kg].
         rest_angle: Stress-free dihedral angle of every hinge [rad].
+        poisson: Poisson's ratio of bending, which law `plate` has (one number of each cloth).
     """
 
     stretch: Float[ndarray, "*members stretch_tables 6 4"]
     bending: Float[ndarray, "*members bending_tables 3 5"]
     mass: Float[ndarray, "*members vertices"]
     rest_angle: Float[ndarray, "*members hinges"]
+    poisson: Float[ndarray, "*members"] = field(default_factory=lambda: np.zeros(()))
+
+    def __post_init__(self) -> None:
+        if self.poisson.shape != self.mass.shape[:-1]:
+            object.__setattr__(self, "poisson", np.broadcast_to(self.poisson, self.mass.shape[:-1]).copy())
 
     def batch(self) -> "Parameters":
         """This cloth as a batch of one."""
-        return Parameters(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
+        return Parameters(*(array[None] for array in vars(self).values()))
 
     def member(self, index: int) -> "Parameters":
         """One cloth of this batch.
@@ -35,7 +42,7 @@ class Parameters:
         Returns:
             Its parameters, in the same memory.
         """
-        return Parameters(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
+        return Parameters(*(array[index] for array in vars(self).values()))
 
     def part(self, members: slice) -> "Parameters":
         """Neighbouring cloths of this batch.
@@ -59,7 +66,7 @@ class Parameters:
         """
         if len(members) == len(self.mass):
             return self
-        return Parameters(self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members])
+        return Parameters(*(array[members] for array in vars(self).values()))
 
 
 @dataclass(frozen=True)
@@ -70,10 +77,11 @@ class ParameterGradient:
     bending: Float[ndarray, "*members hinges 3 5"]
     mass: Float[ndarray, "*members vertices"]
     rest_angle: Float[ndarray, "*members hinges"]
+    poisson: Float[ndarray, "*members"] = field(default_factory=lambda: np.zeros(()))
 
     def batch(self) -> "ParameterGradient":
         """This gradient as that of a batch of one, in the same memory."""
-        return ParameterGradient(self.stretch[None], self.bending[None], self.mass[None], self.rest_angle[None])
+        return ParameterGradient(*(np.asarray(array)[None] for array in vars(self).values()))
 
     def member(self, index: int) -> "ParameterGradient":
         """One member's gradient.
@@ -84,7 +92,7 @@ class ParameterGradient:
         Returns:
             Its gradient, in the same memory.
         """
-        return ParameterGradient(self.stretch[index], self.bending[index], self.mass[index], self.rest_angle[index])
+        return ParameterGradient(*(array[index] for array in vars(self).values()))
 
     def part(self, members: slice) -> "ParameterGradient":
         """Gradients of neighbouring members.

@@ -23,7 +23,8 @@ class DrapeSettings:
     """How a drape is simulated.
 
     Attributes:
-        law: `paper` (derives from an energy) or `published` (the published program's, quirks included).
+        law: `plate` (an orthotropic plate that converges with the mesh), `paper` (hinges; derives from an energy) or
+            `published` (the published program's, quirks included).
         mode: `drop` (implicit Euler from the laid-down cloth) or `equilibrium` (Newton to rest, from a drop's end or
             from a given drape).
         steps: Steps of a drop.
@@ -91,9 +92,11 @@ class DrapeSettings:
             raise SimulationError(f"self_contact must be >= 0 m and finite, got {self.self_contact}")
         if self.self_contact > 0 and self.mode == "drop":
             raise SimulationError("self-contact is for mode 'equilibrium', whose gradients know of it; got mode 'drop'")
+        if self.law == "plate" and self.support != "fixed":
+            raise SimulationError("law 'plate' is clamped on the plate, got support 'springs'; use support 'fixed'")
         if self.mode == "equilibrium" and self.law == "published":
             raise SimulationError(
-                "law 'published' has no energy, so no equilibrium mode; use mode 'drop' or law 'paper'"
+                "law 'published' has no energy, so no equilibrium mode; use mode 'drop', or law 'plate' or 'paper'"
             )
 
     @property

@@ -24,7 +24,7 @@ from cusick_bench.sim.laws import tables
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
 from cusick_bench.sim.threads import check_fork, thread_pool
 
-Law = Literal["paper", "published"]
+Law = Literal["plate", "paper", "published"]
 _LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
 
 
@@ -54,7 +54,7 @@ class DrapeSystem:
     def __post_init__(self) -> None:
         thread_pool()
         if self.law not in _LAWS:
-            raise SimulationError(f"law must be one of {', '.join(_LAWS)}, got {self.law!r}")
+            raise SimulationError(f"law must be one of plate, {', '.join(_LAWS)}, got {self.law!r}")
         if self.fixed.all():
             raise SimulationError("every vertex is fixed: nothing can drape; is the plate larger than the cloth?")
         object.__setattr__(self, "elements", elements_of(self.mesh, self._clamped))
@@ -241,7 +241,7 @@ class DrapeSystem:
             Zeros for every face, hinge and vertex.
         """
         faces, hinges = len(self.elements.faces), len(self.elements.hinges)
-        shapes = ((faces, 6, 4), (hinges, 3, 5), (self.mesh.vertices,), (hinges,))
+        shapes = ((faces, 6, 4), (hinges, 3, 5), (self.mesh.vertices,), (hinges,), ())
         return ParameterGradient(*(np.zeros((*members, *shape)) for shape in shapes))
 
     def gather(
