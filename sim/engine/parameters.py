@@ -53,7 +53,7 @@ class Parameters:
         Returns:
             Their parameters, in the same memory.
         """
-        return Parameters(self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members])
+        return Parameters(*(array[members] for array in vars(self).values()))
 
     def take(self, members: Int[ndarray, "some"]) -> "Parameters":
         """Some cloths of this batch.
@@ -103,9 +103,7 @@ class ParameterGradient:
         Returns:
             Their gradients, in the same memory.
         """
-        return ParameterGradient(
-            self.stretch[members], self.bending[members], self.mass[members], self.rest_angle[members]
-        )
+        return ParameterGradient(*(array[members] for array in vars(self).values()))
 
     def put(self, members: int | Int[ndarray, "some"], found: "ParameterGradient") -> None:
         """Sets the gradients of some members, in place.
