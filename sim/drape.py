@@ -256,7 +256,8 @@ class DrapeSimulator:
         laid = torch.from_numpy(self.laid_down()).expand(members, -1, -1) if initial is None else initial
         angle = self.rest_angles().expand(members, -1) if rest_angle is None else rest_angle
         self._check_arrays(members, initial=laid, rest_angle=angle, warm=warm)
-        angle = angle * torch.from_numpy(self.system.elements.hinge_share).to(angle.device)
+        if isinstance(self.system, DrapeSystem):
+            angle = angle * torch.from_numpy(self.system.elements.hinge_share).to(angle.device)
         clock = time.perf_counter()
         stretch = _stacked([m.stretch for m in materials], 6, 4)
         bending = _stacked([m.bending for m in materials], 3, 5)

@@ -35,6 +35,7 @@ class Mode(StrEnum):
 class LawName(StrEnum):
     """Material laws."""
 
+    plate = "plate"
     paper = "paper"
     published = "published"
 

@@ -56,7 +56,7 @@ COUPLING_SD = 0.5  # of atanh(c12 / sqrt(c11 c22)); assumed
 
 # The published bending law acts as a plate of a quarter of its table value; the paper law takes the physical
 # value.
-BENDING_TABLE_FACTOR = {"paper": 1.0, "published": PUBLISHED_BENDING_FACTOR}
+BENDING_TABLE_FACTOR = {"plate": 1.0, "paper": 1.0, "published": PUBLISHED_BENDING_FACTOR}
 
 STRETCH_SIZE, BENDING_SIZE = 24, 15
 

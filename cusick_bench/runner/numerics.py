@@ -12,10 +12,10 @@ new version. After raising a version: `python tests/support/golden.py --write`.
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.laws import paper, published
+from cusick_bench.sim.laws import paper, plate, published
 from cusick_bench.solvers.base import Solver
 
-LAWS = {"paper": paper.NUMERICS_VERSION, "published": published.NUMERICS_VERSION}
+LAWS = {"plate": plate.NUMERICS_VERSION, "paper": paper.NUMERICS_VERSION, "published": published.NUMERICS_VERSION}
 """Version of each material law, by its name in `DrapeSettings`."""
 
 
