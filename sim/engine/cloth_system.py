@@ -1,4 +1,4 @@
-"""What drops, descents and their adjoints ask of a mechanical system: `DrapeSystem` (hinges) and `ShellSystem` offer it.
+"""What drops, descents and their adjoints ask of a system; `DrapeSystem` (hinges) and `ShellSystem` have it.
 
 Configurations are arrays over the mesh's vertices; what stands there is the system's (vertices, or the control points
 of a shell).
