@@ -28,6 +28,7 @@ _DERIVATIVES = np.array(  # of 1, x, y, xx, xy, yy by x, y, xx, yy, twice xy
 )
 _ORDER = np.array([1, 1, 2, 2, 2])  # of the derivatives
 _SINGULAR = 1e-9  # relative to the largest eigenvalue of the six functions' Gram matrix
+_LARGEST = 5.0  # norm of a row's free part over that of the shortest exact row; below 3 on meshes of good quality
 _FEW_NODES = 8  # stencils with fewer may not determine six functions
 
 
@@ -69,6 +70,9 @@ def corrected(
 ) -> Padded:
     """The nearest rows, in the sum of squares of their weights, that differentiate quadratics exactly.
 
+    Exact rows are the shortest exact ones plus a part that vanishes for quadratics. Where triangles are so distorted
+    that the spline's parameters fold, this part is without bounds; it is then shortened, which keeps the rows exact.
+
     Args:
         control: The extended control mesh.
         rows: Derivatives by x, y, xx, yy, twice xy (or the first of these) by control points.
@@ -83,9 +87,12 @@ def corrected(
     scale = length[:, None] ** _ORDER[:kinds]
     scaled = rows.weights * scale[:, :, None]
     functions, inverse = np.ascontiguousarray(basis.transpose(0, 2, 1)), gram_inverse(basis, rows.counts)
+    least, free = np.zeros_like(scaled), scaled
     for _ in range(2):  # the second time for the digits that the Gram matrix loses
-        missing = _DERIVATIVES[:kinds] - scaled @ basis
-        scaled = scaled + (missing @ inverse) @ functions
+        least = least + ((_DERIVATIVES[:kinds] - least @ basis) @ inverse) @ functions
+        free = free - ((free @ basis) @ inverse) @ functions
+    size = np.sqrt((free**2).sum((1, 2)) / (least**2).sum((1, 2)))
+    scaled = least + free * np.minimum(1, _LARGEST / np.maximum(size, _LARGEST))[:, None, None]
     return Padded(rows.nodes, rows.counts, scaled / scale[:, :, None])
 
 
