@@ -22,6 +22,7 @@ PANELS = {
         "effects": "simulate.effects",
         "garment": "simulate.garment",
         "convergence": "simulate.convergence",
+        "plate-elements": "simulate.plate_elements",
         "robustness": "simulate.robustness",
         "benchmark": "simulate.benchmark",
     },
