@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark.convergence.plate_elements import ELEMENTS, compare_plate_elements
-from cusick_bench.cli.__main__ import app
+from cusick_bench.cli import app
 from cusick_bench.sim.cloth.mesh import disc_mesh
 
 

@@ -17,7 +17,8 @@ References:
     Grinspun, Hirani, Desbrun, Schroeder. Discrete shells. Symposium on Computer Animation, 2003.
     Grinspun, Gingold, Reisman, Zorin. Computing discrete shape operators on general meshes. Computer Graphics Forum
     25(3), 2006.
-    Morley. The triangular equilibrium element in the solution of plate bending problems. Aeronautical Quarterly 19, 1968.
+    Morley. The triangular equilibrium element in the solution of plate bending problems. Aeronautical Quarterly
+    19, 1968.
     Flores, Onate. Improvements in the membrane behaviour of the three node rotation-free BST shell triangle. Computer
     Methods in Applied Mechanics and Engineering 194, 2005.
     Cirak, Ortiz, Schroeder. Subdivision surfaces. Int. J. Numerical Methods in Engineering 47, 2000.
