@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
+from numba import get_num_threads
 from numpy import ndarray
 from torch import Tensor
 
@@ -39,7 +40,7 @@ from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 PLATE_SPRING = 1e3  # [N/m], the published program's
 _EDGE = 1e-9  # [m] vertices on the plate's edge count as held
-_MOST_COMPILED, _MOST_ON_DEVICE = 16, 256  # more cloths at once gain little
+_MOST_COMPILED, _MOST_ON_DEVICE = 16, 256  # more cloths at once gain little, unless they keep all threads busy
 _VERTEX_MEMORY = 6_000  # [bytes] of a compiled batch, for each vertex of each cloth (measured: 3500 to 5200)
 
 
@@ -279,7 +280,8 @@ class DrapeSimulator:
         """A good number of cloths for `drape_batch` where there are many: as many as help and fit the memory."""
         if self.engine is not None:
             return min(_MOST_ON_DEVICE, self.engine.at_once())
-        return max(1, min(_MOST_COMPILED, CPU_MEMORY // (_VERTEX_MEMORY * self.mesh.vertices)))
+        together = max(_MOST_COMPILED, self.system.linear.width * get_num_threads())
+        return max(1, min(together, CPU_MEMORY // (_VERTEX_MEMORY * self.mesh.vertices)))
 
     def _check_arrays(self, members: int, **arrays: Tensor | None) -> None:
         shapes = {"rest_angle": (members, len(self.mesh.hinges))}

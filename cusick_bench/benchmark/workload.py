@@ -132,7 +132,14 @@ class Workload:
             keep: Whether factors are kept for the way back.
         """
         simulator = self.dropping if keep else self._checkpointed
-        simulator.drape(cloth(self.mesh, track=True)).vertices.sum().backward()
+        for table in (self._tracked.stretch, self._tracked.bending, self._tracked.density):
+            table.grad = None
+        simulator.drape(self._tracked).vertices.sum().backward()
+
+    @cached_property
+    def _tracked(self) -> Material:
+        """The cloth, heterogeneous, with gradients; drawn once, as its numbers take longer than some steps."""
+        return cloth(self.mesh, track=True)
 
     @cached_property
     def _checkpointed(self) -> DrapeSimulator:

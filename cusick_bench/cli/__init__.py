@@ -1,5 +1,6 @@
 """Identify cloth stiffness from the Cusick drape test, and compare the methods that do it."""
 
+import gc
 import os
 import sys
 from difflib import get_close_matches
@@ -42,6 +43,7 @@ COMMANDS = {name: module for commands in PANELS.values() for name, module in com
 """The module of every command."""
 
 _MOST_THREADS = 1024
+_GARBAGE = 20_000  # new objects between two searches for garbage; libraries make many while they are imported, all kept
 _COMPLETION = ("install_completion", "show_completion")
 
 
@@ -114,6 +116,7 @@ def _root(
 
 def main() -> None:
     """Entry point of the console script."""
+    gc.set_threshold(_GARBAGE)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="backslashreplace")  # help pages too where the encoding is ASCII
