@@ -35,7 +35,8 @@ class DrapeSettings:
         clamp: How hinges on the edge of a plate of support `fixed` bend. `half`: in their free half alone, for the
             other half lies on the plate; `whole`: in both, as in the published program, which is half as stiff there
             and lets the cloth hang too low. By default `half` under law `paper`, `whole` under law `published`.
-            Springs are no clamp: on them the edge bends as all of the cloth.
+            Springs are no clamp: on them the edge bends as all of the cloth. Law `plate` has no hinges, and its clamp
+            is exact.
         laying_amplitude: Standard deviation of the height in which the cloth is laid down [m].
         laying_length: Its correlation length [m].
         rest_amplitude: Standard deviation of the rest shape's height [m].

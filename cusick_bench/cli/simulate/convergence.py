@@ -53,7 +53,7 @@ class _Common:
     """What both studies share."""
 
     law: LawOfDrape
-    clamp: ClampOfDrape
+    clamp: ClampOfDrape | None
     meshes: int
     jitter: float
     seed: int
@@ -125,7 +125,8 @@ def convergence(
     )  # or refuses the law
     if picture is not None:
         _make_room(picture)
-    common = _Common(law.value, "half" if resting.half_hinges else "whole", meshes, jitter, seed)
+    hinges: ClampOfDrape = "half" if resting.half_hinges else "whole"
+    common = _Common(law.value, None if resting.law == "plate" else hinges, meshes, jitter, seed)
     if reference is not None:
         sizes = sorted(set(vertices or _REFERENCE_SIZES))
         document, panels = _compare(reference, sizes, common, show=not as_json)
