@@ -23,6 +23,7 @@ PANELS = {
         "effects": "simulate.effects",
         "garment": "simulate.garment",
         "convergence": "simulate.convergence",
+        "fold-selection": "simulate.fold_selection",
         "plate-elements": "simulate.plate_elements",
         "robustness": "simulate.robustness",
         "benchmark": "simulate.benchmark",
