@@ -1,6 +1,6 @@
-"""Both material laws and the drop in plain torch: readable, any device, differentiated by autograd, slow.
+"""Laws `paper` and `published` in plain torch: readable, any device, differentiated by autograd, slow.
 
-It is written from the formulas, apart from the compiled kernels that it checks; `reference_drop` drops a cloth with
+It is written from the formulas, apart from the compiled kernels that it checks; `drop_reference` drops a cloth with
 it, the side that the benchmark measures speed against. Per face with deformation gradient F = Ds D, D = Dm^-1, and
 Green strain G = (F^T F - I) / 2:
 
