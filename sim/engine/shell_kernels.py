@@ -247,6 +247,19 @@ def _complete(stiffness):
 
 
 @kernel()
+def _put_weighted(weight, node, source, block):
+    """block = sum_r weight[r, node] source[r], nine sums side by side: one alone waits for each of its products."""
+    a, b, c, d, e, f, g, h, i = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for r in range(len(source)):
+        w, row = weight[r, node], source[r]
+        a, b, c = a + w * row[0], b + w * row[1], c + w * row[2]
+        d, e, f = d + w * row[3], e + w * row[4], f + w * row[5]
+        g, h, i = g + w * row[6], h + w * row[7], i + w * row[8]
+    block[0], block[1], block[2], block[3], block[4] = a, b, c, d, e
+    block[5], block[6], block[7], block[8] = f, g, h, i
+
+
+@kernel()
 def _to_nodes(weight, count, gradient, stiffness, vector, blocks, half):
     """Forces (the negative gradient) and stiffness of the nodes, from those by y."""
     rows = len(gradient)
@@ -259,18 +272,9 @@ def _to_nodes(weight, count, gradient, stiffness, vector, blocks, half):
     place = 0
     for i in range(count):
         for second in range(rows):
-            for at in range(9):
-                value = 0.0
-                for r in range(rows):
-                    value += weight[r, i] * stiffness[r, second, at]
-                half[second, at] = value
+            _put_weighted(weight, i, stiffness[:, second], half[second])
         for j in range(i, count):
-            block = blocks[place]
-            for at in range(9):
-                value = 0.0
-                for r in range(rows):
-                    value += weight[r, j] * half[r, at]
-                block[at] = value
+            _put_weighted(weight, j, half, blocks[place])
             place += 1
 
 
@@ -574,6 +578,19 @@ def shell_curvatures(nodes, counts, weight, base, field, curvature):
                 curvature[member, p, k] = dot(n, _row(y, 2 + k))
 
 
+@kernel()
+def _plus(total, block, transposed):
+    if transposed:
+        return (
+            total[0] + block[0], total[1] + block[3], total[2] + block[6], total[3] + block[1], total[4] + block[4],
+            total[5] + block[7], total[6] + block[2], total[7] + block[5], total[8] + block[8],
+        )  # fmt: skip
+    return (
+        total[0] + block[0], total[1] + block[1], total[2] + block[2], total[3] + block[3], total[4] + block[4],
+        total[5] + block[5], total[6] + block[6], total[7] + block[7], total[8] + block[8],
+    )  # fmt: skip
+
+
 @kernel(parallel=True)
 def gather_blocks(slots, vertex, start, terms, scale, diagonal, blocks, out):
     """out = scale * (sum of blocks) + diagonal, in the slots that the linear solver reads.
@@ -591,22 +608,20 @@ def gather_blocks(slots, vertex, start, terms, scale, diagonal, blocks, out):
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
         for place in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
-            total = np.zeros(9)
+            total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             for at in range(start[place], start[place + 1]):
-                own = blocks[member, terms[at] >> 1]
-                if terms[at] & 1:
-                    for i in range(3):
-                        for j in range(3):
-                            total[3 * i + j] += own[3 * j + i]
-                else:
-                    for i in range(9):
-                        total[i] += own[i]
+                total = _plus(total, blocks[member, terms[at] >> 1], terms[at] & 1)
             add = diagonal[member, vertex[place]] if vertex[place] >= 0 else 0.0
             block = out[member, slots[place]]
-            for i in range(3):
-                for j in range(3):
-                    block[i, j] = scale * total[3 * i + j]
-                block[i, i] += add
+            block[0, 0] = scale * total[0] + add
+            block[0, 1] = scale * total[1]
+            block[0, 2] = scale * total[2]
+            block[1, 0] = scale * total[3]
+            block[1, 1] = scale * total[4] + add
+            block[1, 2] = scale * total[5]
+            block[2, 0] = scale * total[6]
+            block[2, 1] = scale * total[7]
+            block[2, 2] = scale * total[8] + add
 
 
 @kernel(parallel=True)
