@@ -1,9 +1,9 @@
 """Meshes without a ring of vertices on the plate's edge, changed to have one.
 
-The ring is the closed path of edges around the plate that costs least: each vertex costs its squared distance from the
-plate's circle in edge lengths, and a little more, so that the path takes no detours and no face has two of its edges.
-Its vertices are moved onto the circle along their rays; the others follow by a harmonic displacement that vanishes on
-the rim.
+The ring is the closed path of edges around the plate that costs least: a vertex costs its squared distance from the
+plate's circle in edge lengths, an edge the square of how far it leads outwards or inwards, so that the path does not
+change between rows of vertices without need, and each a little more, so that it takes no detours. Its vertices are
+moved onto the circle along their rays; the others follow by a harmonic displacement that vanishes on the rim.
 """
 
 from functools import lru_cache
@@ -19,6 +19,7 @@ from cusick_bench.sim.errors import SimulationError
 
 _KEPT = 32  # meshes
 _VERTEX_COST = 0.1  # squared edge lengths; of every vertex of the path, wherever it lies
+_STEP_COST = 1.0  # of an edge, times the square of how far it leads away from the plate's axis, in edge lengths
 _SEARCHED = 1.5  # edges on either side of the circle
 _FLATTEST = 0.1  # a face may keep this share of its area at least
 
@@ -73,8 +74,8 @@ def conformed(mesh: Mesh, plate_radius: float) -> Mesh:
 def _nearest_ring(mesh: Mesh, plate_radius: float) -> ndarray | None:
     """Vertices of the cheapest closed path of edges around the plate's axis, within some edges of its circle."""
     length = np.linalg.norm(np.diff(mesh.material[mesh.edges], axis=1), axis=2).mean()
-    gap = np.abs(np.hypot(*mesh.material.T) - plate_radius) / length
-    near = gap < _SEARCHED
+    gap = (np.hypot(*mesh.material.T) - plate_radius) / length
+    near = np.abs(gap) < _SEARCHED
     near[mesh.boundary] = False
     edges = mesh.edges[near[mesh.edges].all(1)]
     edges = np.concatenate([edges, edges[:, ::-1]])
@@ -87,12 +88,12 @@ def _nearest_ring(mesh: Mesh, plate_radius: float) -> ndarray | None:
     # Two copies of the vertices: a way around the axis leads from the first to the second across the ray y = 0, x > 0.
     right = (x[start] * (y[end] - y[start]) - y[start] * (x[end] - x[start])) * np.sign(y[end] - y[start]) > 0
     forth, back = upward & right & (area > 0), downward & right
-    cost = gap**2 + _VERTEX_COST
+    cost = gap[end] ** 2 + _VERTEX_COST + _STEP_COST * (gap[end] - gap[start]) ** 2
     stay = ~forth & ~back
     count = mesh.vertices
     rows = np.concatenate([start[stay], start[stay] + count, start[forth]])
     columns = np.concatenate([end[stay], end[stay] + count, end[forth] + count])
-    values = np.concatenate([cost[end[stay]], cost[end[stay]], cost[end[forth]]])
+    values = np.concatenate([cost[stay], cost[stay], cost[forth]])
     graph = sparse.csr_array((values, (rows, columns)), shape=(2 * count, 2 * count))
     origins = np.unique(end[forth])
     if not len(origins):

@@ -238,6 +238,11 @@ def disc_mesh(
     half = spacing / 2
     area_in, area_out = (plate_radius - half) ** 2, (radius - half) ** 2 - (plate_radius + half) ** 2
     inner_count = round(free * area_in / (area_in + area_out))
+    if not 0 <= inner_count <= free:
+        raise SimulationError(
+            f"{vertices} vertices are too few for a cloth of {radius:g} m on a plate of {plate_radius:g} m: rim and "
+            f"plate's edge alone take {len(rim) + len(plate)}; take more vertices, or ring_mesh"
+        )
     inner = _scatter(inner_count, 0.0, plate_radius - half, generator)
     outer = _scatter(free - inner_count, plate_radius + half, radius - half, generator)
     points = np.concatenate([rim, plate, inner, outer])

@@ -94,3 +94,22 @@ def test_mesh_that_cannot_be_conformed_is_refused():
     coarse = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
     with pytest.raises(SimulationError, match="no closed path of edges"):
         conformed(coarse, PLATE_RADIUS)
+
+
+def test_ring_that_lies_near_the_plate_is_moved_as_a_whole():
+    mesh = disc_mesh(586, plate_radius=0.0946)
+    result = conformed(mesh, PLATE_RADIUS)
+    moved = np.flatnonzero(np.abs(radii(result) - PLATE_RADIUS) < 1e-12)
+    np.testing.assert_array_equal(moved, np.flatnonzero(np.abs(radii(mesh) - 0.0946) < 1e-9))
+
+
+@pytest.mark.parametrize("share", [0.15, 0.5, 0.9])
+def test_ring_mesh_suits_other_plates(share):
+    mesh = ring_mesh(300, radius=0.2, plate_radius=share * 0.2)
+    assert mesh.vertices == 300
+    assert (np.abs(radii(mesh) - share * 0.2) < 1e-9).sum() == len(mesh.boundary)
+
+
+def test_disc_too_coarse_for_its_plate_is_refused():
+    with pytest.raises(SimulationError, match="78 vertices are too few"):
+        disc_mesh(78, radius=0.129, plate_radius=0.102)
