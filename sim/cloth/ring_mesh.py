@@ -17,7 +17,7 @@ from cusick_bench.sim.errors import SimulationError
 
 _MINIMUM_VERTICES = 60
 _FEWEST_RINGS = 2  # beyond the plate's edge
-_GRADING = 0.2  # the rings' distance at the clamp is 1 - this, at the rim 1 + this, times the mean
+_GRADING = 0.12  # the rings' distance at the clamp is 1 - this, at the rim 1 + this, times the mean
 _PER_RING = 13.0  # vertices of a ring per ring beyond the plate's edge, for the nominal radii
 _INSIDE = 0.5  # vertices inside the plate per vertex of a ring, at least
 _CROWDING = 0.3  # exponent of the radii inside; 0.5 would be even, less crowds the vertices at the plate's edge
