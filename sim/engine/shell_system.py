@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine import shell_kernels
+from cusick_bench.sim.engine import shell_adjoint, shell_kernels
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
@@ -27,6 +27,58 @@ than the mesh (ln_bending -6.6, 1205 vertices: .001 to .007 change the drape coe
 
 
 @dataclass(frozen=True, eq=False)
+class PointNodes:
+    """Nodes of all points one behind another ("places"), those of the edges first.
+
+    Attributes:
+        start: First place of every point, and the end.
+        nodes: Control point at every place.
+        weights: Rows of the derivatives at every place, see `shell_points`; zero beyond the second at vertices.
+        point: Point of every place.
+    """
+
+    start: Int[ndarray, "points_and_end"]
+    nodes: Int[ndarray, "places"]
+    weights: Float[ndarray, "places 5"]
+    point: Int[ndarray, "places"]
+
+    @classmethod
+    def of(cls, stencils: ShellStencils) -> "PointNodes":
+        """Puts the nodes of a shell's points one behind another.
+
+        Args:
+            stencils: Its quadrature points.
+
+        Returns:
+            The nodes.
+        """
+        nodes, weights = [], []
+        for padded, counts, rows in (
+            (stencils.edge_nodes, stencils.edge_counts, stencils.edge_weights),
+            (stencils.vertex_nodes, stencils.vertex_counts, stencils.vertex_weights),
+        ):
+            used = np.arange(padded.shape[1]) < counts[:, None]
+            nodes.append(padded[used])
+            own = np.zeros((len(nodes[-1]), 5))
+            own[:, : rows.shape[1]] = rows.transpose(0, 2, 1)[used]
+            weights.append(own)
+        counts = np.concatenate([stencils.edge_counts, stencils.vertex_counts])
+        point = np.repeat(np.arange(len(counts)), counts)
+        return cls(_starts(counts), np.concatenate(nodes), np.concatenate(weights), point)
+
+    def pairs(self) -> tuple[Int[ndarray, "pairs"], Int[ndarray, "pairs"]]:
+        """Places of all pairs of nodes of a point, both ways and each with itself.
+
+        Returns:
+            First and second places; the first ascend, and so do the second of each.
+        """
+        counts = np.diff(self.start)[self.point]
+        first = np.repeat(np.arange(len(self.nodes)), counts)
+        within = np.arange(len(first)) - np.repeat(_starts(counts)[:-1], counts)
+        return first, self.start[self.point[first]] + within
+
+
+@dataclass(frozen=True, eq=False)
 class ShellLayout:
     """Sparsity of the free control points, and what adds up where; names are those of `BlockLayout`.
 
@@ -34,83 +86,92 @@ class ShellLayout:
         indptr: Row pointers of the full symmetric block pattern (CSR).
         indices: Column of every slot, sorted within a row.
         diagonal: Slot of every diagonal block.
-        contribution_ptr: Start of every slot's contributions.
-        contributions: 2 b + t for block b of the points, transposed where t = 1.
-        first_node, first_block: Where every point's vectors and blocks begin, edges first.
-        row_ptr, row_vectors: Vectors of the points that belong to every row.
+        row_start, row_places: Places whose node every row is.
     """
 
     indptr: Int[ndarray, "rows_plus_one"]
     indices: Int[ndarray, "slots"]
     diagonal: Int[ndarray, "rows"]
-    contribution_ptr: Int[ndarray, "slots_plus_one"]
-    contributions: Int[ndarray, "contributions"]
-    first_node: Int[ndarray, "points"]
-    first_block: Int[ndarray, "points"]
-    row_ptr: Int[ndarray, "rows_plus_one"]
-    row_vectors: Int[ndarray, "vectors"]
+    row_start: Int[ndarray, "rows_plus_one"]
+    row_places: Int[ndarray, "places"]
 
 
 def _starts(counts: ndarray) -> ndarray:
     return np.concatenate([[0], np.cumsum(counts)])
 
 
-def shell_layout(stencils: ShellStencils) -> ShellLayout:
+def shell_layout(nodes: PointNodes, rows: int) -> ShellLayout:
     """Lays out the block matrix of a shell.
 
     Args:
-        stencils: Its quadrature points.
+        nodes: Nodes of its points.
+        rows: Number of free control points.
 
     Returns:
-        The pattern, and where every point's blocks and vectors go.
+        The pattern, and where every row's nodes are.
     """
-    rows = len(stencils.free)
-    first, second, vectors = [], [], []
-    for nodes, counts in ((stencils.edge_nodes, stencils.edge_counts), (stencils.vertex_nodes, stencils.vertex_counts)):
-        width = nodes.shape[1]
-        i, j = np.triu_indices(width)
-        kept = j[None, :] < counts[:, None]
-        first.append(np.broadcast_to(nodes[:, i], kept.shape)[kept])
-        second.append(np.broadcast_to(nodes[:, j], kept.shape)[kept])
-        vectors.append(nodes[np.arange(width)[None, :] < counts[:, None]])
-    a, b, owner = np.concatenate(first), np.concatenate(second), np.concatenate(vectors)
-    counts = np.concatenate([stencils.edge_counts, stencils.vertex_counts])
-    block, across = np.arange(len(a)), a != b
-    row, column = np.concatenate([a, b[across]]), np.concatenate([b, a[across]])
-    term = np.concatenate([2 * block, 2 * block[across] + 1])
-    unique, slot = np.unique(row * rows + column, return_inverse=True)
-    order, by_row = np.argsort(slot, kind="stable"), np.argsort(owner, kind="stable")
-    slot_row, slot_column = np.divmod(unique, rows)
+    first, second = nodes.pairs()
+    row, column = np.divmod(np.unique(nodes.nodes[first] * rows + nodes.nodes[second]), rows)
+    by_row = np.argsort(nodes.nodes, kind="stable")
     return ShellLayout(
-        indptr=np.searchsorted(slot_row, np.arange(rows + 1)),
-        indices=slot_column,
-        diagonal=np.flatnonzero(slot_row == slot_column),
-        contribution_ptr=np.searchsorted(slot[order], np.arange(len(unique) + 1)),
-        contributions=term[order],
-        first_node=_starts(counts)[:-1],
-        first_block=_starts(counts * (counts + 1) // 2)[:-1],
-        row_ptr=np.searchsorted(owner[by_row], np.arange(rows + 1)),
-        row_vectors=by_row,
+        indptr=np.searchsorted(row, np.arange(rows + 1)),
+        indices=column,
+        diagonal=np.flatnonzero(row == column),
+        row_start=np.searchsorted(nodes.nodes[by_row], np.arange(rows + 1)),
+        row_places=by_row,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Needed:
-    """Contributions of the slots that the linear solver reads."""
+class _Terms:
+    """For every entry of `row_places`, the nodes of its point whose column the solver reads, and the slots."""
 
+    start: Int[ndarray, "places_and_end"]
+    other: ndarray
     slots: ndarray
-    vertex: ndarray
-    start: ndarray
-    terms: ndarray
+
+    @classmethod
+    def of(cls, nodes: PointNodes, layout: ShellLayout, needed: Int[ndarray, "needed"]) -> "_Terms":
+        first, second = nodes.pairs()
+        rows = len(layout.diagonal)
+        of_slot = np.repeat(np.arange(rows), np.diff(layout.indptr)) * rows + layout.indices
+        slot = np.searchsorted(of_slot, nodes.nodes[first] * rows + nodes.nodes[second])
+        read = np.zeros(len(of_slot), bool)
+        read[needed] = True
+        rank = np.empty_like(layout.row_places)
+        rank[layout.row_places] = np.arange(len(rank))
+        kept = np.flatnonzero(read[slot])
+        kept = kept[np.argsort(rank[first[kept]], kind="stable")]
+        start = np.searchsorted(rank[first[kept]], np.arange(len(rank) + 1))
+        # unsigned, so that kernels need not ask whether an index counts from the end
+        return cls(start, second[kept].astype(np.uint32), slot[kept].astype(np.uint32))
 
 
 @dataclass(frozen=True, eq=False)
 class _Buffers:
-    """What the kernels return of every point, used again from evaluation to evaluation."""
+    """What the kernels return of points and nodes, used again from evaluation to evaluation."""
 
     energy: Float[ndarray, "members points"]
-    vector: Float[ndarray, "members nodes 3"]
-    blocks: Float[ndarray, "members pairs 9"]
+    vector: Float[ndarray, "members places 3"]
+    edge_block: Float[ndarray, "members edges numbers"]
+    vertex_block: Float[ndarray, "members vertices numbers"]
+    slope: Float[ndarray, "members edge_places numbers"]
+
+    @classmethod
+    def of(cls, members: int, nodes: PointNodes, edges: int) -> "_Buffers":
+        points = len(nodes.start) - 1
+        shapes = (
+            (points,), (len(nodes.nodes), 3), (edges, shell_kernels.EDGE_BLOCKS),
+            (points - edges, shell_kernels.VERTEX_BLOCKS), (nodes.start[edges], shell_kernels.NODE_SLOPES),
+        )  # fmt: skip
+        return cls(*(np.zeros((members, *shape)) for shape in shapes))
+
+    def first(self, members: int) -> "_Buffers":
+        """Those of as many members."""
+        if members == len(self.energy):
+            return self
+        arrays = (self.energy, self.vector, self.edge_block, self.vertex_block, self.slope)
+        return _Buffers(*(array[:members] for array in arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +226,9 @@ class ShellSystem:
         )
         if not same:
             return ShellSystem(mesh, self.gravity, self.fixed, self.plate_radius, self.backend)
-        _ = self.linear, self._needed, self._buffers
+        _ = self.linear, self._terms, self._buffers
         other = copy.copy(self)
-        for name in ("_plate_frame", "_plate_row"):
+        for name in ("_plate_frame", "_plate_row", "nodes"):
             other.__dict__.pop(name, None)
         object.__setattr__(other, "mesh", mesh)
         object.__setattr__(other, "stencils", stencils)
@@ -199,9 +260,14 @@ class ShellSystem:
         return self.edges + len(self.stencils.vertex_area)
 
     @cached_property
+    def nodes(self) -> PointNodes:
+        """Nodes of all points."""
+        return PointNodes.of(self.stencils)
+
+    @cached_property
     def layout(self) -> ShellLayout:
-        """Where the points' blocks go in the matrix of the free control points."""
-        return shell_layout(self.stencils)
+        """Where the points' stiffness goes in the matrix of the free control points."""
+        return shell_layout(self.nodes, len(self.free))
 
     @cached_property
     def linear(self) -> LinearSolver:
@@ -210,29 +276,18 @@ class ShellSystem:
         return solver(pattern, self.backend)
 
     @cached_property
-    def _needed(self) -> _Needed:
-        layout, needed = self.layout, self.linear.needed_slots
-        counts = np.diff(layout.contribution_ptr)[needed]
-        start = _starts(counts)
-        shift = np.repeat(layout.contribution_ptr[needed] - start[:-1], counts)
-        vertex = np.full(len(layout.indices), -1)
-        vertex[layout.diagonal] = self.free
-        return _Needed(needed, vertex[needed], start, layout.contributions[np.arange(start[-1]) + shift])
+    def _terms(self) -> _Terms:
+        return _Terms.of(self.nodes, self.layout, self.linear.needed_slots)
 
     @cached_property
-    def _buffers(self) -> dict[int, _Buffers]:
-        return {}
+    def _buffers(self) -> list[_Buffers]:
+        return []
 
     def _work(self, members: int) -> _Buffers:
-        """Buffers of as many members, those of the last evaluation where they fit."""
-        if members not in self._buffers:
-            self._buffers.clear()
-            counts = np.concatenate([self.stencils.edge_counts, self.stencils.vertex_counts])
-            self._buffers[members] = _Buffers(
-                np.zeros((members, self.points)), np.zeros((members, counts.sum(), 3)),
-                np.zeros((members, (counts * (counts + 1) // 2).sum(), 9)),
-            )  # fmt: skip
-        return self._buffers[members]
+        """Buffers of as many members, used again at every evaluation of as many or fewer."""
+        if not self._buffers or len(self._buffers[0].energy) < members:
+            self._buffers[:] = [_Buffers.of(members, self.nodes, self.edges)]
+        return self._buffers[0].first(members)
 
     @cached_property
     def _plate_frame(self) -> Float[ndarray, "3 fixed"]:
@@ -285,18 +340,16 @@ class ShellSystem:
             Forces, energy and matrix on demand; valid until the next evaluation.
         """
         check_fork()
-        s, work, layout, edges = self.stencils, self._work(len(x)), self.layout, self.edges
+        s, nodes, work = self.stencils, self.nodes, self._work(len(x))
         base = np.ascontiguousarray(self.frame(x)[:, :2])
         u = self.displacement(x)
         shell_kernels.edge_stiffness(
-            exact, s.edge_nodes, s.edge_counts, s.edge_weights, s.edge_area, EDGE_SHARE, layout.first_node[:edges],
-            layout.first_block[:edges], base, u, p.stretch, p.bending, _curvatures(p.rest_angle), p.poisson,
-            work.energy, work.vector, work.blocks,
+            exact, nodes.start, nodes.nodes, nodes.weights, s.edge_area, EDGE_SHARE, base, u, p.stretch, p.bending,
+            _curvatures(p.rest_angle), p.poisson, work.energy, work.vector, work.edge_block, work.slope,
         )  # fmt: skip
         shell_kernels.vertex_stiffness(
-            exact, s.vertex_nodes, s.vertex_counts, s.vertex_weights, s.vertex_area, 1.0 - EDGE_SHARE,
-            layout.first_node[edges:], layout.first_block[edges:], base, u, p.stretch, edges,
-            work.energy, work.vector, work.blocks,
+            exact, nodes.start, nodes.nodes, nodes.weights, s.vertex_area, 1.0 - EDGE_SHARE, self.edges, base, u,
+            p.stretch, work.energy, work.vector, work.vertex_block,
         )  # fmt: skip
         return ShellEvaluation(self, work, x, p, exact)
 
@@ -309,11 +362,9 @@ class ShellSystem:
         Returns:
             Curvatures, negative where the cloth is convex seen from its face.
         """
-        s, found = self.stencils, np.empty((1, self.edges, 3))
+        nodes, found = self.nodes, np.empty((1, self.edges, 3))
         base = np.ascontiguousarray(self.frame(x[None])[:, :2])
-        shell_kernels.shell_curvatures(
-            s.edge_nodes, s.edge_counts, s.edge_weights, base, self.displacement(x[None]), found
-        )
+        shell_kernels.shell_curvatures(nodes.start, nodes.nodes, nodes.weights, base, self.displacement(x[None]), found)
         return found[0]
 
     def zero_gradient(self, *members: int) -> ParameterGradient:
@@ -371,20 +422,18 @@ class ShellSystem:
                 force_factor=force_factor, stiffness_factor=stiffness_factor,
             )  # fmt: skip
             return by_x[0], pull[0]
-        s, work, layout, edges, free = self.stencils, self._work(len(x)), self.layout, self.edges, self.free
+        s, nodes, work, edges, free = self.stencils, self.nodes, self._work(len(x)), self.edges, self.free
         base = np.ascontiguousarray(self.frame(x)[:, :2])
         u, along, across = self.displacement(x), multiplier[:, free], velocity[:, free]
         g_base, g_poisson = np.empty((len(x), self.points, 2, 3)), np.empty((len(x), edges))
-        shell_kernels.edge_adjoint(
-            force_factor, stiffness_factor, s.edge_nodes, s.edge_counts, s.edge_weights, s.edge_area, EDGE_SHARE,
-            layout.first_node[:edges], base, u, along, across, p.stretch, p.bending, _curvatures(p.rest_angle),
-            p.poisson, work.vector, g_base, gradient.stretch, gradient.bending, _curvatures(gradient.rest_angle),
-            g_poisson,
+        shell_adjoint.edge_adjoint(
+            force_factor, stiffness_factor, nodes.start, nodes.nodes, nodes.weights, s.edge_area, EDGE_SHARE, base, u,
+            along, across, p.stretch, p.bending, _curvatures(p.rest_angle), p.poisson, work.vector, g_base,
+            gradient.stretch, gradient.bending, _curvatures(gradient.rest_angle), g_poisson,
         )  # fmt: skip
-        shell_kernels.vertex_adjoint(
-            force_factor, stiffness_factor, s.vertex_nodes, s.vertex_counts, s.vertex_weights, s.vertex_area,
-            1.0 - EDGE_SHARE, layout.first_node[edges:], base, u, along, across, p.stretch, edges, work.vector, g_base,
-            gradient.stretch,
+        shell_adjoint.vertex_adjoint(
+            force_factor, stiffness_factor, nodes.start, nodes.nodes, nodes.weights, s.vertex_area, 1.0 - EDGE_SHARE,
+            edges, base, u, along, across, p.stretch, work.vector, g_base, gradient.stretch,
         )  # fmt: skip
         gradient.poisson[...] += g_poisson.sum(1)
         gradient.mass[:] -= force_factor * self.gravity * multiplier[..., 2]
@@ -396,7 +445,7 @@ class ShellSystem:
         by_x[:, self.fixed] = self._plate_frame.T @ by_frame
         return by_x, np.zeros_like(x)
 
-    def gather(self, vectors: Float[ndarray, "members nodes 3"]) -> Float[ndarray, "members rows 3"]:
+    def gather(self, vectors: Float[ndarray, "members places 3"]) -> Float[ndarray, "members rows 3"]:
         """Sums the points' vectors at the free control points.
 
         Args:
@@ -406,7 +455,7 @@ class ShellSystem:
             Sums.
         """
         found = np.empty((len(vectors), len(self.free), 3))
-        shell_kernels.gather_vectors(self.layout.row_ptr, self.layout.row_vectors, vectors, found)
+        shell_kernels.gather_vectors(self.layout.row_start, self.layout.row_places, vectors, found)
         return found
 
 
@@ -455,10 +504,13 @@ class ShellEvaluation:
         Returns:
             The blocks, in `out` where given.
         """
-        system, needed = self.system, self.system._needed
-        blocks = np.zeros((len(self.x), len(system.layout.indices), 3, 3)) if out is None else out
-        shell_kernels.gather_blocks(
-            needed.slots, needed.vertex, needed.start, needed.terms, scale,
-            np.broadcast_to(diagonal, (len(self.x), system.mesh.vertices)), self.work.blocks, blocks,
+        system, work, layout = self.system, self.work, self.system.layout
+        nodes, terms = system.nodes, system._terms
+        blocks = np.zeros((len(self.x), len(layout.indices), 3, 3)) if out is None else out
+        shell_kernels.gather_stiffness(
+            self.exact, scale, layout.row_start, layout.row_places, nodes.point, system.edges, terms.start,
+            terms.other, terms.slots, layout.indptr, layout.diagonal, system.free,
+            np.broadcast_to(diagonal, (len(self.x), system.mesh.vertices)), nodes.weights, work.edge_block,
+            work.vertex_block, work.slope, blocks.reshape(*blocks.shape[:2], 9),
         )  # fmt: skip
         return blocks
