@@ -35,7 +35,7 @@ def test_rings_stand_closer_at_the_clamp():
     assert len(levels) == 10
     gaps = np.diff(levels)
     assert (np.diff(gaps) > 0).all()
-    assert gaps[-1] / gaps[0] == pytest.approx(1.2 / 0.8, rel=0.1)
+    assert gaps[-1] / gaps[0] == pytest.approx(1.12 / 0.88, rel=0.1)
 
 
 def test_seed_turns_the_rings_and_jitter_moves_only_what_lies_between():
