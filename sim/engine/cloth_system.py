@@ -18,11 +18,17 @@ class Evaluated(Protocol):
     """A batch's elements at its configurations; valid until the system's next evaluation."""
 
     @property
-    def x(self) -> Float[ndarray, "members vertices 3"]: ...
+    def x(self) -> Float[ndarray, "members vertices 3"]:
+        """Configurations [m]."""
+        ...
 
-    def force(self) -> Float[ndarray, "members vertices 3"]: ...
+    def force(self) -> Float[ndarray, "members vertices 3"]:
+        """Net forces: elements, gravity and springs [N]."""
+        ...
 
-    def energy(self) -> Float[ndarray, "members"]: ...
+    def energy(self) -> Float[ndarray, "members"]:
+        """Potential energies [J]."""
+        ...
 
     def matrix(
         self,
@@ -30,52 +36,132 @@ class Evaluated(Protocol):
         scale: float = 1.0,
         diagonal: Float[ndarray, "members vertices"],
         out: Float[ndarray, "members slots 3 3"] | None = None,
-    ) -> Float[ndarray, "members slots 3 3"]: ...
+    ) -> Float[ndarray, "members slots 3 3"]:
+        """scale * K + diagonal, K the elements' stiffness, in the layout's slots; filled where the solver reads.
+
+        Args:
+            scale: Factor of the stiffness.
+            diagonal: Added to the diagonal of every vertex [N/m].
+            out: Used again where given.
+
+        Returns:
+            The blocks, in `out` where given.
+        """
+        ...
 
 
 class Layout(Protocol):
     """Block sparsity of the free unknowns."""
 
     @property
-    def indptr(self) -> Int[ndarray, "rows_plus_one"]: ...
+    def indptr(self) -> Int[ndarray, "rows_plus_one"]:
+        """Row pointers (CSR)."""
+        ...
+
     @property
-    def indices(self) -> Int[ndarray, "slots"]: ...
+    def indices(self) -> Int[ndarray, "slots"]:
+        """Column of every slot."""
+        ...
+
     @property
-    def diagonal(self) -> Int[ndarray, "rows"]: ...
+    def diagonal(self) -> Int[ndarray, "rows"]:
+        """Slot of every diagonal block."""
+        ...
 
 
 class ClothSystem(Protocol):
     """A cloth on its support, under gravity, with one material law."""
 
     @property
-    def mesh(self) -> Mesh: ...
-    @property
-    def law(self) -> str: ...
-    @property
-    def gravity(self) -> float: ...
-    @property
-    def fixed(self) -> Bool[ndarray, "vertices"]: ...
-    @property
-    def free(self) -> Int[ndarray, "rows"]: ...
-    @property
-    def spring(self) -> Float[ndarray, "vertices"]: ...
-    @property
-    def layout(self) -> Layout: ...
-    @property
-    def linear(self) -> LinearSolver: ...
+    def mesh(self) -> Mesh:
+        """The cloth."""
+        ...
 
-    def require_energy(self, what: str) -> None: ...
+    @property
+    def law(self) -> str:
+        """Name of the material law."""
+        ...
+
+    @property
+    def gravity(self) -> float:
+        """Acceleration along -z [m/s2]."""
+        ...
+
+    @property
+    def fixed(self) -> Bool[ndarray, "vertices"]:
+        """Vertices that never move."""
+        ...
+
+    @property
+    def free(self) -> Int[ndarray, "rows"]:
+        """Indices of the vertices that move."""
+        ...
+
+    @property
+    def spring(self) -> Float[ndarray, "vertices"]:
+        """Stiffness of the spring that ties each vertex to its anchor [N/m]."""
+        ...
+
+    @property
+    def layout(self) -> Layout:
+        """Where element blocks go in the matrix of the free unknowns."""
+        ...
+
+    @property
+    def linear(self) -> LinearSolver:
+        """The analysed linear solver of the free unknowns."""
+        ...
+
+    def require_energy(self, what: str) -> None:
+        """Checks that the forces derive from an energy.
+
+        Args:
+            what: What needs it, for the message.
+
+        Raises:
+            SimulationError: They do not.
+        """
+        ...
 
     def evaluate(
         self, x: Float[ndarray, "members vertices 3"], anchor: Float[ndarray, "members vertices 3"], p: Parameters,
         *, exact: bool, everywhere: bool = False,
-    ) -> Evaluated: ...  # fmt: skip
+    ) -> Evaluated:  # fmt: skip
+        """Evaluates the elements at the configurations of a batch.
 
-    def zero_gradient(self, *members: int) -> ParameterGradient: ...
+        Args:
+            x: Configurations [m].
+            anchor: Where springs hold [m].
+            p: A batch of cloths, as the system takes them.
+            exact: Hessian of the energy instead of the positive-semidefinite Gauss-Newton stiffness.
+            everywhere: Also what adds a constant to the energy, and forces on fixed vertices.
+
+        Returns:
+            Forces, energy and matrix on demand; valid until the next evaluation.
+        """
+        ...
+
+    def zero_gradient(self, *members: int) -> ParameterGradient:
+        """A gradient to add to.
+
+        Args:
+            *members: Number of cloths, for a batch.
+
+        Returns:
+            Zeros.
+        """
+        ...
 
     def add_diagonal(
         self, blocks: Float[ndarray, "*members slots 3 3"], amount: Float[ndarray, "*members vertices"]
-    ) -> None: ...
+    ) -> None:
+        """Adds amount[i] times the identity to the diagonal block of every free vertex, in place.
+
+        Args:
+            blocks: Blocks in the layout's slots [N/m]; changed.
+            amount: A number for every vertex [N/m].
+        """
+        ...
 
     def adjoint(
         self,
@@ -87,4 +173,19 @@ class ClothSystem(Protocol):
         *,
         force_factor: float,
         stiffness_factor: float,
-    ) -> tuple[Float[ndarray, "*members vertices 3"], Float[ndarray, "*members vertices 3"]]: ...
+    ) -> tuple[Float[ndarray, "*members vertices 3"], Float[ndarray, "*members vertices 3"]]:
+        """Derivatives of S = force_factor * lambda . F - stiffness_factor * lambda . K v at fixed lambda and v.
+
+        Args:
+            x: Configurations [m], of one cloth or of a batch.
+            multiplier: lambda; zero at fixed vertices.
+            velocity: v [m/s].
+            p: One cloth or a batch, as `x`.
+            gradient: dS/d(parameters) is added to it.
+            force_factor: Factor of the forces.
+            stiffness_factor: Factor of the Gauss-Newton stiffness.
+
+        Returns:
+            dS/dx and dS/d(anchor).
+        """
+        ...
