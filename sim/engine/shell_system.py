@@ -23,7 +23,8 @@ from cusick_bench.sim.threads import check_fork, thread_pool
 
 EDGE_SHARE = 0.002
 """Share of the membrane energy at the edges. Measured on the reference drapes: it matters where folds are hardly wider
-than the mesh (ln_bending -6.6, 1205 vertices: .001 to .007 change the drape coefficient by .5 points), not elsewhere."""
+than the mesh (ln_bending -6.6, 1205 vertices: .001 to .007 change the drape coefficient by .5 points), not elsewhere.
+"""
 
 
 @dataclass(frozen=True, eq=False)

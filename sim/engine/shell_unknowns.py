@@ -177,5 +177,5 @@ def _each(matrix: csr_array, values: Float[ndarray, "members columns *rest"]) ->
     """A matrix times every member's array, along its first axis."""
     members, columns = values.shape[:2]
     flat = np.moveaxis(values.reshape(members, columns, -1), 1, 0).reshape(columns, -1)
-    found = (matrix @ flat).reshape(matrix.shape[0], members, -1)
-    return np.ascontiguousarray(np.moveaxis(found, 0, 1)).reshape(members, matrix.shape[0], *values.shape[2:])
+    found = np.asarray(matrix @ flat).reshape(-1, members, flat.shape[1] // members)
+    return np.ascontiguousarray(np.moveaxis(found, 0, 1)).reshape(members, -1, *values.shape[2:])

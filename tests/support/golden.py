@@ -37,6 +37,7 @@ from cusick_bench.problem import LOSSES, SPACES, Budget, StiffnessPrior, laid_li
 from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import effect, registered
 from cusick_bench.sim.engine.parameters import Parameters
@@ -53,6 +54,7 @@ PATH = Path(__file__).resolve().parents[1] / "golden" / "numerics.json"
 EXACT, SHORT, LIBRARY = 1e-9, 1e-6, 1e-4
 """Relative tolerances: of what nothing amplifies; of a short drop or a fit to one, where a change of gravity by 1e-13
 moves no number by more than 1e-11; of what hangs on other packages' optimisers and decompositions."""
+_HINGES = ("paper", "published")  # laws whose systems are `DrapeSystem`s
 _BY_LIBRARY = ("vanilla-bo", "turbo", "baxus", "rembo", "hesbo", "equilibrium-gap", "nlopt")
 
 Values = dict[str, list[float]]
@@ -111,6 +113,35 @@ def _law(law: str) -> Values:
     force, blocks, energy = system.forces(shape, mesh.flat, parameters, exact=law == "paper")
     found = {"forces [N]": _summary(force), "stiffness [N/m]": _summary(blocks)}
     return found | ({"energy [J]": [energy]} if law == "paper" else {})
+
+
+def _plate() -> Values:
+    """Law `plate` with its stencils and maps; meshes in rings are its own."""
+    mesh, material = ring_mesh(97), _tables()
+    found = {"ring mesh [m]": _summary(mesh.material)}
+    simulator = DrapeSimulator(mesh, DrapeSettings(law="plate", steps=3))
+    system, unknowns = simulator.system, simulator.unknowns
+    x, y = mesh.material.T
+    outside = np.maximum(np.hypot(x, y) - 0.09, 0.0)
+    shape = np.column_stack([1.0 * x, 1.0 * y, 4.0 * outside**2 * np.cos(25 * x + 0.3)])[None]
+    parameters = Parameters(
+        material.stretch.numpy()[None, None], material.bending.numpy()[None, None],
+        material.vertex_mass(mesh).numpy()[None], np.linspace(-0.1, 0.1, len(mesh.hinges))[None], np.array([0.2]),
+    )  # fmt: skip
+    start = unknowns.configuration(shape)
+    for exact in (False, True):
+        state = system.evaluate(start, start, unknowns.parameters(parameters), exact=exact)
+        found[f"stiffness, exact {exact} [N/m]"] = _summary(state.matrix(diagonal=np.zeros((1, mesh.vertices))))
+    table = material.bending.clone().requires_grad_(True)
+    drape = simulator.drape(Material(material.stretch, table, material.density), initial=torch.from_numpy(shape[0]))
+    drape.vertices[:, 2].mean().backward()
+    return found | {
+        "control points [m]": _summary(start),
+        "forces [N]": _summary(state.force()),
+        "energy [J]": state.energy().tolist(),
+        "drop of 3 steps [m]": _summary(drape.vertices.detach()),
+        "gradient of a drop": _summary(table.grad),
+    }
 
 
 def _engine() -> Values:
@@ -292,9 +323,10 @@ def goldens() -> dict[str, Golden]:
     engine = {name: drape[name] for name in ("engine", "law paper")}
     settings = DrapeSettings()
     problem = cell_numerics(make_solver("homo"), settings)["problem"]
-    found = {f"law {law}": Golden({f"law {law}": LAWS[law]}, lambda law=law: _law(law), EXACT) for law in LAWS}
+    found = {f"law {law}": Golden({f"law {law}": LAWS[law]}, lambda law=law: _law(law), EXACT) for law in _HINGES}
+    found["law plate"] = Golden({"law plate": LAWS["plate"]}, _plate, EXACT)
     found |= {
-        "engine": Golden({name: both[name] for name in ("engine", *(f"law {law}" for law in LAWS))}, _engine, SHORT),
+        "engine": Golden({name: both[name] for name in ("engine", *(f"law {law}" for law in _HINGES))}, _engine, SHORT),
         "clamp": Golden(engine, _clamp, SHORT),
         "contact": Golden({"contact": drape["contact"], **engine}, _contact, SHORT),
         "renderer": Golden({"renderer": drape["renderer"]}, _renderer, EXACT),
