@@ -30,6 +30,7 @@ References:
 
 import numpy as np
 
+from cusick_bench.sim.engine.block_sums import BLOCK_BYTES, add_blocks, put_blocks
 from cusick_bench.sim.engine.shell_points import (
     bending_slopes,
     curvature,
@@ -49,8 +50,9 @@ from cusick_bench.sim.laws.plate import (
 )
 from cusick_bench.sim.laws.vectors import CHUNKS, combine, cross, dot, kernel
 
-EDGE_BLOCKS, VERTEX_BLOCKS = 54, 27
-"""Numbers that a point keeps: K_11, K_12 and K_22, those of edges n n^T, Phi_1 and Phi_2 as well; row by row."""
+EDGE_BLOCKS, VERTEX_BLOCKS = 81, 36
+"""Numbers that a point keeps: blocks K_11, K_12, K_21 and K_22 row by row, and at edges n n^T, Phi_1, Phi_2, Phi_1^T
+and Phi_2^T."""
 
 NODE_SLOPES = 7
 """Numbers that a node of an edge point keeps: B (3), T B (3) and mu."""
@@ -58,7 +60,7 @@ NODE_SLOPES = 7
 
 @kernel()
 def _membrane(xu, xv, table, scale, exact, block):
-    """Energy and its gradient in (x_,1, x_,2), all times `scale`; `block` receives K_11, K_12 and K_22."""
+    """Energy and its gradient in (x_,1, x_,2), all times `scale`; `block` receives K_11, K_12 and K_22 (not K_21)."""
     g00, g11, g01 = 0.5 * (dot(xu, xu) - 1.0), 0.5 * (dot(xv, xv) - 1.0), 0.5 * dot(xu, xv)
     psi, k, stress = paper_stress(g00, g11, g01, table)
     if exact:
@@ -76,10 +78,10 @@ def _membrane(xu, xv, table, scale, exact, block):
         for j in range(3):
             block[3 * i + j] = xu[i] * by_u[j] + xv[i] * by_v[j]
             block[9 + 3 * i + j] = xu[i] * both_u[j] + xv[i] * both_v[j]
-            block[18 + 3 * i + j] = xu[i] * next_u[j] + xv[i] * next_v[j]
+            block[27 + 3 * i + j] = xu[i] * next_u[j] + xv[i] * next_v[j]
         block[4 * i] += scale * uu
         block[9 + 4 * i] += half * uv
-        block[18 + 4 * i] += scale * vv
+        block[27 + 4 * i] += scale * vv
     return (
         scale * psi, combine(scale * stress[0], xu, half * stress[2], xv),
         combine(half * stress[2], xu, scale * stress[1], xv),
@@ -93,7 +95,7 @@ def _unit(axis):
 
 @kernel()
 def _add_geometric(xu, xv, n, length, total, size, block):
-    """Adds the part of the Hessian that comes from the moments to K_11, K_12, K_22, and puts Phi_1 and Phi_2.
+    """Adds the part of the Hessian that comes from the moments to K_11, K_12 and K_22, and puts Phi_1 and Phi_2.
 
     Args:
         xu, xv, n, length: x_,1, x_,2, n and J.
@@ -120,9 +122,18 @@ def _add_geometric(xu, xv, n, length, total, size, block):
             else:
                 by_v = cross(push, xu)
                 for i in range(3):
-                    block[18 + 3 * i + axis] += by_v[i]
+                    block[27 + 3 * i + axis] += by_v[i]
             for i in range(3):
-                block[36 + 9 * r + 3 * axis + i] = flat[i]
+                block[45 + 9 * r + 3 * axis + i] = flat[i]
+                block[63 + 9 * r + 3 * i + axis] = flat[i]
+
+
+@kernel()
+def _put_transposed(block):
+    """K_21 from K_12."""
+    for i in range(3):
+        for j in range(3):
+            block[18 + 3 * j + i] = block[9 + 3 * i + j]
 
 
 @kernel()
@@ -186,10 +197,11 @@ def edge_stiffness(
             )  # fmt: skip
             for i in range(3):
                 for j in range(3):
-                    own[27 + 3 * i + j] = n[i] * n[j]
+                    own[36 + 3 * i + j] = n[i] * n[j]
             if exact:
                 c = combine(1.0, combine(m0, c0, m1, c1), m2, c2)
                 _add_geometric(xu, xv, n, length, c, m0 * k0 + m1 * k1 + m2 * k2, own)
+            _put_transposed(own)
             for at in range(first, end):
                 u, v = weight[at, 0], weight[at, 1]
                 g0 = u * a0 + v * b0 + weight[at, 2]
@@ -225,6 +237,7 @@ def vertex_stiffness(exact, start, nodes, weight, area, share, offset, base, fie
                 xu, xv, member_table(stretches, offset + p), share * area[p], exact, block[member, p]
             )
             energy[member, offset + p] = work
+            _put_transposed(block[member, p])
             for at in range(first, end):
                 _put_force(forces, at, weight[at, 0], by_u, weight[at, 1], by_v, 0.0, nowhere)
 
@@ -245,86 +258,6 @@ def shell_curvatures(start, nodes, weight, base, field, found):
             s0, s1, s2 = second_slopes(start[p], start[p + 1], nodes, weight, field[member])
             n, _ = normal(xu, xv)
             found[member, p, 0], found[member, p, 1], found[member, p, 2] = dot(n, s0), dot(n, s1), dot(n, s2)
-
-
-@kernel()
-def _turned(block, at):
-    """Nine numbers of a point, transposed."""
-    return (
-        block[at], block[at + 3], block[at + 6], block[at + 1], block[at + 4], block[at + 7], block[at + 2],
-        block[at + 5], block[at + 8],
-    )  # fmt: skip
-
-
-@kernel()
-def _nine(block, at):
-    """Nine numbers of a point."""
-    return (
-        block[at], block[at + 1], block[at + 2], block[at + 3], block[at + 4], block[at + 5], block[at + 6],
-        block[at + 7], block[at + 8],
-    )  # fmt: skip
-
-
-@kernel()
-def _mixed(u, a, v, b):
-    """u a + v b of nine numbers each."""
-    return (
-        u * a[0] + v * b[0], u * a[1] + v * b[1], u * a[2] + v * b[2], u * a[3] + v * b[3], u * a[4] + v * b[4],
-        u * a[5] + v * b[5], u * a[6] + v * b[6], u * a[7] + v * b[7], u * a[8] + v * b[8],
-    )  # fmt: skip
-
-
-@kernel()
-def _add_terms(out, first, end, other, slots, weight, a, b):
-    """Adds w_1 a + w_2 b to the slots of some terms, w the weights of the node that each names."""
-    for term in range(first, end):
-        to, slot = other[term], slots[term]
-        u, v = weight[to, 0], weight[to, 1]
-        out[slot, 0] += u * a[0] + v * b[0]
-        out[slot, 1] += u * a[1] + v * b[1]
-        out[slot, 2] += u * a[2] + v * b[2]
-        out[slot, 3] += u * a[3] + v * b[3]
-        out[slot, 4] += u * a[4] + v * b[4]
-        out[slot, 5] += u * a[5] + v * b[5]
-        out[slot, 6] += u * a[6] + v * b[6]
-        out[slot, 7] += u * a[7] + v * b[7]
-        out[slot, 8] += u * a[8] + v * b[8]
-
-
-@kernel()
-def _add_bent_terms(out, first, end, other, slots, weight, a, b, slope, h, n):
-    """Adds w_1 a + w_2 b + (h . B) n to the slots of some terms, w and B those of the node that each names."""
-    for term in range(first, end):
-        to, slot = other[term], slots[term]
-        u, v = weight[to, 0], weight[to, 1]
-        w = h[0] * slope[to, 0] + h[1] * slope[to, 1] + h[2] * slope[to, 2]
-        out[slot, 0] += u * a[0] + v * b[0] + w * n[0]
-        out[slot, 1] += u * a[1] + v * b[1] + w * n[1]
-        out[slot, 2] += u * a[2] + v * b[2] + w * n[2]
-        out[slot, 3] += u * a[3] + v * b[3] + w * n[3]
-        out[slot, 4] += u * a[4] + v * b[4] + w * n[4]
-        out[slot, 5] += u * a[5] + v * b[5] + w * n[5]
-        out[slot, 6] += u * a[6] + v * b[6] + w * n[6]
-        out[slot, 7] += u * a[7] + v * b[7] + w * n[7]
-        out[slot, 8] += u * a[8] + v * b[8] + w * n[8]
-
-
-@kernel()
-def _add_hessian_terms(out, first, end, other, slots, weight, a, b, slope, h, n, flat):
-    """Adds w_1 a + w_2 b + (h . B) n + mu flat to the slots of some terms, as `_add_bent_terms` does."""
-    for term in range(first, end):
-        to, slot = other[term], slots[term]
-        u, v, push = weight[to, 0], weight[to, 1], slope[to, 6]
-        w = h[0] * slope[to, 0] + h[1] * slope[to, 1] + h[2] * slope[to, 2]
-        out[slot, 0] += u * a[0] + v * b[0] + w * n[0] + push * flat[0]
-        out[slot, 1] += u * a[1] + v * b[1] + w * n[1] + push * flat[1]
-        out[slot, 2] += u * a[2] + v * b[2] + w * n[2] + push * flat[2]
-        out[slot, 3] += u * a[3] + v * b[3] + w * n[3] + push * flat[3]
-        out[slot, 4] += u * a[4] + v * b[4] + w * n[4] + push * flat[4]
-        out[slot, 5] += u * a[5] + v * b[5] + w * n[5] + push * flat[5]
-        out[slot, 6] += u * a[6] + v * b[6] + w * n[6] + push * flat[6]
-        out[slot, 7] += u * a[7] + v * b[7] + w * n[7] + push * flat[7]
-        out[slot, 8] += u * a[8] + v * b[8] + w * n[8] + push * flat[8]
 
 
 @kernel(parallel=True)
@@ -353,27 +286,40 @@ def gather_stiffness(
     for job in numba.prange(members * CHUNKS):
         member, chunk = job // CHUNKS, job % CHUNKS
         own, bent = out[member], slope[member]
+        sums = np.empty((3, 9))
+        to, by_u, by_v, flat = own.ctypes.data, sums[0].ctypes.data, sums[1].ctypes.data, sums[2].ctypes.data
         for row in range(chunk * count // CHUNKS, (chunk + 1) * count // CHUNKS):
             own[indptr[row] : indptr[row + 1]] = 0.0
             for entry in range(row_start[row], row_start[row + 1]):
                 at = places[entry]
-                p, u, v = point[at], scale * weight[at, 0], scale * weight[at, 1]
+                p, w = point[at], (scale * weight[at, 0], scale * weight[at, 1])
                 block = vertex_block[member, p - offset] if p >= offset else edge_block[member, p]
-                by_u = _mixed(u, _nine(block, 0), v, _turned(block, 9))
-                by_v = _mixed(u, _nine(block, 9), v, _nine(block, 18))
+                kept = block.ctypes.data
+                put_blocks(by_u, w, (kept, kept + 2 * BLOCK_BYTES))
+                put_blocks(by_v, w, (kept + BLOCK_BYTES, kept + 3 * BLOCK_BYTES))
                 first, end = term_start[entry], term_start[entry + 1]
                 if p >= offset:
-                    _add_terms(own, first, end, other, slots, weight, by_u, by_v)
+                    for term in range(first, end):
+                        i = other[term]
+                        add_blocks(to + BLOCK_BYTES * slots[term], (weight[i, 0], weight[i, 1]), (by_u, by_v))
                     continue
-                n, h = _nine(block, 27), (scale * bent[at, 3], scale * bent[at, 4], scale * bent[at, 5])
+                n, h0, h1, h2 = kept + 4 * BLOCK_BYTES, scale * bent[at, 3], scale * bent[at, 4], scale * bent[at, 5]
                 if exact:
-                    push = scale * bent[at, 6]
-                    by_u = _mixed(1.0, by_u, push, _turned(block, 36))
-                    by_v = _mixed(1.0, by_v, push, _turned(block, 45))
-                    flat = _mixed(u, _nine(block, 36), v, _nine(block, 45))
-                    _add_hessian_terms(own, first, end, other, slots, weight, by_u, by_v, bent, h, n, flat)
+                    push = (scale * bent[at, 6],)
+                    add_blocks(by_u, push, (kept + 7 * BLOCK_BYTES,))
+                    add_blocks(by_v, push, (kept + 8 * BLOCK_BYTES,))
+                    put_blocks(flat, w, (kept + 5 * BLOCK_BYTES, kept + 6 * BLOCK_BYTES))
+                    for term in range(first, end):
+                        i = other[term]
+                        h = h0 * bent[i, 0] + h1 * bent[i, 1] + h2 * bent[i, 2]
+                        factors = (weight[i, 0], weight[i, 1], h, bent[i, 6])
+                        add_blocks(to + BLOCK_BYTES * slots[term], factors, (by_u, by_v, n, flat))
                 else:
-                    _add_bent_terms(own, first, end, other, slots, weight, by_u, by_v, bent, h, n)
+                    for term in range(first, end):
+                        i = other[term]
+                        h = h0 * bent[i, 0] + h1 * bent[i, 1] + h2 * bent[i, 2]
+                        factors = (weight[i, 0], weight[i, 1], h)
+                        add_blocks(to + BLOCK_BYTES * slots[term], factors, (by_u, by_v, n))
             add, slot = diagonal[member, vertex[row]], diagonal_slot[row]
             own[slot, 0] += add
             own[slot, 4] += add
