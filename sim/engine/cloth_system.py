@@ -112,6 +112,11 @@ class ClothSystem(Protocol):
         """The analysed linear solver of the free unknowns."""
         ...
 
+    @property
+    def element_bytes(self) -> int:
+        """What the evaluated elements of one cloth take [bytes]."""
+        ...
+
     def require_energy(self, what: str) -> None:
         """Checks that the forces derive from an energy.
 

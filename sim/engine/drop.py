@@ -29,7 +29,6 @@ from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
 _CACHE = 8 * 2**20  # [bytes] of elements evaluated together; they stay in the cache until their matrix is assembled
-_VERTEX_MEMORY = 1400  # [bytes] of the elements of a cloth, for each of its vertices
 States = Iterator[tuple[slice, Evaluated]]
 """Elements of a batch, part by part; each is valid until the next one is asked for."""
 
@@ -61,7 +60,7 @@ def parts(system: ClothSystem, members: int) -> list[slice]:
     Returns:
         Neighbouring cloths.
     """
-    together = max(get_num_threads(), _CACHE // (_VERTEX_MEMORY * system.mesh.vertices))
+    together = max(get_num_threads(), _CACHE // system.element_bytes)
     return [slice(start, start + together) for start in range(0, members, together)]
 
 

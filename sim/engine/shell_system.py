@@ -291,6 +291,11 @@ class ShellSystem:
         return self._buffers[0].first(members)
 
     @cached_property
+    def element_bytes(self) -> int:
+        """What the evaluated points and nodes of one cloth take [bytes]."""
+        return sum(array.nbytes for array in vars(_Buffers.of(1, self.nodes, self.edges)).values())
+
+    @cached_property
     def _plate_frame(self) -> Float[ndarray, "3 fixed"]:
         """Least squares from the positions of the fixed vertices to x_,1, x_,2 and the origin of the plate's plane."""
         at = self.mesh.material[self.fixed]

@@ -25,6 +25,7 @@ from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
 from cusick_bench.sim.threads import check_fork, thread_pool
 
 Law = Literal["plate", "paper", "published"]
+_VERTEX_MEMORY = 1400  # [bytes] of the elements of a cloth, for each of its vertices
 _LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
 
 
@@ -140,6 +141,11 @@ class DrapeSystem:
         faces, hinges = self.elements.faces, self.elements.hinges
         loose = (np.flatnonzero(~self.fixed[faces].all(1)), np.flatnonzero(~self.fixed[hinges].all(1)), self.free)
         return {True: (np.arange(len(faces)), np.arange(len(hinges)), np.arange(self.mesh.vertices)), False: loose}
+
+    @property
+    def element_bytes(self) -> int:
+        """What the evaluated elements of one cloth take [bytes]."""
+        return _VERTEX_MEMORY * self.mesh.vertices
 
     def _work(self, members: int, everywhere: bool = False) -> Workspace:
         """Element buffers, used again at every evaluation of as many members or fewer."""

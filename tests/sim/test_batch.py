@@ -73,6 +73,19 @@ def test_batch_in_lockstep_equals_single_drapes_to_rounding(per_element):
     assert torch.equal(some.vertices, batch.vertices[[8, 3]])
 
 
+def test_batches_of_shells_equal_single_drapes():
+    """Law `plate`: to the bit one after the other, to rounding in lockstep; three cloths do not part evenly in twos."""
+    one_by_one = DrapeSimulator(MESH, DrapeSettings(steps=6, law="plate"))
+    lockstep = DrapeSimulator(MESH, DrapeSettings(steps=6, law="plate", backend="lockstep"))
+    cloths = _cloths(3)
+    initial = torch.stack([torch.from_numpy(one_by_one.laid_down(seed)) for seed in range(3)])
+    batches = [simulator.drape_batch(cloths, initial=initial).vertices for simulator in (one_by_one, lockstep)]
+    for member, cloth in enumerate(cloths):
+        single = one_by_one.drape(cloth, initial=initial[member]).vertices
+        assert torch.equal(batches[0][member], single)
+        assert float((batches[1][member] - single).abs().max()) < 1e-11
+
+
 @pytest.mark.parametrize("memory", [2**30, 0], ids=["factors kept", "computed again"])
 def test_gradients_in_lockstep_equal_single_ones(memory):
     settings = DrapeSettings(steps=15)
