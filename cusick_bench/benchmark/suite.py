@@ -11,14 +11,17 @@ import numpy as np
 
 from cusick_bench.benchmark.device import device_name, drapes_per_second, measure_device
 from cusick_bench.benchmark.gradients import GradientCheck
+from cusick_bench.benchmark.laws import LAWS, NEAR_ENOUGH, compare_steps, equal_error
 from cusick_bench.benchmark.memory import peak_of
 from cusick_bench.benchmark.reference import Comparison
 from cusick_bench.benchmark.timing import Timing, paired_ratio, time_in_turn
 from cusick_bench.benchmark.workload import CASES, FLOOR_SHARE, LOCKSTEP, STEPS, Workload, floor_backends
+from cusick_bench.datasets.files.plate_drapes import PlateDrape
 from cusick_bench.runner.environment import environment
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.torch_engine.engine import torch_device
 
@@ -42,6 +45,9 @@ class Plan:
         rounds: Times of each case; large meshes get at most three.
         batches: Members of the batches on the CPU.
         support: `fixed` plate, or `springs` as published.
+        law: Material law of all but the comparisons with plain autograd and of laws.
+        reference: Reference drapes for the time at equal error; none for no such comparison, which takes minutes.
+        reference_vertices: Mesh sizes tried for it.
         reference_steps: Steps of the comparison with plain autograd, which keeps the graph of each.
         gradient_vertices: Mesh size of the gradient check.
         device: Where the torch engine is measured beside the CPU, as `DrapeSimulator` takes it; None for nowhere.
@@ -52,6 +58,9 @@ class Plan:
     rounds: int = 3
     batches: tuple[int, ...] = (16,)
     support: str = "fixed"
+    law: Law = "paper"
+    reference: tuple[PlateDrape, ...] = ()
+    reference_vertices: tuple[int, ...] = (297, 480, 700, 1205, 2699)
     reference_steps: int = 10
     gradient_vertices: int = 1205
     device: str | None = None
@@ -67,7 +76,7 @@ class Plan:
 FULL = {"vertices": (297, 1205, 2699, 7496, 20000), "rounds": 5, "batches": (16, 64)}
 """What the full benchmark measures beyond the quick one, which the defaults of `Plan` are; a quarter of an hour."""
 
-PARTS = ("meshes", "device", "reference", "gradient_error", "start_up_s")
+PARTS = ("meshes", "device", "laws", "reference", "gradient_error", "start_up_s")
 """Parts of the document in the order in which they are measured."""
 
 # What a part takes [s] on two quiet cores, roughly: progress is told in these units.
@@ -107,7 +116,8 @@ def work(plan: Plan) -> float:
         names = [*(f"floor:{name}" for name in floor_backends()), *CASES, *batches, *batches]
         found += (_mesh_rounds(vertices, plan) + 1) * sum(_cost(name, vertices) for name in names)
         found += _memory_cost(vertices)
-    return found + _reference_cost(plan) + _GRADIENT_DROPS * _DROP_SECONDS * plan.gradient_vertices + _START_SECONDS
+    found += _laws_cost(plan) + _reference_cost(plan) + _GRADIENT_DROPS * _DROP_SECONDS * plan.gradient_vertices
+    return found + len(LAWS) * _START_SECONDS
 
 
 _START_SECONDS = 3 * _PROCESS_SECONDS
@@ -115,6 +125,12 @@ _START_SECONDS = 3 * _PROCESS_SECONDS
 
 def _memory_cost(vertices: int) -> float:
     return 2 * _PROCESS_SECONDS + 8 * _DROP_SECONDS * vertices
+
+
+def _laws_cost(plan: Plan) -> float:
+    """Of the comparison of laws: steps of both, and about three drops a reference drape and mesh of both."""
+    drapes = 3 * len(LAWS) * len(plan.reference) * sum(plan.reference_vertices)
+    return _DROP_SECONDS * (2 * len(LAWS) * sum(plan.vertices) + drapes)
 
 
 def _reference_cost(plan: Plan) -> float:
@@ -138,7 +154,7 @@ def measure_mesh(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
     Returns:
         Times, memory and sizes by name.
     """
-    workload = Workload(vertices, plan.support)
+    workload = Workload(vertices, plan.support, plan.law)
     rounds, batches = _mesh_rounds(vertices, plan), _batches(vertices, plan)
     cases = time_in_turn(
         workload.cases(batches), rounds, lambda name: done(f"{vertices} vertices: {name}", _cost(name, vertices))
@@ -157,7 +173,8 @@ def measure_mesh(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
                 key: value / members for key, value in paired_ratio(cases[name], cases["drop"]).items()
             }
     memory = {
-        name: peak_of(_gradient_ready, vertices, plan.support, name == "kept") for name in ("kept", "checkpointed")
+        name: peak_of(_gradient_ready, vertices, plan.support, plan.law, name == "kept")
+        for name in ("kept", "checkpointed")
     }
     done(f"{vertices} vertices: memory", _memory_cost(vertices))
     return {
@@ -197,33 +214,41 @@ def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Done) -> dict
     return device_name(plan.device) | {"meshes": found}
 
 
-def _gradient_ready(vertices: int, support: str, keep: bool) -> Callable[[], object]:
+def _gradient_ready(vertices: int, support: str, law: Law, keep: bool) -> Callable[[], object]:
     """A drop with its gradient, code and mesh ready."""
-    workload = Workload(vertices, support)
+    workload = Workload(vertices, support, law)
     workload.drop()
     return lambda: workload.drop_gradient(keep=keep)
 
 
-def gradient_errors(vertices: int) -> list[dict[str, Any]]:
+def gradient_errors(vertices: int, law: Law) -> list[dict[str, Any]]:
     """Directional derivatives of the whole pipeline against central differences, in both modes.
 
     Args:
         vertices: Number of vertices of the mesh.
+        law: Material law.
 
     Returns:
         A row a mode and parameter, with its relative error.
     """
     rows = []
     for mode in ("drop", "equilibrium"):
-        settings = DrapeSettings(mode=mode, tolerance=1e-12)  # pyright: ignore[reportArgumentType]
+        settings = DrapeSettings(law=law, mode=mode, tolerance=1e-12)  # pyright: ignore[reportArgumentType]
         for error in GradientCheck(DrapeSimulator(disc_mesh(vertices), settings)).errors():
             rows.append({"mode": mode, **asdict(error), "relative_error": error.relative_error})
     return rows
 
 
-def start_up() -> float:
-    """Wall time of `cusick-bench simulate` on 1205 vertices in a new process, caches warm [s]."""
-    arguments = ["simulate", "--density", "0.192", "--bending", "1.4e-5", "--vertices", "1205", "--json"]
+def start_up(law: Law) -> float:
+    """Wall time of `cusick-bench simulate` on 1205 vertices in a new process, caches warm [s].
+
+    Args:
+        law: Material law.
+
+    Returns:
+        The shortest of three.
+    """
+    arguments = ["simulate", "--density", "0.192", "--bending", "1.4e-5", "--vertices", "1205", "--law", law, "--json"]
     taken = []
     for _ in range(3):
         clock = time.perf_counter()
@@ -262,8 +287,9 @@ def benchmark(
             that lack something.
 
     Returns:
-        `hardware`, `plan`, `meshes`, `reference`, `gradient_error`, `start_up_s`, `scaling_exponent`, `device` (empty
-        without one), `ratios` (those of the target mesh, or of the last), `targets` and `missing`, which is empty.
+        `hardware`, `plan`, `meshes`, `laws` (steps of laws side by side, and with a reference their times at equal
+        error), `reference`, `gradient_error`, `start_up_s` (of each law), `scaling_exponent`, `device` (empty without
+        one), `ratios` (those of the target mesh, or of the last), `targets` and `missing`, which is empty.
     """
     document: dict[str, Any] = {"hardware": environment(), "plan": asdict(plan), "meshes": [], "missing": list(PARTS)}
 
@@ -277,12 +303,13 @@ def benchmark(
         keep(document)
     measured("meshes", document["meshes"])
     measured("device", measure_beside(document["meshes"], plan, done))
+    measured("laws", measure_laws(plan, done))
     measured("reference", Comparison(_target(plan), plan.reference_steps).measure(min(plan.rounds, 3)))
     done("plain autograd", _reference_cost(plan))
-    measured("gradient_error", gradient_errors(plan.gradient_vertices))
+    measured("gradient_error", gradient_errors(plan.gradient_vertices, plan.law))
     done("gradient check", _GRADIENT_DROPS * _DROP_SECONDS * plan.gradient_vertices)
-    measured("start_up_s", start_up())
-    done("start-up", _START_SECONDS)
+    measured("start_up_s", {law: start_up(law) for law in LAWS})
+    done("start-up", len(LAWS) * _START_SECONDS)
     target = next(mesh for mesh, size in zip(document["meshes"], plan.vertices, strict=True) if size == _target(plan))
     reference = document["reference"]
     document["scaling_exponent"] = scaling(document["meshes"])
@@ -294,6 +321,31 @@ def benchmark(
     document["targets"] = list(_targets(document, target))
     keep(document)
     return document
+
+
+def measure_laws(plan: Plan, done: Done) -> dict[str, Any]:
+    """Steps of laws side by side on every mesh, and where the plan has a reference their times at equal error.
+
+    Args:
+        plan: What to measure.
+        done: Told of everything measured.
+
+    Returns:
+        `meshes` (see `compare_steps`) and `equal_error` (see there; None without a reference).
+    """
+    meshes = [compare_steps(vertices, 5 * _mesh_rounds(vertices, plan)) for vertices in plan.vertices]
+    done("steps of laws", _laws_cost(plan))
+    if not plan.reference:
+        return {"meshes": meshes, "equal_error": None}
+    near = equal_error(plan.reference, plan.reference_vertices, lambda name: done(f"equal error: {name}", 0.0))
+    return {"meshes": meshes, "equal_error": near}
+
+
+def _law_targets(laws: dict[str, Any]) -> Iterator[tuple[str, float, float]]:
+    """A step of the first law against one of the second, on the larger meshes."""
+    for mesh in laws["meshes"]:
+        if mesh["vertices"] >= _SMALLEST_BATCHED:
+            yield f"step, {' / '.join(LAWS)}, {mesh['vertices']} vertices", mesh["ratio"]["median"], 1.6
 
 
 def _batch_targets(meshes: list[dict[str, Any]]) -> Iterator[tuple[str, float, float]]:
@@ -317,12 +369,17 @@ def _targets(document: dict[str, Any], mesh: dict[str, Any]) -> Iterator[dict[st
         ("silhouette+gradient (s)", cases["silhouette+gradient"]["median_s"], 0.03),
         ("scaling exponent", document["scaling_exponent"], 1.5),
         ("gradient error", worst, 1e-5),
-        ("start-up (s)", document["start_up_s"], 3.0),
+        *_law_targets(document["laws"]),
+        *((f"start-up, law {law} (s)", seconds, 3.0) for law, seconds in document["start_up_s"].items()),
     ]
     lower = [
         ("times faster than plain autograd", ratios["plain autograd / engine, time"], 20.0),
         ("times leaner than plain autograd", ratios["plain autograd / engine, memory"], 10.0),
     ]
+    near = document["laws"]["equal_error"]
+    if near is not None:
+        name = f"times faster at {NEAR_ENOUGH:g} points from the reference, {' than '.join(LAWS)}"
+        lower.append((name, near["times_faster"], 5.0))
     for rows, sign in ((upper, 1), (lower, -1)):
         for name, value, limit in rows:
             met = None if value is None else bool(sign * value <= sign * limit)

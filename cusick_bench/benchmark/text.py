@@ -28,6 +28,7 @@ def markdown(document: dict[str, Any], command: str) -> str:
         "factorisations and solves with the fastest backend installed, and nothing else.",
         *_targets(document),
         *_sizes(document["meshes"]),
+        *_laws(document["laws"]),
         *_reference(document["reference"]),
         *_gradients(document["gradient_error"]),
     ]
@@ -72,6 +73,43 @@ def _sizes(meshes: list[dict[str, Any]]) -> Iterator[str]:
         (name, *(f"{mesh['memory_bytes'][name] / 1e6:.0f}" for mesh in meshes)) for name in ("kept", "checkpointed")
     )
     yield _table(("factors", *names), rows)
+
+
+def _laws(laws: dict[str, Any]) -> Iterator[str]:
+    names = list(laws["meshes"][0]["step"])
+    yield "## Laws side by side: a step [ms]"
+    rows = [
+        ("step", mesh, {law: mesh["step"][law] for law in names}, f"{mesh['ratio']['median']:.2f}")
+        for mesh in laws["meshes"]
+    ]
+    for mesh in laws["meshes"]:
+        for phase in mesh["phases"][names[0]]:
+            timings = {law: mesh["phases"][law][phase] for law in names}
+            ratio = timings[names[0]]["median_s"] / timings[names[1]]["median_s"]
+            rows.append((phase, mesh, timings, f"{ratio:.2f}"))
+    yield _table(
+        ("", "vertices", *names, "ratio"),
+        (
+            (name, str(mesh["vertices"]), *(f"{1e3 * timings[law]['median_s']:.2f}" for law in names), ratio)
+            for name, mesh, timings, ratio in rows
+        ),
+    )
+    near = laws["equal_error"]
+    if near is None:
+        return
+    yield f"## Time to come within {near['near_enough_points']:g} points of reference drapes"
+    yield _table(
+        ("law", "folds", "ln bending", "Poisson", "vertices", "error, points", "s", "near enough"),
+        (
+            (
+                law, str(row["folds"]), f"{row['ln_bending']:g}", f"{row['poisson']:.3g}", str(row["vertices"]),
+                "-" if row["error_points"] is None else f"{row['error_points']:.2f}",
+                "-" if row["seconds"] is None else f"{row['seconds']:.3g}", _WORD[row["reached"]],
+            )
+            for law in names
+            for row in near[law]["rows"]
+        ),
+    )  # fmt: skip
 
 
 def _cell(mesh: dict[str, Any], group: str, case: str, scale: float, digits: int) -> str:

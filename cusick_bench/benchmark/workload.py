@@ -11,9 +11,10 @@ from torch import Tensor
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import Drape, DrapeSimulator
+from cusick_bench.sim.engine.cloth_system import ClothSystem, Evaluated
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem, Evaluation
+from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.linear.interface import Factor, LinearSolver, available_backends, solver
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
@@ -73,10 +74,12 @@ class Workload:
     Attributes:
         vertices: Mesh size.
         support: As in `DrapeSettings`.
+        law: Material law.
     """
 
     vertices: int
     support: str = "fixed"
+    law: Law = "paper"
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -86,12 +89,12 @@ class Workload:
     @cached_property
     def dropping(self) -> DrapeSimulator:
         """Simulator in mode `drop`."""
-        return DrapeSimulator(self.mesh, DrapeSettings(support=self.support, steps=STEPS))  # pyright: ignore[reportArgumentType]
+        return DrapeSimulator(self.mesh, DrapeSettings(law=self.law, support=self.support, steps=STEPS))  # pyright: ignore[reportArgumentType]
 
     @cached_property
     def resting(self) -> DrapeSimulator:
         """Simulator in mode `equilibrium`."""
-        settings = DrapeSettings(support=self.support, mode="equilibrium", steps=STEPS)  # pyright: ignore[reportArgumentType]
+        settings = replace(self.dropping.settings, mode="equilibrium")
         return DrapeSimulator(self.mesh, settings)
 
     @cached_property
@@ -105,21 +108,28 @@ class Workload:
         return self.resting.drape(cloth(self.mesh))
 
     @cached_property
-    def step_system(self) -> tuple[DrapeSystem, np.ndarray, np.ndarray]:
+    def step_system(self) -> tuple[ClothSystem, np.ndarray, np.ndarray]:
         """System, step matrix and right-hand side of a step from the rest: what the bare linear algebra is given."""
-        system, h = self.dropping.system, self.dropping.settings.step_seconds
-        x, parameters = self.draped.vertices.detach().numpy(), self.parameters
-        force, blocks, _ = system.forces(x, self.mesh.flat, parameters, exact=False)
-        blocks *= h * h
-        system.add_diagonal(blocks, parameters.mass)
-        return system, blocks, h * force[system.free]
+        system, h, p = self.dropping.system, self.dropping.settings.step_seconds, self.parameters.batch()
+        state = system.evaluate(*self.at_rest, p, exact=False)
+        blocks = state.matrix(scale=h * h, diagonal=p.mass + h * h * system.spring)
+        return system, blocks[0], h * state.force()[0, system.free]
+
+    @cached_property
+    def at_rest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations of the cloth at rest and of the flat cloth, in the law's unknowns; batches of one [m]."""
+        unknowns, x = self.dropping.unknowns, self.draped.vertices.detach().numpy()
+        return unknowns.configuration(x[None]), unknowns.configuration(self.mesh.flat[None])
 
     @cached_property
     def parameters(self) -> Parameters:
         """The cloth as the kernels take it."""
         material, angles = self.plain, self.dropping.rest_angles()
-        arrays = (material.stretch[None], material.bending[None], material.vertex_mass(self.mesh), angles)
-        return Parameters(*(array.numpy() for array in arrays))
+        arrays = (
+            material.stretch[None], material.bending[None], material.vertex_mass(self.mesh), angles, material.poisson
+        )  # fmt: skip
+        p = Parameters(*(array.numpy() for array in arrays))
+        return self.dropping.unknowns.parameters(p.batch()).member(0)
 
     def drop(self) -> Drape:
         """Forward drop, no gradient."""
@@ -232,13 +242,13 @@ class Workload:
     def phases(self) -> dict[str, Callable[[], object]]:
         """Parts of a step, by name."""
         system, blocks, right = self.step_system
-        x, flat, p = self.draped.vertices.detach().numpy()[None], self.mesh.flat[None], self.parameters.batch()
+        (x, flat), p = self.at_rest, self.parameters.batch()
         diagonal, storage = p.mass, np.zeros((1, *blocks.shape))
         factor = system.linear.factorise(blocks)
         multiplier, gradient = np.zeros_like(x), system.zero_gradient(1)
         multiplier[:, system.free] = 1e-3
 
-        def forces(exact: bool) -> Evaluation:
+        def forces(exact: bool) -> Evaluated:
             state = system.evaluate(x, flat, p, exact=exact)
             state.force()
             return state

@@ -35,8 +35,10 @@ def test_every_part_is_kept_once_it_is_measured(monkeypatch):
     ratios |= {f"batch of 16{kind} / 16 drops": {"median": 0.7} for kind in ("", ", lockstep")}
     mesh = {"vertices": 1205, "ratios": ratios, "cases": cases}
     monkeypatch.setattr(suite, "measure_mesh", lambda vertices, plan, done: mesh)
-    monkeypatch.setattr(suite, "gradient_errors", lambda vertices: [])
-    monkeypatch.setattr(suite, "start_up", lambda: 1.0)
+    monkeypatch.setattr(suite, "gradient_errors", lambda vertices, law: [])
+    monkeypatch.setattr(suite, "start_up", lambda law: 1.0)
+    steps = {"vertices": 1205, "ratio": {"median": 1.5}}
+    monkeypatch.setattr(suite, "measure_laws", lambda plan, done: {"meshes": [steps], "equal_error": None})
     compared = {"times_faster": {"median": 2.0}, "times_leaner": 3.0}
     monkeypatch.setattr(suite.Comparison, "measure", lambda self, rounds: compared)
     kept = []
@@ -46,6 +48,7 @@ def test_every_part_is_kept_once_it_is_measured(monkeypatch):
     met = {row["target"]: row["met"] for row in document["targets"]}
     assert met["drop / floor"]
     assert not met["times faster than plain autograd"]
+    assert met["step, plate / paper, 1205 vertices"]
     assert {name: value for name, value in met.items() if "batch" in name} == {
         "batch of 16, lockstep / 16 drops, 1205 vertices": False
     }
@@ -59,4 +62,4 @@ def test_an_interrupted_benchmark_says_where_its_parts_lie(stopped_at_the_second
     assert [mesh["vertices"] for mesh in kept["meshes"]] == [Plan().vertices[0]]
     assert kept["missing"] == list(PARTS)
     assert str(out) in "".join(done.stderr.split("\n"))
-    assert "meshes, device, reference" in done.stderr
+    assert "meshes, device, laws" in done.stderr

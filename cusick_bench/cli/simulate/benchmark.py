@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import command_line, console, interruptible, output, plain, print_json, user_errors
-from cusick_bench.cli.options import MOST_STEPS, MOST_VERTICES, Json, VerticesList, output_option
+from cusick_bench.cli.options import MOST_STEPS, MOST_VERTICES, Json, Law, LawName, VerticesList, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.runner.store import write_atomically
 
@@ -29,6 +29,14 @@ def benchmark(
     springs: Annotated[
         bool, typer.Option(help="Hold the plate by springs, as published, instead of fixing it.")
     ] = False,
+    law: Law = LawName.paper,
+    reference: Annotated[
+        Path | None,
+        typer.Option(help="Table of reference drapes: also time laws plate and paper where they are as near to it."),
+    ] = None,
+    reference_vertices: Annotated[
+        list[int] | None, typer.Option(min=60, max=MOST_VERTICES, help="Mesh size tried for it; repeatable.")
+    ] = None,
     reference_steps: Annotated[
         int, typer.Option(min=1, max=MOST_STEPS, help="Steps compared with plain autograd.")
     ] = 10,
@@ -52,13 +60,16 @@ def benchmark(
     from cusick_bench.benchmark.suite import FULL, Plan, work
     from cusick_bench.benchmark.suite import benchmark as run_benchmark
     from cusick_bench.benchmark.text import markdown
+    from cusick_bench.datasets.files.plate_drapes import read_plate_drapes
 
     asked: dict[str, Any] = dict(FULL) if full else {}
     asked |= {"vertices": tuple(vertices)} if vertices else {}
     asked |= {"rounds": rounds} if rounds else {}
     asked |= {"batches": tuple(batch), "device_batches": tuple(batch)} if batch else {}
+    asked |= {"reference": read_plate_drapes(reference)} if reference else {}
+    asked |= {"reference_vertices": tuple(reference_vertices)} if reference_vertices else {}
     plan = Plan(
-        support="springs" if springs else "fixed", reference_steps=reference_steps,
+        law=law.value, support="springs" if springs else "fixed", reference_steps=reference_steps,
         gradient_vertices=gradient_vertices, device=device, **asked,
     )  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -80,6 +91,7 @@ def benchmark(
         _print_mesh(mesh)
     for mesh in document["device"].get("meshes", []):
         print_device(mesh, document["device"])
+    _print_laws(document["laws"])
     _print_gradients(document["gradient_error"])
     _print_targets(document["targets"])
 
@@ -146,6 +158,26 @@ def print_device(mesh: dict[str, Any], device: dict[str, Any]) -> None:
         )
     worst = max(mesh["agreement"]["gradient"].values())
     output.print(f"engines differ by {mesh['agreement']['positions_m']:.1e} m, gradients by {worst:.1e} of the largest")
+
+
+def _print_laws(laws: dict[str, Any]) -> None:
+    names = list(laws["meshes"][0]["step"]) if laws["meshes"] else []
+    table = Table("step, by law", title="laws side by side")
+    for column in (*(f"{name} ms" for name in names), "ratio"):
+        table.add_column(column, justify="right")
+    for mesh in laws["meshes"]:
+        steps = (f"{1e3 * mesh['step'][name]['median_s']:.2f}" for name in names)
+        table.add_row(f"{mesh['vertices']} vertices", *steps, f"{mesh['ratio']['median']:.2f}")
+    output.print(table)
+    near = laws["equal_error"]
+    for name in names if near else ():
+        rows, found = near[name]["rows"], near[name]
+        reached = sum(row["reached"] for row in rows)
+        largest = max(row["vertices"] for row in rows)
+        output.print(
+            f"law {name}: {reached} of {len(rows)} reference drapes within {near['near_enough_points']:g} points on "
+            f"meshes of at most {largest} vertices, {found['seconds']:.3g} s for all"
+        )
 
 
 def _print_gradients(rows: list[dict[str, Any]]) -> None:

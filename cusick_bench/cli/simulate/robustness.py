@@ -6,7 +6,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import MOST_DRAWS, DropMode, Json, Mode, Seed, Vertices
+from cusick_bench.cli.options import MOST_DRAWS, DropMode, Json, Law, LawName, Mode, Seed, Vertices
 from cusick_bench.cli.progress import progress_bar
 
 app = typer.Typer()
@@ -18,6 +18,7 @@ def robustness(
     draws: Annotated[int, typer.Option(min=1, max=MOST_DRAWS, help="Random cloths.")] = 1000,
     vertices: Vertices = 1205,
     mode: DropMode = Mode.equilibrium,
+    law: Law = LawName.paper,
     least: Annotated[
         float, typer.Option("--minimum-share", min=0, max=1, help="Share of the cloths that has to come to rest.")
     ] = 0.995,
@@ -30,11 +31,11 @@ def robustness(
     from cusick_bench.sim.drape import DrapeSimulator
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(mode=mode.value))
+    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(law=law.value, mode=mode.value))
     with progress_bar("draping", draws) as bar:
         found = run_robustness(simulator, draws, seed=seed, done=bar.advance)
     if as_json:
-        print_json({"vertices": vertices, "mode": mode.value, **found})
+        print_json({"vertices": vertices, "law": law.value, "mode": mode.value, **found})
     else:
         table = Table("seed", "density kg/m2", "bending N m", "anisotropy", "reason", title="did not come to rest")
         for row in found["failures"]:

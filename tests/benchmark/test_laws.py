@@ -1,0 +1,39 @@
+"""Laws side by side: steps on one mesh, and time at equal error."""
+
+import pytest
+
+from cusick_bench.benchmark import laws
+from cusick_bench.benchmark.convergence.reference import PlateComparison
+from cusick_bench.benchmark.laws import compare_steps, equal_error
+
+
+def test_steps_of_both_laws_are_timed_on_one_mesh():
+    found = compare_steps(97, 2)
+    assert set(found["step"]) == set(found["phases"]) == {"plate", "paper"}
+    assert found["ratio"]["median"] > 0
+    assert found["phases"]["plate"]["factorisation"]["rounds"] == 2
+    assert found["factor"]["plate"]["blocks_a_row"] > found["factor"]["paper"]["blocks_a_row"]
+
+
+def test_a_row_counts_with_the_smallest_mesh_that_is_near_enough(monkeypatch):
+    """A law whose error falls as 1 / vertices, a hundred times as slowly for the second law."""
+
+    def compare(drapes, sizes, law):
+        error = (100 if law == "plate" else 10_000) / sizes[0]
+        values = dict.fromkeys(PlateComparison.__annotations__)
+        return [
+            PlateComparison(**values | vars(drape) | {"vertices": sizes[0], "error_points": error, "seconds": sizes[0]})
+            for drape in drapes
+        ]
+
+    class Row:
+        def __init__(self, folds):
+            self.folds, self.ln_bending, self.poisson = folds, -6.6, 0.0
+
+    monkeypatch.setattr(laws, "compare_with_reference", compare)
+    found = equal_error([Row(0), Row(8)], [300, 100, 1000])  # pyright: ignore[reportArgumentType]
+    assert [row["vertices"] for row in found["plate"]["rows"]] == [300, 300]
+    assert found["plate"]["reached"]
+    assert not found["paper"]["reached"]
+    assert [row["vertices"] for row in found["paper"]["rows"]] == [1000, 1000]
+    assert found["times_faster"] == pytest.approx(1000 / 300)
