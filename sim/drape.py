@@ -183,6 +183,13 @@ class DrapeSimulator:
         shape[:, 2] = smooth_field(s.rest_amplitude, s.rest_length, generator)(self.mesh.material)
         return dihedral_angles(torch.from_numpy(shape), self.mesh.hinges)
 
+    @property
+    def hinge_share(self) -> Float[ndarray, "hinges"]:
+        """Share of every hinge's stress-free angle that its bending part takes: 1 but on the clamp of law `paper`."""
+        if isinstance(self.system, DrapeSystem):
+            return self.system.elements.hinge_share
+        return np.ones(len(self.mesh.hinges))
+
     @cached_property
     def _laid(self) -> Float[ndarray, "vertices 3"]:
         return self.laid_down(self.settings.seed)
@@ -257,8 +264,7 @@ class DrapeSimulator:
         laid = torch.from_numpy(self.laid_down()).expand(members, -1, -1) if initial is None else initial
         angle = self.rest_angles().expand(members, -1) if rest_angle is None else rest_angle
         self._check_arrays(members, initial=laid, rest_angle=angle, warm=warm)
-        if isinstance(self.system, DrapeSystem):
-            angle = angle * torch.from_numpy(self.system.elements.hinge_share).to(angle.device)
+        angle = angle * torch.from_numpy(self.hinge_share).to(angle.device)
         clock = time.perf_counter()
         stretch = _stacked([m.stretch for m in materials], 6, 4)
         bending = _stacked([m.bending for m in materials], 3, 5)

@@ -2,7 +2,9 @@
 
 Before every step of a drop a `StateLaw` looks at where the cloth is and sets its parameters for the step. Forces of an
 elastic-plastic element are exact in this way: a spring of stiffness k whose rest state follows the motion beyond a
-threshold. Not differentiated: gradients to such effects are differences with common random numbers.
+threshold. Laws see bending and shear through `engine.strains`, which has them for hinges and faces as for shells; what
+they get is in the units of the system: of law `plate` control points, and tables and rest curvatures of quadrature
+points. Not differentiated: gradients to such effects are differences with common random numbers.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
 
     from cusick_bench.sim.cloth.material import Material
     from cusick_bench.sim.drape import DrapeSimulator
+    from cusick_bench.sim.engine.cloth_system import ClothSystem
     from cusick_bench.sim.engine.parameters import Parameters
-    from cusick_bench.sim.engine.system import DrapeSystem
 
 
 class Rank(IntEnum):
@@ -45,7 +47,7 @@ class StateLaw(ABC):
     rank: ClassVar[Rank]
 
     @abstractmethod
-    def start(self, system: DrapeSystem, parameters: Parameters) -> State:
+    def start(self, system: ClothSystem, parameters: Parameters) -> State:
         """The state of a cloth that lies flat, unloaded.
 
         Args:
@@ -62,14 +64,14 @@ class State(ABC):
 
     @abstractmethod
     def advance(
-        self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
-    ) -> tuple[DrapeSystem, Parameters]:
+        self, system: ClothSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
+    ) -> tuple[ClothSystem, Parameters]:
         """System and parameters for the next step.
 
         Args:
             system: System as the laws before this one left it.
             parameters: Parameters as the laws before this one left them.
-            x: Where the cloth is [m].
+            x: Where the cloth is: the system's configuration [m].
             share: How much of the drop is over, in [0, 1).
 
         Returns:
@@ -106,7 +108,7 @@ def drop_with_history(
     from cusick_bench.sim.engine.parameters import Parameters
     from cusick_bench.sim.outcome import flown_apart
 
-    settings, base = simulator.settings, simulator.system
+    settings, base, unknowns = simulator.settings, simulator.system, simulator.unknowns
     if settings.mode != "drop":
         asked = "self-contact" if settings.self_contact > 0 else f"mode {settings.mode!r}"
         raise SimulationError(
@@ -114,12 +116,14 @@ def drop_with_history(
             "leave one of them out"
         )
     material.check_fits(simulator.mesh)
-    elastic = Parameters(
+    asked = Parameters(
         _array(material.stretch.reshape(-1, 6, 4)), _array(material.bending.reshape(-1, 3, 5)),
-        _array(material.vertex_mass(simulator.mesh)), _array(rest_angle) * base.elements.hinge_share,
+        _array(material.vertex_mass(simulator.mesh)), _array(rest_angle) * simulator.hinge_share,
+        np.array(float(material.poisson)),
     )  # fmt: skip
+    elastic = unknowns.parameters(asked.batch()).member(0)
     states = [law.start(base, elastic) for law in sorted(laws, key=lambda law: law.rank)]
-    x = _array(initial)[None].copy()
+    x = unknowns.configuration(_array(initial)[None]).copy()
     laid, far = x.copy(), too_far(x)
     v, v_new, x_new = np.zeros_like(x), np.zeros_like(x), np.empty_like(x)
     stepper, factor = Stepper(base, elastic.mass[None], settings.step_seconds, batch=False), None
@@ -136,7 +140,7 @@ def drop_with_history(
     failure = flown_apart(settings, float(np.linalg.norm(left) / (settings.gravity * elastic.mass.sum())))
     if failure is not None:
         raise DrapeDiverged(failure)
-    return torch.from_numpy(x[0])
+    return torch.from_numpy(unknowns.positions(x)[0])
 
 
 def _array(tensor: Tensor) -> ndarray:

@@ -103,6 +103,11 @@ class ClothSystem(Protocol):
         ...
 
     @property
+    def backend(self) -> str:
+        """Name of the linear solver."""
+        ...
+
+    @property
     def layout(self) -> Layout:
         """Where element blocks go in the matrix of the free unknowns."""
         ...
@@ -143,6 +148,22 @@ class ClothSystem(Protocol):
 
         Returns:
             Forces, energy and matrix on demand; valid until the next evaluation.
+        """
+        ...
+
+    def forces(
+        self, x: Float[ndarray, "vertices 3"], anchor: Float[ndarray, "vertices 3"], p: Parameters, *, exact: bool
+    ) -> tuple[Float[ndarray, "vertices 3"], Float[ndarray, "slots 3 3"], float]:
+        """Forces, stiffness blocks and energy at one configuration.
+
+        Args:
+            x: Configuration [m].
+            anchor: Where springs hold [m].
+            p: The cloth, as the system takes it.
+            exact: Hessian of the energy instead of the positive-semidefinite Gauss-Newton stiffness.
+
+        Returns:
+            Forces [N], stiffness blocks of the free unknowns in the layout's slots [N/m], and the potential energy [J].
         """
         ...
 

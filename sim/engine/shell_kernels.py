@@ -59,9 +59,12 @@ NODE_SLOPES = 7
 
 
 @kernel()
-def _membrane(xu, xv, table, scale, exact, block):
-    """Energy and its gradient in (x_,1, x_,2), all times `scale`; `block` receives K_11, K_12 and K_22 (not K_21)."""
-    g00, g11, g01 = 0.5 * (dot(xu, xu) - 1.0), 0.5 * (dot(xv, xv) - 1.0), 0.5 * dot(xu, xv)
+def _membrane(xu, xv, table, rest, scale, exact, block):
+    """Energy and its gradient in (x_,1, x_,2), all times `scale`; `block` receives K_11, K_12 and K_22 (not K_21).
+
+    `rest` is the shear x_,1 . x_,2 without shear stress.
+    """
+    g00, g11, g01 = 0.5 * (dot(xu, xu) - 1.0), 0.5 * (dot(xv, xv) - 1.0), 0.5 * (dot(xu, xv) - rest)
     psi, k, stress = paper_stress(g00, g11, g01, table)
     if exact:
         t00, t11, t22, t01, t02, t12 = paper_tangent(g00, g11, g01, table, k)
@@ -146,8 +149,9 @@ def _put_force(vector, at, u, by_u, v, by_v, bend, n):
 
 @kernel(parallel=True)
 def edge_stiffness(
-    exact, start, nodes, weight, area, share, base, field, stretch, bending, rest, poisson, energy, vector, block, slope
-):
+    exact, start, nodes, weight, area, share, base, field, stretch, shear, bending, rest, poisson, energy, vector, block,
+    slope,
+):  # fmt: skip
     """Energy, forces and stiffness of all edge points.
 
     Args:
@@ -160,6 +164,7 @@ def edge_stiffness(
         base: Derivatives x_,1 and x_,2 of the undeformed cloth on the plate (members, 2, 3).
         field: Displacements of the control points (members, rows, 3) [m].
         stretch: (members or 1, points or 1, 6, 4) [N/m].
+        shear: Shear x_,1 . x_,2 at rest (points).
         bending: (members or 1, edges or 1, 3, 5) [N m].
         rest: Curvatures at rest (members, edges, 3) [1/m].
         poisson: (members).
@@ -177,7 +182,7 @@ def edge_stiffness(
             first, end, size, own = start[p], start[p + 1], area[p], block[member, p]
             xu, xv = position_slopes(first, end, nodes, weight, base[member], field[member])
             s0, s1, s2 = second_slopes(first, end, nodes, weight, field[member])
-            work, by_u, by_v = _membrane(xu, xv, member_table(stretches, p), share * size, exact, own)
+            work, by_u, by_v = _membrane(xu, xv, member_table(stretches, p), shear[p], share * size, exact, own)
             n, length = normal(xu, xv)
             k0, c0 = curvature(s0, n, length)
             k1, c1 = curvature(s1, n, length)
@@ -216,13 +221,15 @@ def edge_stiffness(
 
 
 @kernel(parallel=True)
-def vertex_stiffness(exact, start, nodes, weight, area, share, offset, base, field, stretch, energy, vector, block):
+def vertex_stiffness(
+    exact, start, nodes, weight, area, share, offset, base, field, stretch, shear, energy, vector, block
+):
     """Energy, forces and stiffness of all vertex points; arguments as in `edge_stiffness`.
 
     Args:
         area: Of every vertex outside the plate [m2].
         share: Share of the membrane energy that the vertices carry.
-        offset: Number of edges, which come before the vertices in `start`, `stretch` and `energy`.
+        offset: Number of edges, which come before the vertices in `start`, `stretch`, `shear` and `energy`.
         block: Receives what the point keeps (members, vertices, VERTEX_BLOCKS).
     """
     members, count = field.shape[0], area.shape[0]
@@ -234,7 +241,8 @@ def vertex_stiffness(exact, start, nodes, weight, area, share, offset, base, fie
             first, end = start[offset + p], start[offset + p + 1]
             xu, xv = position_slopes(first, end, nodes, weight, base[member], field[member])
             work, by_u, by_v = _membrane(
-                xu, xv, member_table(stretches, offset + p), share * area[p], exact, block[member, p]
+                xu, xv, member_table(stretches, offset + p), shear[offset + p], share * area[p], exact,
+                block[member, p],
             )
             energy[member, offset + p] = work
             _put_transposed(block[member, p])

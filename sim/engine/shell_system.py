@@ -18,6 +18,7 @@ from cusick_bench.sim.engine import shell_adjoint, shell_kernels
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
+from cusick_bench.sim.shell.grain import along_grain
 from cusick_bench.sim.shell.stencils import ShellStencils, shell_stencils
 from cusick_bench.sim.threads import check_fork, thread_pool
 
@@ -186,6 +187,8 @@ class ShellSystem:
         plate_radius: [m].
         backend: Linear solver, see `cusick_bench.sim.linear.interface.solver`.
         stencils: Its quadrature points; made from the mesh by default.
+        sheet: The mesh in the directions of its grain, in which strains and curvatures are taken.
+        rest_shear: Shear x_,1 . x_,2 at which the quadrature points are free of shear stress.
     """
 
     mesh: Mesh
@@ -194,6 +197,8 @@ class ShellSystem:
     plate_radius: float
     backend: str = "auto"
     stencils: ShellStencils = field(init=False, repr=False)
+    sheet: Mesh = field(init=False, repr=False)
+    rest_shear: Float[ndarray, "points"] = field(init=False, repr=False)
 
     law = "plate"
 
@@ -201,7 +206,9 @@ class ShellSystem:
         thread_pool()
         if self.fixed.all():
             raise SimulationError("every vertex is fixed: nothing can drape; is the plate larger than the cloth?")
-        object.__setattr__(self, "stencils", shell_stencils(self.mesh, self.fixed, self.plate_radius))
+        object.__setattr__(self, "sheet", along_grain(self.mesh))
+        object.__setattr__(self, "stencils", shell_stencils(self.sheet, self.fixed, self.plate_radius))
+        object.__setattr__(self, "rest_shear", np.zeros(self.points))
 
     def require_energy(self, what: str) -> None:
         """Checks that the forces derive from an energy, as those of a shell do."""
@@ -220,7 +227,8 @@ class ShellSystem:
         """
         if not np.array_equal(mesh.faces, self.mesh.faces):
             raise SimulationError("an analysis is shared by meshes of the same faces only; make a new system")
-        stencils = shell_stencils(mesh, self.fixed, self.plate_radius)
+        sheet = along_grain(mesh)
+        stencils = shell_stencils(sheet, self.fixed, self.plate_radius)
         same = all(
             np.array_equal(getattr(stencils, name), getattr(self.stencils, name))
             for name in ("edge_nodes", "edge_counts", "vertex_nodes", "vertex_counts")
@@ -232,7 +240,22 @@ class ShellSystem:
         for name in ("_plate_frame", "_plate_row", "nodes"):
             other.__dict__.pop(name, None)
         object.__setattr__(other, "mesh", mesh)
+        object.__setattr__(other, "sheet", sheet)
         object.__setattr__(other, "stencils", stencils)
+        return other
+
+    def with_rest_shear(self, rest: Float[ndarray, "points"]) -> "ShellSystem":
+        """This system with its points free of shear stress elsewhere; it shares the analysis of this one.
+
+        Args:
+            rest: x_,1 . x_,2 without shear stress, edges first. Adjoints are those of no rest shear.
+
+        Returns:
+            The other system.
+        """
+        _ = self.linear, self._terms, self._buffers, self._plate_frame, self._plate_row, self.nodes
+        other = copy.copy(self)
+        object.__setattr__(other, "rest_shear", rest)
         return other
 
     @property
@@ -298,7 +321,7 @@ class ShellSystem:
     @cached_property
     def _plate_frame(self) -> Float[ndarray, "3 fixed"]:
         """Least squares from the positions of the fixed vertices to x_,1, x_,2 and the origin of the plate's plane."""
-        at = self.mesh.material[self.fixed]
+        at = self.sheet.material[self.fixed]
         return np.linalg.pinv(np.column_stack([at, np.ones(len(at))]))
 
     @cached_property
@@ -350,12 +373,13 @@ class ShellSystem:
         base = np.ascontiguousarray(self.frame(x)[:, :2])
         u = self.displacement(x)
         shell_kernels.edge_stiffness(
-            exact, nodes.start, nodes.nodes, nodes.weights, s.edge_area, EDGE_SHARE, base, u, p.stretch, p.bending,
-            _curvatures(p.rest_angle), p.poisson, work.energy, work.vector, work.edge_block, work.slope,
+            exact, nodes.start, nodes.nodes, nodes.weights, s.edge_area, EDGE_SHARE, base, u, p.stretch,
+            self.rest_shear, p.bending, _curvatures(p.rest_angle), p.poisson, work.energy, work.vector, work.edge_block,
+            work.slope,
         )  # fmt: skip
         shell_kernels.vertex_stiffness(
             exact, nodes.start, nodes.nodes, nodes.weights, s.vertex_area, 1.0 - EDGE_SHARE, self.edges, base, u,
-            p.stretch, work.energy, work.vector, work.vertex_block,
+            p.stretch, self.rest_shear, work.energy, work.vector, work.vertex_block,
         )  # fmt: skip
         return ShellEvaluation(self, work, x, p, exact)
 
@@ -372,6 +396,40 @@ class ShellSystem:
         base = np.ascontiguousarray(self.frame(x[None])[:, :2])
         shell_kernels.shell_curvatures(nodes.start, nodes.nodes, nodes.weights, base, self.displacement(x[None]), found)
         return found[0]
+
+    def shear(self, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "points"]:
+        """Shear x_,1 . x_,2 of one cloth at the quadrature points, edges first.
+
+        Args:
+            x: Positions of control points and fixed vertices [m].
+
+        Returns:
+            Shears, without unit.
+        """
+        s, base, u = self.stencils, self.frame(x[None])[0, :2], self.displacement(x[None])[0]
+        slopes = [
+            base + np.einsum("prn,pna->pra", weights[:, :2], u[nodes])  # padded nodes have no weight
+            for nodes, weights in ((s.edge_nodes, s.edge_weights), (s.vertex_nodes, s.vertex_weights))
+        ]
+        return np.concatenate([(own[:, 0] * own[:, 1]).sum(1) for own in slopes])
+
+    def forces(
+        self, x: Float[ndarray, "vertices 3"], anchor: Float[ndarray, "vertices 3"], p: Parameters, *, exact: bool
+    ) -> tuple[Float[ndarray, "vertices 3"], Float[ndarray, "slots 3 3"], float]:
+        """Forces, stiffness blocks and energy at one configuration.
+
+        Args:
+            x: Positions of control points and fixed vertices [m].
+            anchor: Not used; there are no springs.
+            p: The cloth, by quadrature points.
+            exact: Hessian of the energy instead of the positive-semidefinite Gauss-Newton stiffness.
+
+        Returns:
+            Forces on the control points [N], stiffness blocks of the free ones in the layout's slots [N/m] (filled
+            where the linear solver reads), and the potential energy [J].
+        """
+        state = self.evaluate(x[None], anchor[None], p.batch(), exact=exact)
+        return state.force()[0], state.matrix(diagonal=self.spring[None])[0], float(state.energy()[0])
 
     def zero_gradient(self, *members: int) -> ParameterGradient:
         """A gradient to add to.

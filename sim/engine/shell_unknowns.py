@@ -96,7 +96,7 @@ class ShellUnknowns:
         """
         system = self.system
         frame = system.frame(positions)
-        flat = np.column_stack([system.mesh.material, np.ones(system.mesh.vertices)]) @ frame
+        flat = np.column_stack([system.sheet.material, np.ones(system.mesh.vertices)]) @ frame
         off = float(np.abs((positions - flat)[:, system.fixed]).max(initial=0.0))
         if off > _FLAT:
             raise SimulationError(
@@ -118,7 +118,7 @@ class ShellUnknowns:
         """
         system = self.system
         found = x.copy()
-        at = np.column_stack([system.mesh.material[system.free], np.ones(len(system.free))])
+        at = np.column_stack([system.sheet.material[system.free], np.ones(len(system.free))])
         found[:, system.free] = at @ system.frame(x) + _each(self._surface, system.displacement(x))
         return found
 
@@ -133,7 +133,7 @@ class ShellUnknowns:
         """
         system, free = self.system, self.system.free
         found = g.copy()
-        at = np.column_stack([system.mesh.material[free], np.ones(len(free))])
+        at = np.column_stack([system.sheet.material[free], np.ones(len(free))])
         found[:, free] = _each(csr_array(self._surface.T), g[:, free])
         by_frame = at.T @ g[:, free] - system._plate_row.T @ found[:, free]
         found[:, system.fixed] += system._plate_frame.T @ by_frame
@@ -154,7 +154,7 @@ class ShellUnknowns:
         s, system, free = self.system.stencils, self.system, self.system.free
         by_laid = g_start.copy()
         by_laid[:, free] = self._solve(g_start[:, free], "T")
-        at = np.column_stack([system.mesh.material[free], np.ones(len(free))])
+        at = np.column_stack([system.sheet.material[free], np.ones(len(free))])
         by_frame = system._plate_row.T @ g_start[:, free] - at.T @ by_laid[:, free]
         by_laid[:, system.fixed] += system._plate_frame.T @ by_frame
         gradient = ParameterGradient(

@@ -1,18 +1,17 @@
 """Yarns rub against each other as the cloth bends: part of the moment opposes the last movement.
 
-Friction acts hinge by hinge. Rolled up to a curvature k in the direction phi, a lattice of equilateral triangles bends
-its three families of hinges by k (1 + 2 cos 2 (phi - phi_i)) / 3. Their squares add up to k^2, so elasticity knows no
-direction, but their magnitudes to between k and 5/3 k. The mean, k (1/3 + 2 sqrt(3) / pi) = 1.436 k, is divided out: a
-cloth on a mesh without preferred directions has the friction couple that is asked for.
+Under laws `paper` and `published` friction acts hinge by hinge, with a share of the couple such that a cloth on a mesh
+without preferred directions has the one that is asked for (`HINGE_SHARE`). Under law `plate` it acts at the edge points
+on the curvature tensor: it holds k_f (kappa - kappa_slid), k_f in proportion to the plate's own stiffness, and slides
+(radial return) where |kappa - kappa_slid|, the norm of the tensor, exceeds the yield curvature. A cylinder's couple is
+then HB in every direction.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -20,8 +19,8 @@ from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.history import Rank, State, StateLaw
 
 if TYPE_CHECKING:
+    from cusick_bench.sim.engine.cloth_system import ClothSystem
     from cusick_bench.sim.engine.parameters import Parameters
-    from cusick_bench.sim.engine.system import DrapeSystem
     from cusick_bench.sim.setup import Setup
 
 
@@ -29,12 +28,9 @@ YIELD_CURVATURE = 2.0
 """Change of curvature [1/m] over which the friction turns round: a tenth of a drape's, so that loops are nearly
 parallelograms, and their corners are still smooth enough for long steps."""
 
-HINGE_SHARE = 1 / (1 / 3 + 2 * math.sqrt(3) / math.pi)
-"""Friction couple of a hinge over that of the cloth, see above."""
-
 
 @dataclass(frozen=True)
-class HingeFriction(StateLaw):
+class MomentFriction(StateLaw):
     """Coulomb friction in the moment.
 
     Attributes:
@@ -44,35 +40,37 @@ class HingeFriction(StateLaw):
     rank: ClassVar[Rank] = Rank.FRICTION
     ratio: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> SlidHinges:
-        """No hinge has slid yet: the friction springs are at ease in the elastic rest shape."""
-        return SlidHinges(self.ratio, parameters.rest_angle)
+    def start(self, system: ClothSystem, parameters: Parameters) -> SlidBending:
+        """Nothing has slid yet: the friction springs are at ease in the elastic rest shape."""
+        return SlidBending(self.ratio, parameters.rest_angle)
 
 
 @dataclass
-class SlidHinges(State):
+class SlidBending(State):
     """Where the friction elements of one cloth are free of stress.
 
     Attributes:
-        ratio: As in `HingeFriction`.
-        slid: Dihedral angles [rad].
+        ratio: As in `MomentFriction`.
+        slid: Bending, measured as `Parameters.rest_angle` is.
     """
 
     ratio: float
-    slid: Float[ndarray, " hinges"]
+    slid: Float[ndarray, " bendings"]
 
     def advance(
-        self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
-    ) -> tuple[DrapeSystem, Parameters]:
-        """Springs B and k_f in parallel as one: stiffness B + k_f, rest angle (B rest + k_f slid) / (B + k_f)."""
-        angle, reach = system.bent(x), YIELD_CURVATURE / system.elements.hinge_scale
-        self.slid = np.clip(self.slid, angle - reach, angle + reach)
-        more = HINGE_SHARE * self.ratio / YIELD_CURVATURE  # k_f / B
-        rest = (parameters.rest_angle + more * self.slid) / (1 + more)
-        # B at the elastic curvature, which is not the curvature from the joint rest angle
-        stiffness = (1 + more) * system.secant_bending(angle, parameters)
-        tables = np.broadcast_to(stiffness[:, None, None], (len(angle), 3, 5))
-        return system, replace(parameters, bending=np.ascontiguousarray(tables), rest_angle=rest)
+        self, system: ClothSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
+    ) -> tuple[ClothSystem, Parameters]:
+        """Springs B and k_f in parallel as one: stiffness B + k_f, at rest in (B rest + k_f slid) / (B + k_f)."""
+        from cusick_bench.sim.engine.strains import strains
+
+        own = strains(system)
+        bending = own.bending(x)
+        self.slid = own.drawn_along(self.slid, bending, YIELD_CURVATURE)
+        more = own.bending_share * self.ratio / YIELD_CURVATURE  # k_f / B
+        # B at the elastic curvature, which is not the curvature from the joint rest
+        elastic = own.at_secant(bending, parameters)
+        rest = (elastic.rest_angle + more * self.slid) / (1 + more)
+        return system, replace(elastic, bending=(1 + more) * elastic.bending, rest_angle=rest)
 
 
 class BendingFriction(Effect):
@@ -99,4 +97,4 @@ class BendingFriction(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        return setup.with_added(states=HingeFriction(float(value["ratio"])))
+        return setup.with_added(states=MomentFriction(float(value["ratio"])))

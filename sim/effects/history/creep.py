@@ -13,8 +13,8 @@ from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.history import Rank, State, StateLaw
 
 if TYPE_CHECKING:
+    from cusick_bench.sim.engine.cloth_system import ClothSystem
     from cusick_bench.sim.engine.parameters import Parameters
-    from cusick_bench.sim.engine.system import DrapeSystem
     from cusick_bench.sim.setup import Setup
 
 
@@ -32,7 +32,7 @@ class Relaxation(StateLaw):
     rank: ClassVar[Rank] = Rank.REST
     loss: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> Relaxing:
+    def start(self, system: ClothSystem, parameters: Parameters) -> Relaxing:
         """Nothing has relaxed yet."""
         return Relaxing(self.loss)
 
@@ -43,20 +43,22 @@ class Relaxing(State):
 
     Attributes:
         loss: As in `Relaxation`.
-        reached: Dihedral angles at which it relaxes [rad], once they are reached.
+        reached: Bending at which it relaxes, measured as `Parameters.rest_angle` is, once it is reached.
     """
 
     loss: float
-    reached: Float[ndarray, " hinges"] | None = field(default=None)
+    reached: Float[ndarray, " bendings"] | None = field(default=None)
 
     def advance(
-        self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
-    ) -> tuple[DrapeSystem, Parameters]:
-        """Moves the rest angles towards the shape that the cloth had reached when relaxation began."""
+        self, system: ClothSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
+    ) -> tuple[ClothSystem, Parameters]:
+        """Moves the rest shape towards that which the cloth had reached when relaxation began."""
+        from cusick_bench.sim.engine.strains import strains
+
         if share < _REACHED:
             return system, parameters
         if self.reached is None:
-            self.reached = system.bent(x)
+            self.reached = strains(system).bending(x)
         gone = self.loss * min(1.0, (share - _REACHED) / (_RELAXED - _REACHED))
         rest = parameters.rest_angle + gone * (self.reached - parameters.rest_angle)
         return system, replace(parameters, rest_angle=np.ascontiguousarray(rest))
@@ -69,8 +71,9 @@ class Creep(Effect):
     kind = "history"
     summary = "bending moments relax between an earlier picture and this one"
     physics = (
-        "In a later capture the rest angles have followed the shape reached before, rest = rest0 + loss (reached - "
-        "rest0), so that the moment there is (1 - loss) of the elastic one, and the cloth sinks to a new rest."
+        "In a later capture the rest angles (law `plate`: curvatures) have followed the shape reached before, "
+        "rest = rest0 + loss (reached - rest0), so that the moment there is (1 - loss) of the elastic one, and the "
+        "cloth sinks to a new rest."
     )
     reference = "Simo, Hughes. Computational inelasticity. Springer 1998, Chapter 10 (stress relaxation)."
     parameters: ClassVar[tuple[Parameter, ...]] = (

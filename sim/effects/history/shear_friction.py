@@ -14,9 +14,8 @@ from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.history import Rank, State, StateLaw
 
 if TYPE_CHECKING:
-    from cusick_bench.sim.engine.elements import Elements
+    from cusick_bench.sim.engine.cloth_system import ClothSystem
     from cusick_bench.sim.engine.parameters import Parameters
-    from cusick_bench.sim.engine.system import DrapeSystem
     from cusick_bench.sim.setup import Setup
 
 
@@ -27,7 +26,7 @@ _SHEAR_COLUMN = 3  # of C: c33
 
 
 @dataclass(frozen=True)
-class FaceFriction(StateLaw):
+class ShearStressFriction(StateLaw):
     """Coulomb friction in the shear stress.
 
     Attributes:
@@ -37,58 +36,38 @@ class FaceFriction(StateLaw):
     rank: ClassVar[Rank] = Rank.FRICTION
     ratio: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> SlidFaces:
-        """No face has slid yet."""
-        return SlidFaces(self.ratio, np.zeros(len(system.elements.faces)))
+    def start(self, system: ClothSystem, parameters: Parameters) -> SlidShear:
+        """Nothing has slid yet."""
+        from cusick_bench.sim.engine.strains import strains
+
+        return SlidShear(self.ratio, np.zeros_like(strains(system).shear(system.mesh.flat)))
 
 
 @dataclass
-class SlidFaces(State):
+class SlidShear(State):
     """Where the friction elements of one cloth are free of stress.
 
     Attributes:
-        ratio: As in `FaceFriction`.
-        slid: Shear x_u . x_v of the faces.
+        ratio: As in `ShearStressFriction`.
+        slid: Shear x_u . x_v of the faces, or of a shell's quadrature points.
     """
 
     ratio: float
-    slid: Float[ndarray, " faces"]
+    slid: Float[ndarray, " elements"]
 
     def advance(
-        self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
-    ) -> tuple[DrapeSystem, Parameters]:
+        self, system: ClothSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
+    ) -> tuple[ClothSystem, Parameters]:
         """Springs G and g_f in parallel as one: stiffness G + g_f, rest shear g_f slid / (G + g_f)."""
-        uu, vv, uv = metric(system.elements, x)
-        self.slid = np.clip(self.slid, uv - YIELD_SHEAR, uv + YIELD_SHEAR)
+        from cusick_bench.sim.engine.strains import strains
+
+        own = strains(system)
+        shear = own.shear(x)
+        self.slid = np.clip(self.slid, shear - YIELD_SHEAR, shear + YIELD_SHEAR)
         more = self.ratio / YIELD_SHEAR  # g_f / G
-        rest = more * self.slid / (1 + more)
         stretch = parameters.stretch.copy()
         stretch[..., _SHEAR_COLUMN] *= 1 + more
-        elements = replace(system.elements, face_v=_sheared(system.elements, uu, vv, uv, uv - rest))
-        return system.with_elements(elements), replace(parameters, stretch=stretch)
-
-
-def metric(elements: Elements, x: Float[ndarray, "vertices 3"]) -> tuple[ndarray, ndarray, ndarray]:
-    """x_u . x_u, x_v . x_v and x_u . x_v of every face.
-
-    Args:
-        elements: Element constants of the cloth.
-        x: Positions [m].
-
-    Returns:
-        Three arrays (faces,), without unit.
-    """
-    corners = x[elements.faces]
-    u = (elements.face_u[:, :, None] * corners).sum(1)
-    v = (elements.face_v[:, :, None] * corners).sum(1)
-    return (u * u).sum(1), (v * v).sum(1), (u * v).sum(1)
-
-
-def _sheared(elements: Elements, uu: ndarray, vv: ndarray, uv: ndarray, wanted: ndarray) -> Float[ndarray, "faces 3"]:
-    """s_v of a frame a x_u + b x_v in which the face, as it is now, has the wanted shear and its old stretches."""
-    b = np.sqrt((uu * vv - wanted**2) / (uu * vv - uv**2))
-    a = (wanted - b * uv) / uu
-    return np.ascontiguousarray(a[:, None] * elements.face_u + b[:, None] * elements.face_v)
+        return own.with_rest_shear(x, more * self.slid / (1 + more)), replace(parameters, stretch=stretch)
 
 
 class ShearFriction(Effect):
@@ -115,4 +94,4 @@ class ShearFriction(Effect):
     signed = False
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        return setup.with_added(states=FaceFriction(math.radians(float(value["ratio"]))))
+        return setup.with_added(states=ShearStressFriction(math.radians(float(value["ratio"]))))

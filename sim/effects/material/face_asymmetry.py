@@ -1,8 +1,12 @@
 """The cloth bends more easily over one face than over the other.
 
-The law acts hinge by hinge. Where a sheet is rolled up along a direction of its mesh's edges, the hinges along that
-direction bend backwards by a third of its curvature: there the sheet shows 7/9 of the asymmetry, all of it where it is
-rolled up across edges, and 0.885 on the mean over all directions.
+Under laws `paper` and `published` it acts hinge by hinge. Where a sheet is rolled up along a direction of its mesh's
+edges, the hinges along that direction bend backwards by a third of its curvature: there the sheet shows 7/9 of the
+asymmetry, all of it where it is rolled up across edges, and 0.885 on the mean over all directions.
+
+Under law `plate` it acts at the edge points, in proportion to (k1 + k2) / (|k1| + |k2|) with the principal curvatures
+k1 and k2: in full wherever the sheet is bent to one side only, as on every cylinder, and not at all on a saddle bent
+equally to both, where moments then pass continuously from one side to the other.
 """
 
 from __future__ import annotations
@@ -10,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -18,8 +21,8 @@ from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.history import Rank, State, StateLaw
 
 if TYPE_CHECKING:
+    from cusick_bench.sim.engine.cloth_system import ClothSystem
     from cusick_bench.sim.engine.parameters import Parameters
-    from cusick_bench.sim.engine.system import DrapeSystem
     from cusick_bench.sim.setup import Setup
 
 
@@ -34,16 +37,18 @@ class TwoSided(StateLaw, State):
     rank: ClassVar[Rank] = Rank.ELASTICITY
     convex: float
 
-    def start(self, system: DrapeSystem, parameters: Parameters) -> TwoSided:
+    def start(self, system: ClothSystem, parameters: Parameters) -> TwoSided:
         """The law itself: it has no memory."""
         return self
 
     def advance(
-        self, system: DrapeSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
-    ) -> tuple[DrapeSystem, Parameters]:
-        """Scales the bending stiffness of every hinge by the side to which it is bent now."""
-        away = system.bent(x) - parameters.rest_angle
-        factor = 1 + self.convex * np.sign(away)
+        self, system: ClothSystem, parameters: Parameters, x: Float[ndarray, "vertices 3"], share: float
+    ) -> tuple[ClothSystem, Parameters]:
+        """Scales the bending stiffness of every element by the side to which it is bent now."""
+        from cusick_bench.sim.engine.strains import strains
+
+        own = strains(system)
+        factor = 1 + self.convex * own.convexity(own.bending(x) - parameters.rest_angle)
         return system, replace(parameters, bending=parameters.bending * factor[:, None, None])
 
 

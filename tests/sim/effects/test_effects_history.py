@@ -17,10 +17,11 @@ from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import apply_all, effect, parse
-from cusick_bench.sim.effects.history.bending_friction import HINGE_SHARE, YIELD_CURVATURE, HingeFriction
+from cusick_bench.sim.effects.history.bending_friction import YIELD_CURVATURE, MomentFriction
 from cusick_bench.sim.effects.history.shear_friction import YIELD_SHEAR
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.strains import HINGE_SHARE
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.history import Rank, State, StateLaw, drop_with_history
@@ -134,7 +135,7 @@ def test_the_loop_of_a_cloth_is_twice_the_friction_couple_wide():
         rolled = partial(_rolled, degrees=degrees)
         _, _, fall, _, rise, _ = _path(rolled, mesh, law, p, _loop(1e-4, most, 1.0))
         widths.append(rise - fall)
-        stiffness.append(_path(rolled, mesh, HingeFriction(0.0), p, [1.0])[0])
+        stiffness.append(_path(rolled, mesh, MomentFriction(0.0), p, [1.0])[0])
     assert np.mean(widths) == pytest.approx(2 * ratio * np.mean(stiffness), rel=0.05)
     assert np.ptp(widths) < 0.1 * np.mean(widths)
 
@@ -146,7 +147,7 @@ def test_friction_takes_the_stiffness_of_the_elastic_curvature():
     table = torch.tensor([1.0, 3.0, 7.0, 2.0, 5.0], dtype=torch.float64).repeat(3, 1) * 1e-5
     p = _parameters(mesh, replace(CLOTH, bending=table), bends_only=True)
     law = effect("bending-friction").apply(_setup(), {"ratio": ratio}).states[0]
-    (elastic,) = _path(_rolled, mesh, HingeFriction(0.0), p, [at])
+    (elastic,) = _path(_rolled, mesh, MomentFriction(0.0), p, [at])
     _, _, fall, _, rise, _ = _path(_rolled, mesh, law, p, _loop(at, most, 1.0))
     assert elastic == pytest.approx(5e-5 * at * _hinge_area(mesh, side), rel=2e-3)  # midway between 3 and 7
     assert (rise + fall) / 2 == pytest.approx(elastic, rel=1e-3)
