@@ -77,8 +77,8 @@ class ShellUnknowns:
         mass = np.zeros_like(p.mass)
         mass[:, self.system.free] = _each(s.load, p.mass)
         return Parameters(
-            p.stretch if p.stretch.shape[1] == 1 else _each(self._stretch, p.stretch),
-            p.bending if p.bending.shape[1] == 1 else _each(s.bending_of_edge, p.bending),
+            p.stretch if p.stretch.shape[1] == 1 else _mean(self._stretch, p.stretch),
+            p.bending if p.bending.shape[1] == 1 else _mean(s.bending_of_edge, p.bending),
             mass, _each(s.rest_curvature, p.rest_angle), p.poisson,
         )  # fmt: skip
 
@@ -171,6 +171,12 @@ class ShellUnknowns:
     def _solve(self, right: Float[ndarray, "members rows 3"], trans: str) -> Float[ndarray, "members rows 3"]:
         flat = np.moveaxis(right, 1, 0).reshape(right.shape[1], -1)
         return np.moveaxis(self._factor.solve(flat, trans).reshape(right.shape[1], len(right), 3), 0, 1)
+
+
+def _mean(matrix: csr_array, values: Float[ndarray, "members columns *rest"]) -> Float[ndarray, "members rows *rest"]:
+    """Means whose weights add up to one; exact where all values are equal, as a shared table's are."""
+    first = values[:, :1]
+    return first + _each(matrix, values - first)
 
 
 def _each(matrix: csr_array, values: Float[ndarray, "members columns *rest"]) -> Float[ndarray, "members rows *rest"]:

@@ -14,6 +14,7 @@ from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.effects import Effect, Parameter, apply_all, effect, parse, registered
 from cusick_bench.sim.effects.registry import Cause
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup, Side, Simulators, drape_setups
 
@@ -26,6 +27,7 @@ EFFECTS = list(registered().values())
 OF_THE_CLOTH = ("material", "history", "contact")  # classes whose directions turn over with the cloth
 
 each_effect = pytest.mark.parametrize("one", EFFECTS, ids=lambda one: one.name)
+each_law = pytest.mark.parametrize("law", ["paper", "plate"])
 
 
 @pytest.fixture(autouse=True)
@@ -39,10 +41,10 @@ def _height(points: Tensor) -> Tensor:
     return torch.from_numpy(HEIGHT(points.numpy()))
 
 
-def _setup(one: Effect | None = None, *, steps: int = 8, side: Side = "up") -> Setup:
+def _setup(one: Effect | None = None, law: Law = "paper", *, steps: int = 8, side: Side = "up") -> Setup:
     """A later picture of a cloth; contact is a matter of rests, on whatever else the cloth is dropped."""
     resting = one is not None and one.kind == "contact"
-    settings = DrapeSettings(mode="equilibrium" if resting else "drop", steps=steps)
+    settings = DrapeSettings(mode="equilibrium" if resting else "drop", steps=steps, law=law)
     cloth = uniform_material(density=0.192, bending=4e-5)
     return Setup(MESH, settings, cloth, side=side, capture=2, later=True, laying=_height)
 
@@ -109,19 +111,21 @@ def test_it_refuses_values_out_of_bounds(one: Effect, p: Parameter):
 # --- what it does -----------------------------------------------------------------------------------------------------
 
 
+@each_law
 @each_effect
-def test_severity_zero_is_no_change(one: Effect):
-    base = _setup()
+def test_severity_zero_is_no_change(one: Effect, law: Law):
+    base = _setup(None, law)
     absent = one.apply(base, {one.severity.name: 0.0})
     plain, same = _draped(base, absent)
     assert torch.equal(plain, same)
 
 
+@each_law
 @each_effect
-def test_it_acts_and_alike_each_time(one: Effect):
-    base, changed = _setup(one), one.apply(_setup(one), _typical(one))
+def test_it_acts_and_alike_each_time(one: Effect, law: Law):
+    base, changed = _setup(one, law), one.apply(_setup(one, law), _typical(one))
     plain, first = _draped(base, changed)
-    again = drape_setups([one.apply(_setup(one), _typical(one))])[0]
+    again = drape_setups([one.apply(_setup(one, law), _typical(one))])[0]
     assert torch.isfinite(first).all()
     assert again is not None
     assert torch.equal(first, again)
@@ -129,10 +133,11 @@ def test_it_acts_and_alike_each_time(one: Effect):
         assert (first - plain).abs().max() > 1e-6
 
 
+@each_law
 @each_effect
-def test_a_tiny_severity_is_a_tiny_change(one: Effect):
+def test_a_tiny_severity_is_a_tiny_change(one: Effect, law: Law):
     """A few steps in: later, folds amplify any change. With contact a rest is another one than without, if any thin."""
-    base = _setup(one, steps=4)
+    base = _setup(one, law, steps=4)
     none = one.apply(base, _typical(one, 1e-6)) if one.kind == "contact" else base
     plain, less, more = _draped(none, *(one.apply(base, _typical(one, share)) for share in (1e-5, 1e-4)))
     small, large = float((less - plain).abs().max()), float((more - plain).abs().max())
@@ -140,9 +145,10 @@ def test_a_tiny_severity_is_a_tiny_change(one: Effect):
     assert small < 0.2 * large or large < 1e-8
 
 
+@each_law
 @each_effect
-def test_it_works_beside_others(one: Effect):
-    base = _setup(one)
+def test_it_works_beside_others(one: Effect, law: Law):
+    base = _setup(one, law)
     neighbours = [base, parse("density-bias:bias=0.1").apply(base), parse("stiffness-field").apply(base)]
     mine = one.apply(base, _typical(one))
     together = _draped(neighbours[0], mine, *neighbours[1:])
@@ -151,15 +157,17 @@ def test_it_works_beside_others(one: Effect):
         assert torch.equal(found, alone)
 
 
+@each_law
 @each_effect
-def test_it_mixes_with_a_patch_in_any_order(one: Effect):
+def test_it_mixes_with_a_patch_in_any_order(one: Effect, law: Law):
     causes = [Cause(one, _typical(one)), parse("local-stiff-patch:direction=70")]
-    forward, backward = _draped(*(apply_all(order, _setup(one)) for order in (causes, causes[::-1])))
+    forward, backward = _draped(*(apply_all(order, _setup(one, law)) for order in (causes, causes[::-1])))
     torch.testing.assert_close(forward, backward, rtol=0, atol=1e-9)
 
 
+@each_law
 @each_effect
-def test_face_down_it_is_the_mirror_image(one: Effect):
+def test_face_down_it_is_the_mirror_image(one: Effect, law: Law):
     """The same experiment in a mirror: directions of the laboratory mirrored, effects of the face with another sign."""
     if one.name == "plate-slip":
         pytest.skip("slides in random directions, which are not mirrored; tests/test_effects_boundary.py has it")
@@ -167,7 +175,7 @@ def test_face_down_it_is_the_mirror_image(one: Effect):
     mirrored = value | ({one.severity.name: -value[one.severity.name]} if one.face_odd else {})
     if one.kind not in OF_THE_CLOTH:
         mirrored |= {p.name: 180.0 - value[p.name] for p in one.parameters if p.role == "direction"}
-    up, down = _draped(one.apply(_setup(one), mirrored), one.apply(_setup(one, side="down"), value))
+    up, down = _draped(one.apply(_setup(one, law), mirrored), one.apply(_setup(one, law, side="down"), value))
     torch.testing.assert_close(down, up * torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64), rtol=0, atol=1e-9)
 
 
@@ -176,10 +184,11 @@ def test_face_down_it_is_the_mirror_image(one: Effect):
 ADJOINT = [(one, p) for one in EFFECTS if one.gradient == "adjoint" for p in one.parameters]
 
 
+@each_law
 @pytest.mark.parametrize(("one", "p"), ADJOINT, ids=lambda item: item.name)
-def test_adjoint_is_the_slope_of_central_differences(one: Effect, p: Parameter):
+def test_adjoint_is_the_slope_of_central_differences(one: Effect, p: Parameter, law: Law):
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(MESH.vertices, 3)))
-    value, base = _typical(one), _setup(steps=5)
+    value, base = _typical(one), _setup(None, law, steps=5)
 
     def weighted(number: float | Tensor) -> Tensor:
         return (_draped(one.apply(base, value | {p.name: number}))[0] * weights).sum()
@@ -192,12 +201,13 @@ def test_adjoint_is_the_slope_of_central_differences(one: Effect, p: Parameter):
     assert difference != 0
 
 
+@each_law
 @each_effect
-def test_effects_without_adjoint_leave_gradients_of_the_cloth_alone(one: Effect):
+def test_effects_without_adjoint_leave_gradients_of_the_cloth_alone(one: Effect, law: Law):
     """A drape beside such an effect keeps its gradients; with internal variables it has none, and says so by it."""
     cloth = uniform_material(density=0.192, bending=4e-5)
     bending = cloth.bending.clone().requires_grad_()
-    base = replace(_setup(one, steps=6), material=replace(cloth, bending=bending))
+    base = replace(_setup(one, law, steps=6), material=replace(cloth, bending=bending))
     changed = one.apply(base, _typical(one))
     (found,) = _draped(changed)
     assert found.requires_grad == (not changed.states)
