@@ -149,8 +149,8 @@ def _put_force(vector, at, u, by_u, v, by_v, bend, n):
 
 @kernel(parallel=True)
 def edge_stiffness(
-    exact, start, nodes, weight, area, share, base, field, stretch, shear, bending, rest, poisson, energy, vector, block,
-    slope,
+    exact, start, nodes, weight, area, share, base, field, stretch, shear, bending, rest, poisson, energy, vector,
+    block, slope,
 ):  # fmt: skip
     """Energy, forces and stiffness of all edge points.
 
@@ -241,7 +241,12 @@ def vertex_stiffness(
             first, end = start[offset + p], start[offset + p + 1]
             xu, xv = position_slopes(first, end, nodes, weight, base[member], field[member])
             work, by_u, by_v = _membrane(
-                xu, xv, member_table(stretches, offset + p), shear[offset + p], share * area[p], exact,
+                xu,
+                xv,
+                member_table(stretches, offset + p),
+                shear[offset + p],
+                share * area[p],
+                exact,
                 block[member, p],
             )
             energy[member, offset + p] = work
