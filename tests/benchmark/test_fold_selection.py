@@ -44,7 +44,9 @@ class TestConditions:
 
     def test_a_shorter_step_falls_as_long(self):
         for level in levels(Condition(), ["step"]):
-            assert level.condition.steps * level.condition.step_seconds == pytest.approx(4.5, abs=level.condition.step_seconds / 2)
+            assert level.condition.steps * level.condition.step_seconds == pytest.approx(
+                4.5, abs=level.condition.step_seconds / 2
+            )
 
 
 class TestResponses:

@@ -7,7 +7,9 @@ drape of this project has; the levels span what is known of laboratories and clo
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from cusick_bench.benchmark.convergence.plate_cloth import STRETCH
 from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.release import STEP_SECONDS, STEPS
 
 SLOW_STAGES = 8  # parts in which the weight is laid on the cloth where it is released slowly
 
@@ -28,6 +30,7 @@ class Condition:
             each, without inertia.
         slide: How far from the plate's axis the cloth's centre lies, in a direction drawn anew for each drape [m].
         rest_height: Standard deviation of the height of the rest shape [m].
+        shear: Shear stiffness of the cloth of 0.2 kg/m2 [N/m].
     """
 
     law: Law = "plate"
@@ -35,11 +38,12 @@ class Condition:
     ln_bending: float = -7.0
     laying_length: float = 0.02
     laying_height: float = 1e-3
-    step_seconds: float = 0.05
-    fall_seconds: float = 4.5
+    step_seconds: float = STEP_SECONDS
+    fall_seconds: float = STEPS * STEP_SECONDS
     stages: int = 0
     slide: float = 0.0
     rest_height: float = 0.0
+    shear: float = STRETCH / 2
 
     @property
     def steps(self) -> int:
@@ -68,7 +72,8 @@ _BENDING_LENGTHS = (0.01, 0.02, 0.045)
 _STEPS = (0.025, 0.05, 0.1, 0.2)
 _RELEASES = {0: "drop", 1: "to rest, all weight at once", SLOW_STAGES: f"to rest, weight in {SLOW_STAGES} parts"}
 _SLIDES, _REST_HEIGHTS = (0.0, 3e-3, 1e-2), (0.0, 3e-4, 1e-3)
-_PAPER_SIZES, _PLATE_SIZES = (480, 700, 1205), (700, 1205)
+_SHEARS = (15.0, 45.0, STRETCH / 2)  # [N/m]; woven cloth has 17 to 170 (Kawabata's G of .3 to 3 gf/(cm deg))
+_PAPER_SIZES, _PLATE_SIZES = (480, 700, 1205), (700, 1205, 2699)
 
 FACTORS: Mapping[str, str] = {
     "stiffness": "bending stiffness at three laid wave lengths",
@@ -79,6 +84,7 @@ FACTORS: Mapping[str, str] = {
     "step": "time step over the same time of fall: numerical damping",
     "slide": "how far off the plate's axis the cloth lies: friction that keeps it where it was laid",
     "rest-shape": "height of the rest shape",
+    "shear": "shear stiffness of the cloth",
 }
 """The factors, and what they are."""
 
@@ -109,5 +115,6 @@ def levels(base: Condition, factors: Sequence[str] = tuple(FACTORS)) -> list[Lev
         "step": [(f"{1e3 * value:g} ms", replace(base, step_seconds=value)) for value in _STEPS],
         "slide": [(f"{1e3 * value:g} mm", replace(base, slide=value)) for value in _SLIDES],
         "rest-shape": [(f"{1e3 * value:g} mm", replace(base, rest_height=value)) for value in _REST_HEIGHTS],
+        "shear": [(f"{value:g} N/m", replace(base, shear=value)) for value in _SHEARS],
     }
     return [Level(factor, label, condition) for factor in factors for label, condition in made[factor]]

@@ -15,6 +15,7 @@ from torch import Tensor
 from cusick_bench.benchmark.convergence.plate_cloth import plate_cloth
 from cusick_bench.benchmark.fold_selection.conditions import Condition, Level
 from cusick_bench.benchmark.fold_selection.responses import FoldResponses, fold_responses
+from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
@@ -26,6 +27,7 @@ from cusick_bench.sim.render.silhouette import render
 from cusick_bench.sim.setup import Field, Setup, Simulators, drape_setups
 
 _POISSON = 0.15  # middle of what cloths have; laws with a fixed one take no notice
+_SHEAR = 3  # column of the stretch table that holds shear stiffness
 _REST_LENGTH = 0.03  # [m] correlation length of the rest shape
 _TOLERANCE = 1e-6  # of the weight, to which a cloth comes to rest under a part of it
 
@@ -106,11 +108,18 @@ def _setup(condition: Condition, seed: int, draw: int) -> Setup:
         backend="auto" if alone else "lockstep",
     )  # fmt: skip
     setup = Setup(
-        _mesh(condition, seed), settings, plate_cloth(condition.ln_bending, _POISSON, condition.law),
+        _mesh(condition, seed), settings, _cloth(condition),
         laying=_as_field(laying), rest=_as_field(rest) if condition.rest_height > 0 else None,
         laying_seed=(seed, draw),
     )  # fmt: skip
     return PlateSlip().apply(setup, {"slide": condition.slide})
+
+
+def _cloth(condition: Condition) -> Material:
+    material = plate_cloth(condition.ln_bending, _POISSON, condition.law)
+    stretch = material.stretch.clone()
+    stretch[..., _SHEAR] = condition.shear
+    return replace(material, stretch=stretch)
 
 
 def _mesh(condition: Condition, seed: int) -> Mesh:

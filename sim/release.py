@@ -1,0 +1,43 @@
+"""How a cloth is laid down and released, for drapes that predict, calibrate or diagnose.
+
+Which folds a cloth falls into is decided by its stiffness, by the shape in which it is laid down, and by whether it
+falls or is let down (`cusick-bench fold-selection`, `docs/folds.md`). The fall is fixed: it comes nearest to real
+cloths. Length and height of the laid shape are free, from fabric to fabric, about the medians here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+STEP_SECONDS = 0.05  # [s] of the drop, implicit Euler
+STEPS = 90  # after which nothing that counts moves any more
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """A positive number that varies.
+
+    Attributes:
+        median: Its median.
+        log_sd: Standard deviation of its logarithm.
+    """
+
+    median: float
+    log_sd: float
+
+    def draw(self, generator: np.random.Generator) -> float:
+        """A value.
+
+        Args:
+            generator: Source of randomness.
+
+        Returns:
+            The value.
+        """
+        return self.median * float(np.exp(self.log_sd * generator.standard_normal()))
+
+
+LAYING_LENGTH = LogNormal(0.02, 0.6)
+"""Correlation length of the shape in which a cloth is laid down [m]; free for each fabric."""
+LAYING_HEIGHT = LogNormal(2e-3, 0.7)
+"""Standard deviation of its height [m]; free for each fabric."""
