@@ -140,15 +140,13 @@ class DrapeSimulator:
             raise SimulationError(f"no vertex lies on the plate of radius {s.plate_radius} m: nothing holds the cloth")
         elsewhere = torch_device(self.device) is not None
         if s.law == "plate":
-            if elsewhere:
-                raise SimulationError(f"law 'plate' is simulated on the CPU, got device {self.device!r}; use 'cpu'")
             system = ShellSystem(self.mesh, s.gravity, fixed, s.plate_radius, s.backend)
             object.__setattr__(self, "unknowns", ShellUnknowns(system))
         else:
             system = DrapeSystem(self.mesh, s.law, s.gravity, fixed, spring, s.backend, s.half_hinges)
             object.__setattr__(self, "unknowns", VertexUnknowns())
         object.__setattr__(self, "system", system)
-        engine = TorchEngine(system, s, self.device, self.device_memory) if elsewhere else None
+        engine = TorchEngine(system, self.unknowns, s, self.device, self.device_memory) if elsewhere else None
         object.__setattr__(self, "engine", engine)
 
     def laid_down(self, seed: int | None = None) -> Float[ndarray, "vertices 3"]:
@@ -271,7 +269,7 @@ class DrapeSimulator:
         mass = torch.stack([m.vertex_mass(self.mesh) for m in materials])
         poisson = torch.stack([m.poisson for m in materials])
         if self.engine is not None:
-            vertices, outcome = self.engine.drape(BatchParameters(stretch, bending, mass, angle), laid)
+            vertices, outcome = self.engine.drape(BatchParameters(stretch, bending, mass, angle, poisson), laid)
         else:
             outcome = Outcome(
                 self.system, self.unknowns, self.settings, self.factor_memory, None if warm is None else _array(warm)

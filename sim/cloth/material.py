@@ -57,7 +57,7 @@ class Material:
                 where = tuple(int(i) for i in torch.nonzero(~torch.isfinite(value))[0])
                 raise SimulationError(f"{name} must be finite [{unit}], got {float(value[where])} at index {where}")
         object.__setattr__(self, "poisson", torch.as_tensor(self.poisson, dtype=torch.float64))
-        if self.poisson.ndim or not abs(float(self.poisson)) < 1:
+        if self.poisson.ndim or not abs(float(self.poisson.detach())) < 1:
             raise SimulationError(f"Poisson's ratio must be one number within -1 and 1, got {self.poisson.tolist()}")
         if (self.density <= 0).any():
             raise SimulationError(

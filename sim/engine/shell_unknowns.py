@@ -151,18 +151,30 @@ class ShellUnknowns:
         Returns:
             Derivatives by faces, hinges and vertices, and by the positions at the start.
         """
-        s, system, free = self.system.stencils, self.system, self.system.free
-        by_laid = g_start.copy()
-        by_laid[:, free] = self._solve(g_start[:, free], "T")
-        at = np.column_stack([system.sheet.material[free], np.ones(len(free))])
-        by_frame = system._plate_row.T @ g_start[:, free] - at.T @ by_laid[:, free]
-        by_laid[:, system.fixed] += system._plate_frame.T @ by_frame
+        s, free = self.system.stencils, self.system.free
         gradient = ParameterGradient(
             _each(csr_array(self._stretch.T), found.stretch), _each(csr_array(s.bending_of_edge.T), found.bending),
             _each(csr_array(s.load.T), found.mass[:, free]), _each(csr_array(s.rest_curvature.T), found.rest_angle),
             found.poisson,
         )  # fmt: skip
-        return gradient, by_laid
+        return gradient, self.by_laid(g_start)
+
+    def by_laid(self, g_start: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members vertices 3"]:
+        """From derivatives by the unknowns at the start to those by the positions in which the cloth is laid down.
+
+        Args:
+            g_start: By the unknowns at the start.
+
+        Returns:
+            Derivatives by positions.
+        """
+        system, free = self.system, self.system.free
+        found = g_start.copy()
+        found[:, free] = self._solve(g_start[:, free], "T")
+        at = np.column_stack([system.sheet.material[free], np.ones(len(free))])
+        by_frame = system._plate_row.T @ g_start[:, free] - at.T @ found[:, free]
+        found[:, system.fixed] += system._plate_frame.T @ by_frame
+        return found
 
     @cached_property
     def _factor(self):

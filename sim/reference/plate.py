@@ -93,7 +93,7 @@ class PlateReference:
             Rows x_,1, x_,2 of the undeformed cloth and its material origin [m].
         """
         fixed = torch.from_numpy(self.system.fixed)
-        at = _with_ones(self.system.mesh.material)[fixed]
+        at = _with_ones(self.system.sheet.material)[fixed]
         return torch.linalg.pinv(at) @ x[fixed]
 
     def displacement(self, x: Float[Tensor, "vertices 3"]) -> Float[Tensor, "rows 3"]:
@@ -116,7 +116,7 @@ class PlateReference:
         Returns:
             Positions of the cloth [m].
         """
-        undeformed = (_with_ones(self.system.mesh.material) @ self.frame(x))[self.free]
+        undeformed = (_with_ones(self.system.sheet.material) @ self.frame(x))[self.free]
         moved = undeformed + self._matrices["surface"][self.free] @ self.displacement(x)
         return x.index_copy(0, self.free, moved)
 

@@ -26,13 +26,16 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from cusick_bench.sim.engine.shell_system import ShellSystem
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern
+from cusick_bench.sim.torch_engine.batch_forces import BatchForces
 from cusick_bench.sim.torch_engine.batched_solver import TorchLinear
 from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
 from cusick_bench.sim.torch_engine.linear import torch_solver
 from cusick_bench.sim.torch_engine.rollout import BatchPlan, adjoint, plan_batch, rollout
+from cusick_bench.sim.torch_engine.shell_forces import TorchShell
 
 CPU_MEMORY = 4 * 2**30  # [bytes] memory limit of a batch on the CPU
 _FREE_SHARE = 0.8  # of a GPU's free memory that a batch may take
@@ -59,7 +62,7 @@ class DroppedMembers:
 
 
 @lru_cache(maxsize=8)
-def prepared(system: DrapeSystem, device: str, linear: str) -> tuple[TorchForces, TorchLinear]:
+def prepared(system: DrapeSystem | ShellSystem, device: str, linear: str) -> tuple[BatchForces, TorchLinear]:
     """Analysis of a system for one device; systems are compared by identity.
 
     Args:
@@ -70,9 +73,12 @@ def prepared(system: DrapeSystem, device: str, linear: str) -> tuple[TorchForces
     Returns:
         Forces and the analysed linear solver.
     """
-    pattern = BlockPattern(system.layout.indptr, system.layout.indices, system.mesh.material[system.free])
-    solver = torch_solver(pattern, device, linear)
-    return TorchForces(system, device, solver.slots), solver
+    layout = system.layout
+    at = system.mesh.material[system.free] if isinstance(system, DrapeSystem) else system.stencils.control_material
+    solver = torch_solver(BlockPattern(layout.indptr, layout.indices, at), device, linear)
+    if isinstance(system, DrapeSystem):
+        return TorchForces(system, device, solver.slots), solver
+    return TorchShell(system, device, solver.slots), solver
 
 
 class _Drops(torch.autograd.Function):
@@ -85,10 +91,11 @@ class _Drops(torch.autograd.Function):
         bending: Tensor,
         mass: Tensor,
         rest_angle: Tensor,
+        poisson: Tensor,
         initial: Tensor,
         plan: BatchPlan,
     ) -> tuple[Tensor, ...]:
-        p = BatchParameters(stretch, bending, mass, rest_angle)
+        p = BatchParameters(stretch, bending, mass, rest_angle, poisson)
         differentiate, budget = any(ctx.needs_input_grad), plan.factor_memory
         last, records = [], []
         for first, end in plan.groups:
@@ -101,7 +108,7 @@ class _Drops(torch.autograd.Function):
             last.append(positions)
             records.append(record)
         ctx.plan, ctx.records = plan, records if differentiate else []
-        ctx.save_for_backward(stretch, bending, mass, rest_angle, initial)
+        ctx.save_for_backward(stretch, bending, mass, rest_angle, poisson, initial)
         report = [torch.cat([getattr(record, name) for record in records]) for name in _REPORT]
         ctx.mark_non_differentiable(*report)
         return torch.cat(last), *report
@@ -122,23 +129,16 @@ class _Drops(torch.autograd.Function):
             for field in fields(total):
                 getattr(there, field.name).add_(getattr(gradient, field.name))
             _members(g_initial, first, end).add_(by_initial if len(initial) > 1 else by_initial.sum(0, keepdim=True))
-        return (total.stretch, total.bending, total.mass, total.rest_angle, g_initial, None)
+        return (total.stretch, total.bending, total.mass, total.rest_angle, total.poisson, g_initial, None)
 
 
 def _members(tensor: Tensor, first: int, end: int) -> Tensor:
     return tensor if len(tensor) == 1 else tensor[first:end]
 
 
-def _checked(system: DrapeSystem, given: dict[str, Tensor], device: str) -> tuple[list[Tensor], int]:
+def _checked(forces: BatchForces, given: dict[str, Tensor], device: str) -> tuple[list[Tensor], int]:
     """The tensors on the device, and the number of members."""
-    faces, hinges, vertices = len(system.elements.faces), len(system.elements.hinges), system.mesh.vertices
-    shapes = {
-        "stretch": ((faces, 1), 6, 4),
-        "bending": ((hinges, 1), 3, 5),
-        "mass": (vertices,),
-        "rest_angle": (hinges,),
-        "initial": (vertices, 3),
-    }
+    shapes = forces.shapes | {"initial": tuple(forces.flat.shape)}
     members = max(1, *(len(tensor) for name, tensor in given.items() if tensor.ndim == 1 + len(shapes[name])))
     for name, tensor in given.items():
         expected = (tuple({members, 1}), *shapes[name])
@@ -148,8 +148,9 @@ def _checked(system: DrapeSystem, given: dict[str, Tensor], device: str) -> tupl
             raise SimulationError(f"{name} of {members} drops must have shape ({wanted}), got {tuple(tensor.shape)}")
         if not torch.isfinite(tensor).all():
             raise SimulationError(f"{name} must be finite, got NaN or infinity; check the material tables")
-    if not (given["mass"] > 0).all():
-        raise SimulationError(f"vertex masses must be > 0 kg, got {float(given['mass'].min()):g}; check the density")
+    mass = given["mass"][:, forces.free.to(given["mass"].device)]
+    if not (mass > 0).all():
+        raise SimulationError(f"vertex masses must be > 0 kg, got {float(mass.min()):g}; check the density")
     return [tensor.to(device, torch.float64) for tensor in given.values()], members
 
 
@@ -169,7 +170,7 @@ def free_memory(device: str) -> int:
 
 
 def drop_members(
-    system: DrapeSystem,
+    system: DrapeSystem | ShellSystem,
     p: BatchParameters,
     initial: Float[Tensor, "#members vertices 3"],
     *,
@@ -183,8 +184,9 @@ def drop_members(
 
     Args:
         system: Cloth and support.
-        p: The cloths.
-        initial: Shapes in which the cloths are laid down [m]; springs and fixed vertices hold on to them.
+        p: The cloths; under law `plate` by its points (`ShellMaps.parameters`).
+        initial: Shapes in which the cloths are laid down, under law `plate` their control points [m]; springs and fixed
+            vertices hold on to them.
         steps: Number of steps.
         step_seconds: Step h [s].
         device: Where to compute; tensors elsewhere are copied there.
@@ -200,9 +202,9 @@ def drop_members(
     if steps < 1 or not (math.isfinite(step_seconds) and step_seconds > 0):
         raise SimulationError(f"steps must be >= 1 and step_seconds > 0, got {steps} and {step_seconds}")
     given = {field.name: getattr(p, field.name) for field in fields(p)} | {"initial": initial}
-    tensors, members = _checked(system, given, device)
+    forces, solver = prepared(system, device, linear)
+    tensors, members = _checked(forces, given, device)
     differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
     limit = free_memory(device) if memory_limit is None else memory_limit
-    forces, solver = prepared(system, device, linear)
     plan = plan_batch(forces, solver, members, steps=steps, h=step_seconds, limit=limit, differentiate=differentiate)
     return DroppedMembers(*_Drops.apply(*tensors, plan))  # pyright: ignore[reportGeneralTypeIssues]

@@ -9,6 +9,7 @@ copied to the host is one number a cloth: how it fared.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -17,12 +18,15 @@ from numpy import ndarray
 from torch import Tensor
 
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.shell_system import ShellSystem
+from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.outcome import DROP_AT_REST, flown_apart
 from cusick_bench.sim.torch_engine.drop import DroppedMembers, drop_members, free_memory, prepared
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.rollout import member_bytes
+from cusick_bench.sim.torch_engine.shell_maps import ShellMaps
 
 COMPILED = "cpu"
 """Device of the compiled engine."""
@@ -74,6 +78,7 @@ class TorchEngine:
 
     Attributes:
         system: Mesh, law and support.
+        unknowns: What the system computes with, from and to vertices, faces and hinges.
         settings: How the cloths are draped.
         name: Name of the device, as `torch_device` takes it.
         memory_limit: Most memory of a batch [bytes]; None for most of what a GPU has left, or 4 GiB on the CPU.
@@ -82,7 +87,8 @@ class TorchEngine:
         SimulationError: A device that is not there, or settings that only the compiled engine knows.
     """
 
-    system: DrapeSystem
+    system: DrapeSystem | ShellSystem
+    unknowns: VertexUnknowns | ShellUnknowns
     settings: DrapeSettings
     name: str
     memory_limit: int | None = None
@@ -103,13 +109,21 @@ class TorchEngine:
             p: The cloths, on any device.
             laid: Shapes in which they are laid down [m].
         """
-        s = self.settings
+        s, maps = self.settings, self._maps
+        if maps is not None:
+            p, laid = maps.parameters(p), maps.configuration(laid)
         dropped = drop_members(
             self.system, p, laid, steps=s.steps, step_seconds=s.step_seconds, device=self.device, linear=self._linear,
             memory_limit=self.memory_limit,
         )  # fmt: skip
         weight = s.gravity * p.mass.detach().sum(1)
-        return dropped.positions, self._outcome(dropped, weight.cpu().numpy())
+        positions = dropped.positions if maps is None else maps.positions(dropped.positions)
+        return positions, self._outcome(dropped, weight.cpu().numpy())
+
+    @cached_property
+    def _maps(self) -> ShellMaps | None:
+        """Between cloth and shell on the device; None for laws whose unknowns are the vertices."""
+        return ShellMaps(self.unknowns, self.device) if isinstance(self.unknowns, ShellUnknowns) else None
 
     @property
     def device(self) -> str:

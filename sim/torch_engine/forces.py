@@ -16,7 +16,7 @@ References:
     Tamstorf, Grinspun. Discrete bending forces and their Jacobians. Graphical Models 75(6), 2013: grad theta.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import torch
@@ -28,6 +28,8 @@ from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.torch_engine.gather import GatherOuter, GatherSum
 from cusick_bench.sim.torch_engine.laws import Strain, bending, stretch, tension
 
+_FORWARD_NUMBERS, _ADJOINT_NUMBERS = 140, 220  # alive at once per face and per hinge (measured: at most 122 and 201)
+
 
 @dataclass(frozen=True, eq=False)
 class BatchParameters:
@@ -37,13 +39,15 @@ class BatchParameters:
         stretch: C [N/m].
         bending: B [N m].
         mass: Vertex masses [kg].
-        rest_angle: Stress-free dihedral angles [rad].
+        rest_angle: Stress-free dihedral angles [rad]; of a shell's points the curvatures at rest [1/m].
+        poisson: Poisson's ratio of bending, which law `plate` has.
     """
 
     stretch: Float[Tensor, "#members #faces 6 4"]
     bending: Float[Tensor, "#members #hinges 3 5"]
     mass: Float[Tensor, "#members vertices"]
     rest_angle: Float[Tensor, "#members hinges"]
+    poisson: Float[Tensor, "#members"] = field(default_factory=lambda: torch.zeros(1, dtype=torch.float64))
 
     def member(self, first: int, end: int) -> "BatchParameters":
         """Members first to end - 1.
@@ -55,7 +59,7 @@ class BatchParameters:
         Returns:
             Their parameters, in the same memory.
         """
-        tensors = (getattr(self, field.name) for field in fields(self))
+        tensors = (getattr(self, one.name) for one in fields(self))
         return BatchParameters(*(value if len(value) == 1 else value[first:end] for value in tensors))
 
 
@@ -91,6 +95,7 @@ class TorchForces:
         diagonal: Place of every free vertex's diagonal block among them.
         free: Vertices that move.
         spring: Stiffness of each vertex's spring to its anchor [N/m].
+        flat: The undeformed cloth [m].
     """
 
     def __init__(self, system: DrapeSystem, device: str, slots: Int[ndarray, "slots"] | None = None) -> None:
@@ -116,7 +121,7 @@ class TorchForces:
         low, fraction = el.direction_low[:, None], el.direction_fraction[:, None]
         index = np.arange(3)
         self.direction = put((index == low) * (1 - fraction) + (index == low + 1) * fraction)
-        self.free, self.spring = put(system.free), put(system.spring)
+        self.free, self.spring, self.flat = put(system.free), put(system.spring), put(system.mesh.flat)
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -133,6 +138,27 @@ class TorchForces:
         face, hinge = (target >= 0) & (source < behind), (target >= 0) & (source >= behind)
         self._face_blocks = GatherSum(target[face], source[face], len(self.slots), self.device)
         self._hinge_blocks = GatherOuter(target[hinge], source[hinge] - behind, len(self.slots), 4, self.device)
+
+    @property
+    def shapes(self) -> dict[str, tuple[tuple[int, ...] | int, ...]]:
+        """Shapes of a member's parameters; a table for each element or one for all."""
+        faces, hinges, vertices = (len(self.faces), 1), (len(self.hinges), 1), self.system.mesh.vertices
+        return {
+            "stretch": (faces, 6, 4), "bending": (hinges, 3, 5), "mass": (vertices,), "rest_angle": (hinges[0],),
+            "poisson": (),
+        }  # fmt: skip
+
+    def numbers(self, *, differentiate: bool) -> int:
+        """Numbers of one member that are alive at once while its elements are evaluated.
+
+        Args:
+            differentiate: Whether there will be gradients.
+
+        Returns:
+            Their count.
+        """
+        each = _ADJOINT_NUMBERS if differentiate else _FORWARD_NUMBERS
+        return each * (len(self.faces) + len(self.hinges))
 
     def _gather(self, on_faces: Tensor, on_hinges: Tensor) -> Float[Tensor, "members vertices 3"]:
         return self._face_corners(on_faces.flatten(1, 2)) + self._hinge_corners(on_hinges.flatten(1, 2))
@@ -244,7 +270,8 @@ class TorchForces:
         by_mass = by_mass if len(p.mass) > 1 else by_mass.sum(0, keepdim=True)
         pull = force_factor * self.spring[:, None] * multiplier
         by_x = self._gather(by_faces, by_hinges) - pull
-        return by_x, pull, BatchParameters(by_stretch, by_bending, by_mass, by_rest)
+        by = BatchParameters(by_stretch, by_bending, by_mass, by_rest, torch.zeros_like(p.poisson))
+        return by_x, pull, by
 
     def _product_faces(
         self, corners: Tensor, multiplier: Tensor, velocity: Tensor, table: Tensor, h: float, hh: float

@@ -4,11 +4,25 @@ Targets are ranked by the number of their contributions, most first. Round n the
 target that has one, which are the first few targets: a gather and a sum over a slice.
 """
 
+from typing import Any
+
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.sparse import csr_array
 from torch import Tensor
+
+
+def _rounds(target: ndarray, targets: int) -> tuple[ndarray, list[ndarray]]:
+    """Place of every target in rank order, and the links of every round."""
+    order = np.argsort(target, kind="stable")
+    count = np.bincount(target, minlength=targets)
+    start = np.cumsum(count) - count
+    ranked = np.argsort(-count, kind="stable")
+    rank = np.empty_like(ranked)
+    rank[ranked] = np.arange(targets)
+    return rank, [order[start[ranked[count[ranked] > n]] + n] for n in range(int(count.max(initial=0)))]
 
 
 class GatherSum:
@@ -28,18 +42,9 @@ class GatherSum:
             targets: Number of targets.
             device: Where the index tables live.
         """
-        order = np.argsort(target, kind="stable")
-        count = np.bincount(target, minlength=targets)
-        start = np.cumsum(count) - count
-        ranked = np.argsort(-count, kind="stable")
-        rank = np.empty_like(ranked)
-        rank[ranked] = np.arange(targets)
-        sources = source[order]
+        rank, rounds = _rounds(target, targets)
         self.rank = torch.as_tensor(rank, device=device)
-        self.rounds = [
-            torch.as_tensor(sources[start[ranked[count[ranked] > n]] + n], device=device)
-            for n in range(int(count.max(initial=0)))
-        ]
+        self.rounds = [torch.as_tensor(source[links], device=device) for links in rounds]
 
     def __call__(self, values: Float[Tensor, "members sources *inner"]) -> Float[Tensor, "members targets *inner"]:
         """Sums the sources of every target."""
@@ -93,3 +98,122 @@ class GatherOuter(GatherSum):
         for a, b in zip(self.left, self.right, strict=True):
             total[:, : len(a)].addcmul_(left[:, a].unsqueeze(3), right[:, b].unsqueeze(2))
         return total[:, self.rank]
+
+
+class GatherProducts:
+    """Sums products of node values: link (target, left, right) adds sum_r l_left,r r_right,r^T, r over some terms.
+
+    Attributes:
+        left, right: Nodes of the n-th link, for the first targets in rank order.
+        rank: Place of every target in rank order.
+    """
+
+    def __init__(
+        self, target: Int[ndarray, "links"], left: Int[ndarray, "links"], right: Int[ndarray, "links"], targets: int,
+        device: str,
+    ) -> None:  # fmt: skip
+        """Lays out the rounds.
+
+        Args:
+            target: Target of every link.
+            left, right: Its nodes.
+            targets: Number of targets.
+            device: Where the index tables live.
+        """
+        rank, rounds = _rounds(target, targets)
+        self.rank = torch.as_tensor(rank, device=device)
+        self.left, self.right = (
+            [torch.as_tensor(node[links], device=device) for links in rounds] for node in (left, right)
+        )
+
+    def outer(
+        self, left: Float[Tensor, "members nodes terms 3"], right: Float[Tensor, "members nodes terms 3"]
+    ) -> Float[Tensor, "members targets 3 3"]:
+        """Sums outer products of vectors.
+
+        Args:
+            left: Left factors.
+            right: Right factors.
+
+        Returns:
+            Sums.
+        """
+        total = left.new_zeros((len(left), len(self.rank), 3, 3))
+        for a, b in zip(self.left, self.right, strict=True):
+            total[:, : len(a)] += left[:, a].mT @ right[:, b]
+        return total[:, self.rank]
+
+    def inner(
+        self, left: Float[Tensor, "nodes terms"], right: Float[Tensor, "members nodes terms"]
+    ) -> Float[Tensor, "members targets"]:
+        """Sums inner products.
+
+        Args:
+            left: Left factors, the same for all members.
+            right: Right factors.
+
+        Returns:
+            Sums.
+        """
+        total = right.new_zeros((len(right), len(self.rank)))
+        for a, b in zip(self.left, self.right, strict=True):
+            total[:, : len(a)] += (left[a] * right[:, b]).sum(2)
+        return total[:, self.rank]
+
+
+class _WeightedSum:
+    """A sparse matrix times vectors, by rounds."""
+
+    def __init__(self, matrix: csr_array, device: str) -> None:
+        entries = matrix.tocoo()
+        rank, rounds = _rounds(entries.row, len(matrix.indptr) - 1)
+        self.rank = torch.as_tensor(rank, device=device)
+        self.rounds = [
+            tuple(torch.as_tensor(part[links], device=device) for part in (entries.col.astype(np.int64), entries.data))
+            for links in rounds
+        ]
+
+    def __call__(self, values: Tensor) -> Tensor:
+        total = values.new_zeros((len(values), len(self.rank), *values.shape[2:]))
+        for column, weight in self.rounds:
+            total[:, : len(column)] += weight.reshape(-1, *[1] * (values.ndim - 2)) * values[:, column]
+        return total[:, self.rank]
+
+
+class _Product(torch.autograd.Function):
+    """A constant sparse matrix times every member's array; the way back is by the transposed."""
+
+    @staticmethod
+    def forward(  # pyright: ignore[reportIncompatibleMethodOverride]
+        ctx: Any, values: Tensor, matrix: "SparseMatrix"
+    ) -> Tensor:
+        ctx.matrix = matrix
+        return matrix.forward(values)
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor, None]:
+        return ctx.matrix.transposed(grad_outputs[0]), None
+
+
+class SparseMatrix:
+    """A constant sparse matrix on one device; products are differentiable, and their order of summation is fixed.
+
+    Attributes:
+        forward, transposed: The matrix and its transposed times every member's array.
+    """
+
+    def __init__(self, matrix: csr_array, device: str) -> None:
+        """Lays out both directions.
+
+        Args:
+            matrix: The matrix.
+            device: Where it lives.
+        """
+        self.forward = _WeightedSum(matrix, device)
+        self.transposed = _WeightedSum(csr_array(matrix.T), device)
+
+    def __call__(self, values: Float[Tensor, "members columns *inner"]) -> Float[Tensor, "members rows *inner"]:
+        """The matrix times every member's array, along its first axis."""
+        product = _Product.apply(values, self)
+        assert isinstance(product, Tensor)
+        return product

@@ -13,11 +13,11 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.torch_engine.batch_forces import BatchForces
 from cusick_bench.sim.torch_engine.batched_solver import TorchFactor, TorchLinear
-from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
+from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 _NUMBER = 8  # [bytes] of a float64
-_FORWARD_NUMBERS, _ADJOINT_NUMBERS = 140, 220  # alive at once per face and per hinge (measured: at most 122 and 201)
 _VECTORS = 12  # vertex fields alive at once
 _WORK = 1.5  # measured over computed memory of a factorisation at work: at most 1.4
 _FAR = 20.0  # a cloth that moves farther than so many times its size has blown up, as in `drop`
@@ -36,7 +36,7 @@ class BatchPlan:
         factor_memory: Memory left for kept factors [bytes].
     """
 
-    forces: TorchForces
+    forces: BatchForces
     linear: TorchLinear
     steps: int
     h: float
@@ -103,7 +103,7 @@ class GroupRecord:
         self.steps.add_(self.good)
 
 
-def member_bytes(forces: TorchForces, linear: TorchLinear, steps: int, *, differentiate: bool) -> tuple[int, int]:
+def member_bytes(forces: BatchForces, linear: TorchLinear, steps: int, *, differentiate: bool) -> tuple[int, int]:
     """Memory of one member: what is kept till the end, and what it takes besides while its group runs [bytes].
 
     Args:
@@ -115,16 +115,15 @@ def member_bytes(forces: TorchForces, linear: TorchLinear, steps: int, *, differ
     Returns:
         Bytes kept, and bytes used for a while.
     """
-    system = forces.system
-    elements, field = len(system.elements.faces) + len(system.elements.hinges), 3 * _NUMBER * system.mesh.vertices
+    field = 3 * _NUMBER * forces.system.mesh.vertices
     kept = field * (steps + 2 if differentiate else 1)
-    numbers = _ADJOINT_NUMBERS if differentiate else _FORWARD_NUMBERS
     matrix = 9 * _NUMBER * len(linear.slots) + linear.factor_bytes
-    return kept, matrix + max(numbers * _NUMBER * elements, int(_WORK * linear.work_bytes)) + _VECTORS * field
+    elements = _NUMBER * forces.numbers(differentiate=differentiate)
+    return kept, matrix + max(elements, int(_WORK * linear.work_bytes)) + _VECTORS * field
 
 
 def plan_batch(
-    forces: TorchForces, linear: TorchLinear, members: int, *, steps: int, h: float, limit: int, differentiate: bool
+    forces: BatchForces, linear: TorchLinear, members: int, *, steps: int, h: float, limit: int, differentiate: bool
 ) -> BatchPlan:
     """Splits a batch into groups of members that fit the memory.
 
@@ -212,10 +211,9 @@ def adjoint(
     """
     h, free = plan.h, plan.forces.free
     good = record.good[:, None, None]
-    flat = torch.as_tensor(plan.forces.system.mesh.flat, device=g_x.device)
 
     def state(step: int) -> Tensor:  # members that blew up stand still, flat, and gather no gradient
-        return torch.where(good, record.states[max(step, 0)], flat)
+        return torch.where(good, record.states[max(step, 0)], plan.forces.flat)
 
     gradient = BatchParameters(*(torch.zeros_like(getattr(p, field.name)) for field in fields(p)))
     g_x = torch.where(good, g_x, 0.0)
