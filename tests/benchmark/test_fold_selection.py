@@ -12,6 +12,7 @@ from cusick_bench.benchmark.fold_selection.real_cloth import PUBLISHED, ClothRow
 from cusick_bench.benchmark.fold_selection.responses import MEANS, FoldResponses, fold_responses
 from cusick_bench.benchmark.fold_selection.study import FoldRow, drape_images, fold_rows
 from cusick_bench.cli import app
+from cusick_bench.cli.simulate.fold_selection import FactorName
 from cusick_bench.datasets import load
 from cusick_bench.report.figures.fold_selection import fold_selection_figure
 from cusick_bench.sim.render.camera import ParallelCamera
@@ -78,7 +79,7 @@ class TestStudy:
         assert not np.array_equal(one[0], one[1])
 
     @pytest.mark.parametrize(
-        "changed", [{"stages": 2}, {"slide": 5e-3}, {"rest_height": 2e-3}, {"laying_length": 0.01}]
+        "changed", [{"stages": 2}, {"slide": 5e-3}, {"rest_height": 2e-3}, {"laying_length": 0.01}, {"shear": 20.0}]
     )
     def test_every_factor_changes_the_drape(self, changed):
         (base,), (other,) = drape_images(SMALL, 1), drape_images(Condition(**{**vars(SMALL), **changed}), 1)
@@ -125,6 +126,9 @@ class TestPicture:
 
 
 class TestCommand:
+    def test_every_factor_can_be_asked_for(self):
+        assert {one.value for one in FactorName} == set(FACTORS)
+
     def test_json_is_one_document(self, tmp_path):
         picture = tmp_path / "folder" / "folds.png"
         asked = ["--factor", "slide", "--law", "paper", "--vertices", "97", "--draws", "2", "--picture", str(picture)]

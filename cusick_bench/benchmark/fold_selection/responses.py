@@ -78,11 +78,13 @@ def fold_responses(images: Sequence[Float[ndarray, "height width"]], protocol: P
     if count == 0:
         return FoldResponses(0, *([float("nan")] * (2 * len(MEANS) + 1)))
     radii = np.stack([profile_of(image, protocol).radii for image in images])
-    size = {"cloth_radius": protocol.cloth_radius_m, "plate_radius": protocol.plate_radius_m}
-    values = _MEASURED.measure(radii, **size) * [1.0, 1.0, _MM, 1.0, _CREST_SCALE]
+    values = _MEASURED.measure(radii, cloth_radius=protocol.cloth_radius_m, plate_radius=protocol.plate_radius_m)
+    values *= [1.0, 1.0, _MM, 1.0, _CREST_SCALE]
     spread = values.std(0, ddof=1) if count > 1 else np.full(len(MEANS), np.nan)
     pairs = float("nan")
     if count > 1:
         table = mse_pairs(np.stack(images), np.stack(images), protocol)
         pairs = float(table.sum() - np.trace(table)) / (count * (count - 1))
-    return FoldResponses(count, *values.mean(0).tolist(), *spread.tolist(), pairs)
+    means = dict(zip(MEANS, values.mean(0).tolist(), strict=True))
+    spreads = {f"{name}_sd": float(sd) for name, sd in zip(MEANS, spread, strict=True)}
+    return FoldResponses(drapes=count, pair_mse=pairs, **means, **spreads)

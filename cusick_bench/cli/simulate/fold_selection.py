@@ -35,10 +35,21 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 
-FactorName = StrEnum("FactorName", {name: name for name in FACTORS})
-"""Factors that can be asked for."""
-
 _DRAWS = 8
+
+
+class FactorName(StrEnum):
+    """Factors that can be asked for, those of `FACTORS`."""
+
+    stiffness = "stiffness"
+    mesh = "mesh"
+    laying_length = "laying-length"
+    laying_height = "laying-height"
+    release = "release"
+    step = "step"
+    slide = "slide"
+    rest_shape = "rest-shape"
+    shear = "shear"
 
 
 @app.command("fold-selection")
@@ -62,7 +73,8 @@ def fold_selection(
     """Drapes one cloth while one factor at a time changes, and says what becomes of its folds.
 
     Factors are stiffness, mesh, length and height of the shape in which the cloth is laid down, its release, the time
-    step, how far off the plate's axis it lies, and its rest shape. All together take some minutes on two cores.
+    step, how far off the plate's axis it lies, its rest shape, and its shear stiffness. All together take some minutes
+    on two cores.
     """
     from cusick_bench.benchmark.fold_selection.study import fold_rows
 
@@ -70,7 +82,7 @@ def fold_selection(
         if picture.is_dir():
             raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
         picture.parent.mkdir(parents=True, exist_ok=True)
-    if law is LawName.published and (factor is None or FactorName["release"] in factor):
+    if law is LawName.published and (factor is None or FactorName.release in factor):
         raise CusickError(
             "law 'published' has no rests, which factor 'release' needs; name other factors, or law paper"
         )

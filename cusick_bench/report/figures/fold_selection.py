@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from cusick_bench.benchmark.fold_selection.real_cloth import PUBLISHED, ClothRow
 from cusick_bench.benchmark.fold_selection.study import FoldRow
@@ -42,8 +42,8 @@ def fold_selection_figure(title: str, rows: Sequence[FoldRow], cloths: Sequence[
     heights = [_UPPER * bool(curves), (_ROW * (len(others) + len({row.factor for row in others})) + 0.9) * bool(others)]
     figure = Figure(figsize=(_WIDTH, sum(heights) + 0.5), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
-    parts = figure.subfigures(sum(height > 0 for height in heights), 1, height_ratios=[h for h in heights if h > 0])
-    parts = list(np.atleast_1d(parts))
+    shown = [height for height in heights if height > 0]
+    parts = list(figure.subfigures(len(shown), 1, squeeze=False, height_ratios=shown)[:, 0])
     if curves:
         _draw_curves(parts.pop(0), curves, cloths)
     if others:
@@ -64,7 +64,7 @@ def save_fold_selection(path: Path, title: str, rows: Sequence[FoldRow], cloths:
     fold_selection_figure(title, rows, cloths).savefig(path, format="png")
 
 
-def _draw_curves(figure: Figure, rows: Sequence[FoldRow], cloths: Sequence[ClothRow]) -> None:
+def _draw_curves(figure: FigureBase, rows: Sequence[FoldRow], cloths: Sequence[ClothRow]) -> None:
     axes = np.atleast_1d(figure.subplots(1, len(_LABELS)))
     lengths = sorted({row.condition.laying_length for row in rows})
     for axis, name in zip(axes, _LABELS, strict=True):
@@ -95,7 +95,7 @@ def _draw_real(axis: Axes, name: str, cloths: Sequence[ClothRow]) -> None:
         axis.errorbar(coefficient, folds, xerr=sd, label="the paper's five cloths", **style)
 
 
-def _draw_levels(figure: Figure, rows: Sequence[FoldRow]) -> None:
+def _draw_levels(figure: FigureBase, rows: Sequence[FoldRow]) -> None:
     columns = {**_LABELS, _SPREAD[0]: _SPREAD[1]}
     axes = np.atleast_1d(figure.subplots(1, len(columns), sharey=True))
     places, ticks, place, before = [], [], 0.0, rows[0].factor
