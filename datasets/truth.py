@@ -1,6 +1,6 @@
 """True or otherwise measured stiffness of a data set's cloths, from `truth.json` beside the data.
 
-    {"law": "paper", "fabrics": {"1": {"bending_N_m": 3 rows of 5, "stretch_N_m": 6 rows of 4, ...}, ...}}
+    {"law": "paper", "fabrics": {"1": {"bending_N_m": 3 rows of 5, "stretch_N_m": 6 rows of 4, "poisson": 0, ...}, ...}}
 
 The synthetic set has it, since its cloths were simulated; a laboratory that has measured its cloths may write it too.
 Solvers never see it: found stiffness is held against it afterwards.
@@ -22,7 +22,7 @@ from cusick_bench.files.json_file import shown
 from cusick_bench.sim.cloth.material import BENDING_SHAPE, STRETCH_SAMPLES
 
 FILE = "truth.json"
-_LAW = "paper"  # whose bending table is the stiffness of the plate
+_LAWS = ("paper", "plate")  # whose bending table is the stiffness of the plate; a file that names none is of the first
 _TABLES = {"stretch_N_m": ((STRETCH_SAMPLES, 4), [0, 2, 3]), "bending_N_m": (BENDING_SHAPE, list(range(5)))}
 """Shape of each table, and the columns that must be positive: all but c12."""
 _REMEDY = "correct it, or take it away: nothing but the comparison with the truth needs it"
@@ -30,15 +30,19 @@ _REMEDY = "correct it, or take it away: nothing but the comparison with the trut
 
 @dataclass(frozen=True, eq=False)
 class TrueTables:
-    """True tables of a cloth, as law `paper` reads them.
+    """True tables of a cloth.
 
     Attributes:
+        law: Material law that reads them.
         stretch: C [N/m].
         bending: B [N m].
+        poisson: Poisson's ratio of bending, which law `plate` has.
     """
 
+    law: str
     stretch: Float[Tensor, "6 4"]
     bending: Float[Tensor, "3 5"]
+    poisson: float = 0.0
 
 
 def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
@@ -58,21 +62,31 @@ def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
     if not path.is_file():
         return None
     document = read_object(path, "invalid-truth")
-    fabrics, law = document.get("fabrics"), document.get("law", _LAW)
+    fabrics, law = document.get("fabrics"), document.get("law", _LAWS[0])
     if not isinstance(fabrics, dict):
         raise BadTable('"fabrics" must be an object', where=path, remedy=_REMEDY, kind="invalid-truth")
-    if law != _LAW:
-        raise BadTable(f'"law" must be "{_LAW}", got {shown(law)}', where=path, remedy=_REMEDY, kind="invalid-truth")
+    if law not in _LAWS:
+        raise BadTable(
+            f'"law" must be {" or ".join(_LAWS)}, got {shown(law)}', where=path, remedy=_REMEDY, kind="invalid-truth"
+        )
     number = str(_fabric(dataset, cloth))
     if number not in fabrics:
         return None
     where = f"{path}, fabric {number}"
-    return TrueTables(*(_table(fabrics[number], name, where) for name in _TABLES))
+    tables = [_table(fabrics[number], name, where) for name in _TABLES]
+    return TrueTables(law, *tables, _poisson(fabrics[number].get("poisson", 0.0), where))
 
 
 def _fabric(dataset: DrapeDataset, cloth: str) -> int:
     rows = dataset.table.loc[dataset.table["cloth"] == cloth, "fabric"]
     return int(rows.iloc[0]) if len(rows) else 0
+
+
+def _poisson(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -1 < value < 1:
+        rule = f'"poisson" must be a number between -1 and 1, got {shown(value)}'
+        raise BadTable(rule, where=where, remedy=_REMEDY, kind="invalid-truth")
+    return float(value)
 
 
 def _table(tables: Any, name: str, where: str) -> Float[Tensor, "rows columns"]:

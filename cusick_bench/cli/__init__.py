@@ -28,7 +28,13 @@ PANELS = {
         "robustness": "simulate.robustness",
         "benchmark": "simulate.benchmark",
     },
-    "Fit": {"run": "fit.run", "solvers": "fit.solvers", "optimisers": "fit.optimisers", "paper": "fit.paper"},
+    "Fit": {
+        "run": "fit.run",
+        "solvers": "fit.solvers",
+        "optimisers": "fit.optimisers",
+        "paper": "fit.paper",
+        "population": "fit.population",
+    },
     "Results": {
         "leaderboard": "results.leaderboard",
         "report": "results.report",

@@ -122,7 +122,9 @@ DropMode = Annotated[
 Steps = Annotated[int, simulation_option(min=1, max=MOST_STEPS, help="Steps of a drop, of 0.05 s.")]
 Law = Annotated[
     LawName,
-    simulation_option(help="Material law: the paper's, as an energy, or that of the published program."),
+    simulation_option(
+        help="Material law: plate (converges with the mesh), paper (hinges, as an energy) or published (the program's)."
+    ),
 ]
 Clamp = Annotated[
     ClampName | None,

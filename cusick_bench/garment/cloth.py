@@ -25,7 +25,7 @@ from numpy import ndarray
 
 from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.garment.errors import GarmentError
-from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
+from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
@@ -158,8 +158,8 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
             "without simulating a cloth; give a cell of a solver that fits stiffness, such as homo"
         )
     law: Any = (record.get("settings") or {}).get("drape", {}).get("law", "paper")
-    if law not in ("paper", "published"):
-        raise GarmentError(f"{folder / 'cell.json'}: law must be paper or published, got {law!r}")
+    if law not in BENDING_TABLE_FACTOR:
+        raise GarmentError(f"{folder / 'cell.json'}: law must be plate, paper or published, got {law!r}")
     density = arrays["density"]
     light, heavy = LIGHTEST_CLOTH, HEAVIEST_CLOTH
     if density.dtype.kind != "f" or not density.size or not ((density >= light) & (density <= heavy)).all():
@@ -174,9 +174,36 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
         source = "elements"
         _check_elements(arrays, tables, folder)
     cloth = Cloth(
-        name, source, law, float(density.mean()), tables["stretch"], tables["bending"], sds["stretch"], sds["bending"]
+        name,
+        source,
+        law_of_garment(law),
+        float(density.mean()),
+        tables["stretch"],
+        tables["bending"],
+        sds["stretch"],
+        sds["bending"],
     )
     return cloth.spread_by(spread)
+
+
+def law_of_garment(law: str) -> Law:
+    """The law that garments of a cloth hang by.
+
+    Law `plate` needs cloth of one piece that is clamped in a circle, so that its surface can be mirrored there; a skirt
+    has seams, and hangs on a waist that moves. Law `paper` reads the same tables as the stiffness of the same plate.
+
+    Args:
+        law: Law that the cloth's tables were found by.
+
+    Returns:
+        `paper` for tables of law `plate`, and the law itself else.
+
+    Raises:
+        GarmentError: No such law.
+    """
+    if law not in BENDING_TABLE_FACTOR:
+        raise GarmentError(f"law must be one of {', '.join(BENDING_TABLE_FACTOR)}, got {law!r}")
+    return "published" if law == "published" else "paper"
 
 
 def _read_record(folder: Path) -> dict[str, Any]:

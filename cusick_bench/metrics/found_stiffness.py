@@ -197,7 +197,7 @@ def find_stiffness(
     def stiffness(tau: Float[ndarray, " dimension"], weights: ElementWeights = weights) -> ClothStiffness:
         with torch.no_grad():
             material = space.specimen(torch.as_tensor(tau)).material
-        return cloth_stiffness(material.stretch, material.bending, law, weights)
+        return cloth_stiffness(material.stretch, material.bending, law, weights, float(material.poisson))
 
     known = _known(true)
     if prediction.posterior is None:

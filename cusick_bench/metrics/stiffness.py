@@ -6,7 +6,9 @@ number is the geometric mean over the table's five curvatures, 0 to 40 /m. The v
 drape: in those of the five synthetic cloths (1205 vertices) three quarters of the bending energy lie beyond 26 to 68
 /m. A silhouette determines what the five have in common and hardly their differences, which their mean evens out. A
 Kawabata bending test reads 50 to 150 /m, where the laws keep the value of 40 /m, the last of `curve`. Law `published`
-bends as if it had a quarter of its table, and that quarter is given.
+bends as if it had a quarter of its table, and that quarter is given. Law `plate` has D11 from the warp's row, D22 from
+the weft's, and D33 from the bias' row; its bias here is D11 / 4 + D22 / 4 + D12 / 2 + D33, which is that row again
+unless the row is too soft for a plate.
 
 Stretch [N/m]. Force per width and unit strain along warp and weft, with the other direction's strain zero, and force
 per width and unit shear angle, all at small strain (the table's sample at rest): a drape strains cloth by some tenths
@@ -110,14 +112,16 @@ def cloth_stiffness(
     bending: Float[Tensor, "*hinges 3 5"],
     law: str,
     weights: ElementWeights | None = None,
+    poisson: float = 0.0,
 ) -> ClothStiffness:
     """The stiffness that a cloth's tables mean.
 
     Args:
         stretch: C, shared or per face [N/m].
         bending: B, shared or per hinge [N m].
-        law: Material law that they are for, "paper" or "published".
+        law: Material law that they are for; laws `plate` and `paper` read the same tables.
         weights: Of the elements, for tables per element.
+        poisson: Poisson's ratio of bending, which law `plate` has.
 
     Returns:
         One number for each direction, and its spread between elements.
@@ -126,11 +130,15 @@ def cloth_stiffness(
         ValueError: The tables are per element, and no weights are given.
     """
     from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR
+    from cusick_bench.sim.laws.plate import bias_stiffness
 
     if weights is None and (stretch.ndim > 2 or bending.ndim > 2):
         raise ValueError("tables per element need the weights of the elements; see `element_weights`")
     factor = PUBLISHED_BENDING_FACTOR if law == "published" else 1.0
-    curves = np.log(bending.detach().cpu().numpy()[..., list(BENDING_ROWS.values()), :] / factor)
+    tables = bending.detach().cpu().numpy()[..., list(BENDING_ROWS.values()), :] / factor
+    if law == "plate":
+        tables[..., BENDING.index("bias"), :] = bias_stiffness(*np.moveaxis(tables, -2, 0), poisson)
+    curves = np.log(tables)
     table = stretch.detach().cpu().numpy()[..., 0, :]  # at rest: c11, c12, c22, c33
     at_rest = np.log(np.stack([2 * table[..., 0], 2 * table[..., 2], table[..., 3]], -1))
     bending_spread, stretch_spread = np.zeros(len(BENDING)), np.zeros(len(STRETCH))

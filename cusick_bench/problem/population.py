@@ -1,8 +1,7 @@
 """In what cloths differ, and by how much samples of one cloth do: where the field space has its priors from.
 
-`derive_population` repeats it on the public release, with fabrics that no table of results predicts:
-
-    python -c "from cusick_bench.problem.population import derive_population as d; print(d('FOLDER OF THE RELEASE'))"
+`derive_population` (`cusick-bench population`) repeats it on the public release, with fabrics that no table of results
+predicts, for one material law:
 
 1. Cloths with traits and correlation length of the laid shape spread over a box are draped, one specimen each, and the
    statistics of their silhouettes are regressed on the five numbers (to the fourth degree in the level of bending, the
@@ -22,9 +21,11 @@ References:
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -35,12 +36,14 @@ from scipy.optimize import minimize
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.drape_problem import DrapeProblem
+from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.field_space import FIELDS, TRAITS, FieldSpace
 from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
-from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.system import Law
 
 FABRICS = ("fabric_1", "fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
 AREAL_DENSITY = 0.15  # [kg/m2] assumed
@@ -78,26 +81,60 @@ class Emulator:
         return _features(np.atleast_2d(cloths)) @ self.coefficients
 
 
-def derive_population(folder: Path | str, *, vertices: int = 700, cloths: int = 1300, specimens: int = 16) -> dict:
+@dataclass(frozen=True)
+class PopulationPlan:
+    """How much a population is derived from.
+
+    Attributes:
+        law: Material law.
+        vertices: Number of vertices of the mesh.
+        cloths: Number of cloths that are draped for the regression.
+        specimens: Number that are draped of every fabric and face, for the spread between specimens.
+
+    Raises:
+        ProblemError: Fewer cloths than the regression has features, or no two specimens.
+    """
+
+    law: Law = "paper"
+    vertices: int = 700
+    cloths: int = 1300
+    specimens: int = 16
+
+    def __post_init__(self) -> None:
+        least = _features(LOW[None]).shape[1] + 1
+        if self.cloths < least:
+            raise ProblemError(f"the regression needs at least {least} cloths, got {self.cloths}")
+        if self.specimens < 2:
+            raise ProblemError(f"a spread needs at least 2 specimens, got {self.specimens}")
+
+
+def derive_population(
+    folder: Path | str, plan: PopulationPlan | None = None, *, done: Callable[[int], None] = lambda drapes: None
+) -> dict[str, Any]:
     """Derives `TRAITS`, the length of `FIELDS["laying"]`, the level of `FIELDS["stiffness"]`, and `DISCREPANCY` anew.
 
     Args:
         folder: Folder of the public release.
-        vertices: Number of vertices of the mesh.
-        cloths: Number of cloths that are draped for the regression.
-        specimens: Number that are draped of every fabric and face, for the spread between specimens.
+        plan: How much to drape, by which law.
+        done: Called with the number of drapes made, `cloths` and `specimens` of every fabric and face in all.
 
     Returns:
         `traits`: name -> (mean, sd beside that of the tables' prior); `length`: (median [m], sd of its logarithm) of
         the laid shape; `level`: standard deviation of log stiffness between samples; `discrepancy`: name of a statistic
         -> (mean, sd) of fabrics less nearest cloths; `fabrics`: for each fabric and face its five numbers, and the sd
         of the statistic `area_log_odds` over samples and over specimens.
+
+    Raises:
+        ProblemError: The folder has none of the fabrics in two samples.
     """
-    problem = _problem(vertices)
-    emulator = fit_emulator(*_drape_box(problem, cloths))
+    plan = plan or PopulationPlan()
     groups = _samples(load(str(folder)))
+    if not groups:
+        raise ProblemError(f"{folder} has none of the fabrics {', '.join(FABRICS)} in two samples; give the release")
+    problem = _problem(plan)
+    emulator = fit_emulator(*_drape_box(problem, plan.cloths, done))
     placed = [nearest_cloth(emulator, group) for group in groups]
-    spreads = [_spread(problem, cloth, specimens) for cloth in placed]
+    spreads = [_spread(problem, cloth, plan.specimens, done) for cloth in placed]
     excess = [
         max(group.statistics[:, AREA].var(ddof=1) - spread**2, 0) / _slope(emulator, cloth) ** 2
         for group, cloth, spread in zip(groups, placed, spreads, strict=True)
@@ -188,13 +225,14 @@ def _slope(emulator: Emulator, cloth: Float[ndarray, " numbers"], step: float = 
     return float((emulator(cloth + along) - emulator(cloth - along))[0, AREA]) / (2 * step)
 
 
-def _prior() -> StiffnessPrior:
-    return StiffnessPrior("paper", AREAL_DENSITY)
+def _prior(law: Law = "paper") -> StiffnessPrior:
+    return StiffnessPrior(law, AREAL_DENSITY)
 
 
-def _problem(vertices: int) -> DrapeProblem:
-    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(clamp="whole"))  # as for the numbers in field_space
-    space = FieldSpace(simulator.mesh, _prior())
+def _problem(plan: PopulationPlan) -> DrapeProblem:
+    settings = DrapeSettings(law=plan.law, clamp="whole" if plan.law == "paper" else None)  # as for field_space
+    simulator = DrapeSimulator(cloth_mesh(plan.law, plan.vertices), settings)
+    space = FieldSpace(simulator.mesh, _prior(plan.law))
     nothing = np.zeros((RELEASE.image_size_px, RELEASE.image_size_px))
     return DrapeProblem(train_image=nothing, simulator=simulator, space=space)
 
@@ -211,25 +249,32 @@ def _tau(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], generator: np
     return tau
 
 
-def _drape(problem: DrapeProblem, taus: list[ndarray]) -> tuple[list[int], Float[ndarray, "rest statistics"]]:
+def _drape(
+    problem: DrapeProblem, taus: list[ndarray], done: Callable[[int], None]
+) -> tuple[list[int], Float[ndarray, "rest statistics"]]:
     """Statistics of the drapes that come to rest, and which these are."""
-    seen = [problem.draw_batch(tau[None])[0] for tau in taus]
+    seen = []
+    for tau in taus:
+        seen += problem.draw_batch(tau[None])
+        done(1)
     rest = [index for index, one in enumerate(seen) if one is not None]
     images = (torch.as_tensor(one.image) for one in seen if one is not None)
     return rest, np.stack([drape_statistics(image, problem.protocol).numpy() for image in images])
 
 
-def _drape_box(problem: DrapeProblem, count: int) -> tuple[ndarray, ndarray]:
+def _drape_box(problem: DrapeProblem, count: int, done: Callable[[int], None]) -> tuple[ndarray, ndarray]:
     generator = np.random.default_rng(0)
     cloths = LOW + (HIGH - LOW) * generator.random((count, len(LOW)))
-    rest, statistics = _drape(problem, [_tau(problem, cloth, generator) for cloth in cloths])
+    rest, statistics = _drape(problem, [_tau(problem, cloth, generator) for cloth in cloths], done)
     return cloths[rest], statistics
 
 
-def _spread(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], specimens: int) -> float:
+def _spread(
+    problem: DrapeProblem, cloth: Float[ndarray, " numbers"], specimens: int, done: Callable[[int], None]
+) -> float:
     """Standard deviation of the statistic `area` between specimens of one cloth."""
     draw = partial(_tau, problem, cloth, np.random.default_rng(1))
-    return float(_drape(problem, [draw() for _ in range(specimens)])[1][:, AREA].std(ddof=1))
+    return float(_drape(problem, [draw() for _ in range(specimens)], done)[1][:, AREA].std(ddof=1))
 
 
 def _samples(dataset: DrapeDataset) -> list[Samples]:

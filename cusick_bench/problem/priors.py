@@ -54,8 +54,7 @@ STRETCH_LEVEL_SD = 0.5  # of log stiffness, shared by the whole table; assumed
 STRETCH_ENTRY_SD = 0.3  # of log stiffness, each entry alone; assumed
 COUPLING_SD = 0.5  # of atanh(c12 / sqrt(c11 c22)); assumed
 
-# The published bending law acts as a plate of a quarter of its table value; the paper law takes the physical
-# value.
+# The published bending law acts as a plate of a quarter of its table value; the others take the physical value.
 BENDING_TABLE_FACTOR = {"plate": 1.0, "paper": 1.0, "published": PUBLISHED_BENDING_FACTOR}
 
 STRETCH_SIZE, BENDING_SIZE = 24, 15
@@ -89,7 +88,7 @@ class StiffnessPrior:
     """Maps whitened vectors to admissible stiffness tables, for one law and one areal density.
 
     Attributes:
-        law: Material law the tables are meant for, "paper" or "published".
+        law: Material law the tables are meant for, "plate", "paper" or "published".
         areal_density: Mass per area of the cloth [kg/m2].
     """
 

@@ -38,7 +38,8 @@ from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
-from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.render.camera import Camera, PinholeCamera
@@ -102,7 +103,7 @@ def build_problem(
     settings, protocol, sample = cell.settings, dataset.protocol, dataset.sample(cell.train[0])
     known: dict[str, Any] = sample.row.to_dict()
     drape = replace(settings.drape, seed=cell.seed, plate_radius=protocol.plate_radius_m, gravity=protocol.gravity_m_s2)
-    mesh = disc_mesh(settings.vertices, radius=protocol.cloth_radius_m, plate_radius=protocol.plate_radius_m)
+    mesh = cloth_mesh(drape.law, settings.vertices, radius=protocol.cloth_radius_m, plate_radius=drape.plate_radius)
     simulator = kept.get(mesh, drape)
     scene = _scene(dataset, cell, simulator)
     if scene is not None:
@@ -133,8 +134,7 @@ def _train_mesh(sample: DrapeSample, model: Mesh, protocol: Protocol) -> TrainMe
     if sample.mesh is None:
         return None
     radii = {"radius": protocol.cloth_radius_m, "plate_radius": protocol.plate_radius_m}
-    synthetic = disc_mesh(synthetic_recipe.VERTICES, seed=synthetic_recipe.MESH_SEED, **radii)
-    return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic, model))
+    return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic_recipe.true_mesh(**radii), model))
 
 
 def run_cell(
@@ -251,7 +251,7 @@ def _repeat_pairs(dataset: DrapeDataset, cell: Cell) -> list[tuple[np.ndarray, n
 def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
     """What the data say of the cloth's stiffness, which no solver is shown."""
     true = true_tables(dataset, cloth)
-    return None if true is None else cloth_stiffness(true.stretch, true.bending, "paper")
+    return None if true is None else cloth_stiffness(true.stretch, true.bending, true.law, poisson=true.poisson)
 
 
 def _failed(error: Exception) -> dict[str, Any]:

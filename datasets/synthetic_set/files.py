@@ -47,7 +47,7 @@ def _truth(cloths: list[recipe.Cloth]) -> dict[str, Any]:
         "PLACE_SHIFT", "PLACE_TURN", "VERTICES", "MESH_SEED", "SEED",
     )  # fmt: skip
     return {
-        "law": "paper",
+        "law": recipe.LAW,
         "random_elements": {name.lower(): getattr(recipe, name) for name in spreads},
         "fabrics": {
             str(cloth.number): {

@@ -23,6 +23,8 @@ References:
 """
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from cusick_bench.sim.laws.tables import CURVATURE_STEP
 from cusick_bench.sim.laws.vectors import kernel
@@ -280,3 +282,24 @@ def plate_table_adjoint(k, along, across, force, secant, table, poisson, shares,
         g_table[0, sample] += w * g_b + w1 * g_b1
         g_table[1, sample] += w * g_x + w1 * g_x1
     return scale * (mean * (p12 - 0.5 * g_x) + mean1 * (r12 - 0.5 * g_x1))
+
+
+def bias_stiffness(
+    warp: Float[ndarray, "*tables"], weft: Float[ndarray, "*tables"], bias: Float[ndarray, "*tables"], poisson: float
+) -> Float[ndarray, "*tables"]:
+    """Stiffness at 45 degrees, D11 / 4 + D22 / 4 + D12 / 2 + D33, of the plate that this law makes of a table.
+
+    Args:
+        warp: Entries of row 2, D11 [N m].
+        weft: Entries of row 0, D22 [N m].
+        bias: Entries of row 1 at the same curvature [N m].
+        poisson: nu.
+
+    Returns:
+        The entries of row 1 again, but for those too soft for a plate [N m].
+    """
+    mean = np.sqrt(warp * weft)
+    without_twist = 0.25 * (warp + weft) + 0.5 * poisson * mean
+    t = (bias - without_twist) / (_LEAST * mean)
+    y = np.maximum(2.0 - t, 0.0)
+    return without_twist + _LEAST * mean * (np.maximum(t, 2.0) - 4.0 * y / (4.0 + y * y))

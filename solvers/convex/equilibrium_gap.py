@@ -111,6 +111,11 @@ class EquilibriumGap(Solver):
         from cusick_bench.solvers.convex.force_balance import Shape
 
         settings = problem.simulator.settings
+        if settings.law == "plate":
+            raise SolverError(
+                f"{self.name} balances forces of faces and hinges at vertices, and law plate has none there; run it "
+                "with --law paper, whose tables mean the same stiffness"
+            )
         if drape.material is None:
             raise SolverError(self._without_reference(drape, settings.plate_radius))
         try:

@@ -37,6 +37,13 @@ def test_a_laboratory_without_truth_has_none_and_one_that_measured_has(lab):
     assert float(tables.bending[2, 0]) == 1e-6
 
 
+def test_a_truth_of_law_plate_has_its_poissons_ratio(lab):
+    (lab / "truth.json").write_text(json.dumps({"law": "plate", "fabrics": {"1": TABLES | {"poisson": 0.2}}}))
+    tables = true_tables(load(lab), "fabric_1")
+    assert tables is not None
+    assert (tables.law, tables.poisson) == ("plate", 0.2)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -45,6 +52,8 @@ def test_a_laboratory_without_truth_has_none_and_one_that_measured_has(lab):
         ("{}", "fabrics"),
         ('{"fabrics": {"1": 3}}', "stretch_N_m"),
         (json.dumps({"law": "published", "fabrics": {"1": TABLES}}), "published"),
+        (json.dumps({"fabrics": {"1": TABLES | {"poisson": 1.0}}}), "between -1 and 1"),
+        (json.dumps({"fabrics": {"1": TABLES | {"poisson": "0.2"}}}), "between -1 and 1"),
         (json.dumps({"fabrics": {"1": TABLES | {"bending_N_m": [[1e-6] * 5] * 2}}}), "3 rows of 5"),
         (json.dumps({"fabrics": {"1": TABLES | {"bending_N_m": [[0.0] * 5] * 3}}}), "> 0"),
         (json.dumps({"fabrics": {"1": TABLES | {"bending_N_m": [["1e-6x"] * 5] * 3}}}), "3 rows of 5"),

@@ -363,9 +363,9 @@ def test_drawn_stretch_tables_are_positive_definite():
     assert (c[..., 0] * c[..., 2] > c[..., 1] ** 2).all()
 
 
-def _cell(folder: Path, **arrays: ndarray) -> Path:
+def _cell(folder: Path, *, law: str = "paper", **arrays: ndarray) -> Path:
     folder.mkdir()
-    record = {"cloth": "wool_red", "solver": "homo", "settings": {"drape": {"law": "paper"}}}
+    record = {"cloth": "wool_red", "solver": "homo", "settings": {"drape": {"law": law}}}
     (folder / "cell.json").write_text(json.dumps(record))
     tables = {"stretch": np.tile([150.0, 1.0, 150.0, 30.0], (6, 1)), "bending": np.full((3, 5), 2e-5)}
     np.savez_compressed(
@@ -383,6 +383,18 @@ def test_a_fit_of_shared_tables_is_scattered_by_the_given_spread(tmp_path: Path)
     assert (cloth.name, cloth.source, cloth.density) == ("wool_red", "spread", 0.27)
     assert (cloth.bending_sd == 0.2).all()
     np.testing.assert_array_equal(cloth.bending, np.full((1, 3, 5), 2e-5))
+
+
+@pytest.mark.parametrize(("found_by", "hangs_by"), [("plate", "paper"), ("paper", "paper"), ("published", "published")])
+def test_tables_of_law_plate_hang_by_law_paper(found_by: str, hangs_by: str, tmp_path: Path):
+    cloth = cloth_of_cell(_cell(tmp_path / "a", law=found_by))
+    assert cloth.law == hangs_by
+    np.testing.assert_array_equal(cloth.bending, np.full((1, 3, 5), 2e-5))
+
+
+def test_a_result_of_an_unknown_law_is_refused(tmp_path: Path):
+    with pytest.raises(GarmentError, match="law must be plate, paper or published, got 'silk'"):
+        cloth_of_cell(_cell(tmp_path / "a", law="silk"))
 
 
 def test_a_posterior_brings_its_own_median_and_spread(tmp_path: Path):
@@ -495,6 +507,8 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         (["--density", "0.2"], "both --density and --bending"),
         (["--density", "-1", "--bending", "1e-5"], "areal density must be from 0.005 to 5.0 kg/m2, got -1"),
         (["--density", "0.2", "--bending", "1,2"], "one number or three"),
+        ([*NUMBERS, "--law", "plate"], "skirts hang by law paper"),
+        ([*NUMBERS, "--law", "published"], "tables are for law paper"),
         ([*NUMBERS, "--draws", "0"], "number of draws must be at least 1"),
         ([*NUMBERS, "--waist", "0.3"], "wider than its waist"),
         ([*NUMBERS, "--length", "-1"], "length must be > 0"),

@@ -25,6 +25,7 @@ from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.engine.elements import elements_of
 from cusick_bench.sim.laws.paper import paper_stress
+from cusick_bench.sim.laws.plate import plate_stiffness
 from cusick_bench.solvers.base import Prediction, Solver
 
 CLOTH = uniform_material(density=0.2, bending=(1e-6, 2e-6, 4e-6), stretch=300.0, shear=60.0)
@@ -33,6 +34,24 @@ IMAGE = np.zeros((256, 256))
 
 def of(material, law="paper", weights=None):
     return cloth_stiffness(material.stretch, material.bending, law, weights)
+
+
+# -- law plate
+
+
+@pytest.mark.parametrize("bias", [2e-6, 1.1e-6, 3e-7], ids=["of a plate", "near the softest", "too soft for a plate"])
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+def test_the_stiffness_of_law_plate_is_that_of_its_kernel(bias, poisson):
+    rows = (1e-6, bias, 4e-6)
+    material = uniform_material(density=0.2, bending=rows, poisson=poisson)
+    shares, d = np.zeros((3, 5)), np.zeros((3, 4))
+    shares[0, 0] = 1.0
+    plate_stiffness(material.bending.numpy(), poisson, shares, d)
+    d11, d22, d12, d33 = d[0]
+    found = cloth_stiffness(material.stretch, material.bending, "plate", poisson=poisson)
+    expected = {"warp": d11, "weft": d22, "bias": 0.25 * (d11 + d22) + 0.5 * d12 + d33}
+    assert dict(zip(BENDING, found.bending, strict=True)) == pytest.approx(expected)
+    assert (found.bending[BENDING.index("bias")] == pytest.approx(bias)) == (bias == 2e-6)
 
 
 # -- units

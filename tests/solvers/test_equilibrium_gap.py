@@ -252,6 +252,11 @@ class TestSolver:
         assert answer.vertices.shape == (mesh.vertices, 3)
         assert answer.notes["misfit"] < 2
 
+    def test_law_plate_is_refused_with_the_law_to_use(self, mesh):
+        problem = _problem(TrainMesh(mesh.flat, mesh.faces, mesh.material), mesh, law="plate")
+        with pytest.raises(SolverError, match="--law paper"):
+            EquilibriumGap().solve(problem, np.random.default_rng(0))
+
     def test_without_a_mesh_it_is_refused(self, mesh):
         with pytest.raises(SolverError, match=r"no mesh of it.*`synthetic`"):
             EquilibriumGap().solve(_problem(None, mesh), np.random.default_rng(0))

@@ -20,7 +20,7 @@ import torch
 from cusick_bench.benchmark.convergence.order import Order, observed_order
 from cusick_bench.benchmark.convergence.plate_cloth import plate_cloth, poisson_of
 from cusick_bench.sim.cloth.irregular import jittered_mesh
-from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
@@ -131,7 +131,7 @@ def linear_plate(
     rows, failures = [], []
     for size in sizes:
         for number in range(seed, seed + meshes):
-            mesh = jittered_mesh(disc_mesh(size, seed=number), jitter, seed=number)
+            mesh = jittered_mesh(cloth_mesh(law, size, seed=number), jitter, seed=number)
             flat = torch.from_numpy(mesh.flat)
             done(1)
             try:

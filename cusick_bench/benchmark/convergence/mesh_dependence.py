@@ -18,7 +18,7 @@ from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.silhouette_statistics.selections import DIAGNOSED
 from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
@@ -243,7 +243,7 @@ def silhouette_statistics(positions: Float[ndarray, "vertices 3"], faces: ndarra
 
 
 def _one(size: int, number: int, material: Material, settings: DrapeSettings, jitter: float) -> ndarray:
-    mesh = jittered_mesh(disc_mesh(size, seed=number), jitter, seed=number)
+    mesh = jittered_mesh(cloth_mesh(settings.law, size, seed=number), jitter, seed=number)
     try:
         with torch.no_grad():
             drape = DrapeSimulator(mesh, settings).drape(material)

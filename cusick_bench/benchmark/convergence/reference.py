@@ -17,7 +17,8 @@ from cusick_bench.benchmark.convergence.order import Order, observed_order
 from cusick_bench.benchmark.convergence.plate_cloth import GRAVITY, plate_cloth, poisson_of
 from cusick_bench.datasets.files.plate_drapes import PlateDrape
 from cusick_bench.sim.cloth.irregular import jittered_mesh
-from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
@@ -124,7 +125,7 @@ def compare_with_reference(
     found = []
     for size in sizes:
         seeds = range(seed, seed + meshes)
-        own = [jittered_mesh(disc_mesh(size, seed=number), jitter, seed=number) for number in seeds]
+        own = [jittered_mesh(cloth_mesh(law, size, seed=number), jitter, seed=number) for number in seeds]
         simulators = [DrapeSimulator(mesh, settings) for mesh in own]
         for drape in drapes:
             trials = []

@@ -20,7 +20,8 @@ from cusick_bench.benchmark.convergence.mesh_dependence import (
 )
 from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.branch import follow
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -118,7 +119,7 @@ def time_step(
         SimulationError: The law has no rests, or a size or jitter is out of range.
     """
     numbers = range(seed, seed + draws)
-    meshes = [jittered_mesh(disc_mesh(size, seed=number), jitter, seed=number) for number in numbers]
+    meshes = [jittered_mesh(cloth_mesh(settings.law, size, seed=number), jitter, seed=number) for number in numbers]
     rests = tuple(_rest_row(meshes, numbers, material, replace(settings, steps=n), done) for n in steps)
     whole, time = (
         _statistics(meshes, numbers, material, replace(settings, steps=steps[-1]), done),

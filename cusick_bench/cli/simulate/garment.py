@@ -19,6 +19,7 @@ from cusick_bench.cli.options import (
     DENSITY,
     MOST_SAMPLES,
     Json,
+    LawName,
     Seed,
     Shear,
     Stretch,
@@ -96,6 +97,12 @@ def skirt(
         simulation_option(help="Standard deviation of the heights in which each skirt is put on [m]."),
     ] = 0.01,
     vertices: Vertices = 2500,
+    law: Annotated[
+        LawName | None,
+        simulation_option(
+            help="Material law; that of the result by default, and paper for tables of law plate.", show_default=False
+        ),
+    ] = None,
     waist: Annotated[float, _skirt_option(max=1, help="Radius of the waist [m].")] = 0.11,
     length: Annotated[float, _skirt_option(max=2, help="Length from waist to hem [m].")] = 0.35,
     hem: Annotated[float, _skirt_option(max=3, help="Radius of the A-line skirt's hem [m].")] = 0.22,
@@ -113,6 +120,7 @@ def skirt(
     if draws < 1:
         raise GarmentError(f"the number of draws must be at least 1, got {draws}")
     cloth = _cloth(result, density, bending, stretch, shear, heterogeneity, name)
+    _check_law(law, cloth)
     size = SkirtSize(waist=waist, length=length, hem=hem)
     body = None if hip == 0 else Body(waist=waist, hip=hip)
     moving = _motion(motion, amplitude, period, duration)
@@ -174,6 +182,16 @@ def _cloth(
             spread=deviation,
         )
     return cloth if name is None else replace(cloth, name=name)
+
+
+def _check_law(law: LawName | None, cloth: Cloth) -> None:
+    if law is LawName.plate:
+        raise GarmentError(
+            "law plate needs cloth of one piece, clamped in a circle, and a skirt has seams and hangs on a waist; "
+            "leave out --law: skirts hang by law paper, which reads the same tables"
+        )
+    if law is not None and law.value != cloth.law:
+        raise GarmentError(f"the cloth's tables are for law {cloth.law}, got --law {law.value}; leave it out")
 
 
 def _motion(motion: Motion, amplitude: float | None, period: float, seconds: float) -> WaistMotion:

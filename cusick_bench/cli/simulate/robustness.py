@@ -27,11 +27,11 @@ def robustness(
 ) -> None:
     """Drapes random cloths over the whole range of measured fabrics; exit status 1 where too few come to rest."""
     from cusick_bench.benchmark.robustness import robustness as run_robustness
-    from cusick_bench.sim.cloth.mesh import disc_mesh
+    from cusick_bench.sim.cloth.resolution import cloth_mesh
     from cusick_bench.sim.drape import DrapeSimulator
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    simulator = DrapeSimulator(disc_mesh(vertices), DrapeSettings(law=law.value, mode=mode.value))
+    simulator = DrapeSimulator(cloth_mesh(law.value, vertices), DrapeSettings(law=law.value, mode=mode.value))
     with progress_bar("draping", draws) as bar:
         found = run_robustness(simulator, draws, seed=seed, done=bar.advance)
     if as_json:

@@ -187,6 +187,9 @@ def simulate(
     bending: Annotated[str, BENDING],
     stretch: Stretch = 300.0,
     shear: Shear = 60.0,
+    poisson: Annotated[
+        float, cloth_option(min=-0.99, max=0.99, help="Poisson's ratio of bending, of law plate.")
+    ] = 0.0,
     heterogeneity: Annotated[
         float,
         cloth_option(min=0, max=3, help="Standard deviation of log stiffness over the cloth, a smooth field of 2 cm."),
@@ -245,8 +248,8 @@ def simulate(
     """
     from cusick_bench.problem import parse_causes
     from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, uniform_material
-    from cusick_bench.sim.cloth.mesh import disc_mesh
     from cusick_bench.sim.cloth.obj import mesh_from_obj
+    from cusick_bench.sim.cloth.resolution import cloth_mesh, fitted_to
     from cusick_bench.sim.drape import DrapeSimulator
     from cusick_bench.sim.engine.settings import DrapeSettings
     from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
@@ -260,14 +263,16 @@ def simulate(
         bending=(factor * rows[0], factor * rows[1], factor * rows[2]),
         stretch=stretch,
         shear=shear,
+        poisson=poisson,
     )
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / ".writable").touch()
         (out / ".writable").unlink()
-    sheet = disc_mesh(vertices, seed=seed) if mesh is None else mesh_from_obj(mesh)
+    name = law.value
+    sheet = cloth_mesh(name, vertices, seed=seed) if mesh is None else fitted_to(name, mesh_from_obj(mesh))
     settings = DrapeSettings(
-        law=law.value,
+        law=name,
         clamp=None if clamp is None else clamp.value,
         mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,

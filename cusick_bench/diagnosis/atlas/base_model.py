@@ -29,7 +29,8 @@ from numpy import ndarray
 from torch import Tensor
 
 from cusick_bench.sim.cloth.material import Material, uniform_material
-from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
 from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
@@ -105,7 +106,7 @@ class BaseModel:
         setups = []
         for sample in range(count):
             generator = np.random.default_rng([*seed, 1, sample])
-            mesh = _mesh(self.vertices, self.first_mesh + int(generator.integers(self.meshes)))
+            mesh = _mesh(self.settings.law, self.vertices, self.first_mesh + int(generator.integers(self.meshes)))
             bending, stretch = (smooth_field(STIFFNESS_SPREAD, stiffness_length, generator) for _ in range(2))
             rest = smooth_field(rest_height, float(rest_length), generator)
             laying = {side: smooth_field(laying_height, float(laying_length), generator) for side in ("up", "down")}
@@ -184,5 +185,5 @@ def as_field(smooth: SmoothField) -> Field:
 
 
 @lru_cache(maxsize=32)
-def _mesh(vertices: int, seed: int) -> Mesh:
-    return disc_mesh(vertices, seed=1000 + seed)
+def _mesh(law: str, vertices: int, seed: int) -> Mesh:
+    return cloth_mesh(law, vertices, seed=1000 + seed)
