@@ -73,8 +73,8 @@ def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
     if number not in fabrics:
         return None
     where = f"{path}, fabric {number}"
-    tables = [_table(fabrics[number], name, where) for name in _TABLES]
-    return TrueTables(law, *tables, _poisson(fabrics[number].get("poisson", 0.0), where))
+    stretch, bending = (_table(fabrics[number], name, where) for name in _TABLES)
+    return TrueTables(law, stretch, bending, _poisson(fabrics[number].get("poisson", 0.0), where))
 
 
 def _fabric(dataset: DrapeDataset, cloth: str) -> int:

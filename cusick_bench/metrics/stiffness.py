@@ -137,7 +137,8 @@ def cloth_stiffness(
     factor = PUBLISHED_BENDING_FACTOR if law == "published" else 1.0
     tables = bending.detach().cpu().numpy()[..., list(BENDING_ROWS.values()), :] / factor
     if law == "plate":
-        tables[..., BENDING.index("bias"), :] = bias_stiffness(*np.moveaxis(tables, -2, 0), poisson)
+        warp, weft, bias = np.moveaxis(tables, -2, 0)
+        tables[..., BENDING.index("bias"), :] = bias_stiffness(warp, weft, bias, poisson)
     curves = np.log(tables)
     table = stretch.detach().cpu().numpy()[..., 0, :]  # at rest: c11, c12, c22, c33
     at_rest = np.log(np.stack([2 * table[..., 0], 2 * table[..., 2], table[..., 3]], -1))

@@ -131,7 +131,7 @@ def derive_population(
     groups = _samples(load(str(folder)))
     if not groups:
         raise ProblemError(f"{folder} has none of the fabrics {', '.join(FABRICS)} in two samples; give the release")
-    problem = _problem(plan)
+    problem = population_problem(plan)
     emulator = fit_emulator(*_drape_box(problem, plan.cloths, done))
     placed = [nearest_cloth(emulator, group) for group in groups]
     spreads = [_spread(problem, cloth, plan.specimens, done) for cloth in placed]
@@ -229,7 +229,15 @@ def _prior(law: Law = "paper") -> StiffnessPrior:
     return StiffnessPrior(law, AREAL_DENSITY)
 
 
-def _problem(plan: PopulationPlan) -> DrapeProblem:
+def population_problem(plan: PopulationPlan) -> DrapeProblem:
+    """The problem whose draws are the cloths of a population; there is nothing to fit.
+
+    Args:
+        plan: Law and mesh size.
+
+    Returns:
+        The problem, in the space `field`.
+    """
     settings = DrapeSettings(law=plan.law, clamp="whole" if plan.law == "paper" else None)  # as for field_space
     simulator = DrapeSimulator(cloth_mesh(plan.law, plan.vertices), settings)
     space = FieldSpace(simulator.mesh, _prior(plan.law))

@@ -133,8 +133,8 @@ def _train_mesh(sample: DrapeSample, model: Mesh, protocol: Protocol) -> TrainMe
     """The training sample's mesh; its flat shape is known where it is a mesh of the synthetic set or the model's."""
     if sample.mesh is None:
         return None
-    radii = {"radius": protocol.cloth_radius_m, "plate_radius": protocol.plate_radius_m}
-    return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic_recipe.true_mesh(**radii), model))
+    synthetic = synthetic_recipe.true_mesh(protocol.cloth_radius_m, protocol.plate_radius_m)
+    return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic, model))
 
 
 def run_cell(

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from numpy import ndarray
+from torch import Tensor
 
 from cusick_bench.sim.cloth.heterogeneity import modulated
 from cusick_bench.sim.cloth.material import Material
@@ -28,6 +29,7 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 
 SEED = 2024
 SAMPLES = 12
+TOGETHER = 4  # samples that are draped in one batch
 CAPTURES = {1: "up", 2: "up", 3: "down", 4: "down"}
 VERTICES = 1205  # of the true mesh; fits use meshes with another seed, so that truth and model differ
 MESH_SEED = 77
@@ -126,8 +128,51 @@ def true_mesh(radius: float = CLOTH_RADIUS, plate_radius: float = PLATE_RADIUS, 
     return cloth_mesh(LAW, vertices, seed=MESH_SEED, radius=radius, plate_radius=plate_radius)
 
 
+@dataclass(frozen=True)
+class _Capture:
+    """A capture about to be draped: all that is random about it is drawn.
+
+    Attributes:
+        sample: Number of the sample.
+        capture: Number of the capture.
+        side: "up" or "down".
+        material: Tables per element.
+        initial: How it is laid down [m].
+        rest_angle: Stress-free angles [rad], of its mirror image where it lies face down.
+        turn: Angle by which it is put down turned [rad].
+        shift: By how much it is put down beside the centre [m].
+    """
+
+    sample: int
+    capture: int
+    side: str
+    material: Material
+    initial: Float[ndarray, "vertices 3"]
+    rest_angle: Float[Tensor, " hinges"]
+    turn: float
+    shift: Float[ndarray, " 2"]
+
+
+def _captures(cloth: Cloth, sample: int, seed: int, mesh: Mesh, plate_radius: float) -> Iterator[_Capture]:
+    generator = np.random.default_rng([seed, cloth.number, sample])
+    stiffness = [smooth_field(STIFFNESS_SPREAD, STIFFNESS_LENGTH, generator) for _ in range(2)]
+    material = modulated(cloth.material, mesh, *stiffness)
+    rest = mesh.flat.copy()
+    rest[:, 2] = smooth_field(REST_HEIGHT, SHAPE_LENGTH, generator)(mesh.material)
+    rest_angle = dihedral_angles(torch.from_numpy(rest), mesh.hinges)
+    laying = {side: smooth_field(LAYING_HEIGHT, SHAPE_LENGTH, generator) for side in ("up", "down")}
+    for capture, side in CAPTURES.items():
+        change = smooth_field(REPEAT_HEIGHT, SHAPE_LENGTH, generator)
+        initial = laid_down(mesh, laying[side], plate_radius)
+        initial += laid_down(mesh, change, plate_radius) - mesh.flat
+        # Lying on its face, the cloth is simulated in its mirror image z -> -z: rest angles change sign.
+        angle = rest_angle if side == "up" else -rest_angle
+        turn, shift = generator.normal(0, PLACE_TURN), generator.normal(0, PLACE_SHIFT, 2)
+        yield _Capture(sample, capture, side, material, initial, angle, turn, shift)
+
+
 def drapes(cloth: Cloth, *, samples: int = SAMPLES, seed: int = SEED, vertices: int = VERTICES) -> Iterator[TrueDrape]:
-    """Simulates every capture of a cloth, in order of sample and capture.
+    """Simulates every capture of a cloth, in order of sample and capture; the captures of a few samples together.
 
     Args:
         cloth: One of `cloths`.
@@ -137,35 +182,33 @@ def drapes(cloth: Cloth, *, samples: int = SAMPLES, seed: int = SEED, vertices: 
 
     Yields:
         One drape a capture.
+
+    Raises:
+        DrapeDiverged: A capture has no drape.
     """
     mesh = true_mesh(vertices=vertices)
     simulator = DrapeSimulator(mesh, DrapeSettings(law=LAW, clamp=CLAMP))
-    for sample in range(1, samples + 1):
-        generator = np.random.default_rng([seed, cloth.number, sample])
-        stiffness = [smooth_field(STIFFNESS_SPREAD, STIFFNESS_LENGTH, generator) for _ in range(2)]
-        material = modulated(cloth.material, mesh, *stiffness)
-        rest = mesh.flat.copy()
-        rest[:, 2] = smooth_field(REST_HEIGHT, SHAPE_LENGTH, generator)(mesh.material)
-        rest_angle = dihedral_angles(torch.from_numpy(rest), mesh.hinges)
-        laying = {side: smooth_field(LAYING_HEIGHT, SHAPE_LENGTH, generator) for side in ("up", "down")}
-        for capture, side in CAPTURES.items():
-            change = smooth_field(REPEAT_HEIGHT, SHAPE_LENGTH, generator)
-            initial = laid_down(mesh, laying[side], simulator.settings.plate_radius)
-            initial += laid_down(mesh, change, simulator.settings.plate_radius) - mesh.flat
-            # Lying on its face, the cloth is simulated in its mirror image z -> -z: rest angles change sign.
-            drape = simulator.drape(
-                material, initial=torch.from_numpy(initial), rest_angle=rest_angle if side == "up" else -rest_angle
-            )
-            positions, faces = drape.vertices.numpy().copy(), mesh.faces
-            if side == "down":
+    for first in range(1, samples + 1, TOGETHER):
+        numbers = range(first, min(first + TOGETHER, samples + 1))
+        plate_radius = simulator.settings.plate_radius
+        captures = [one for number in numbers for one in _captures(cloth, number, seed, mesh, plate_radius)]
+        batch = simulator.drape_batch(
+            [one.material for one in captures],
+            initial=torch.stack([torch.from_numpy(one.initial) for one in captures]),
+            rest_angle=torch.stack([one.rest_angle for one in captures]),
+        )
+        for place, one in enumerate(captures):
+            positions, faces = batch.member(place).vertices.numpy().copy(), mesh.faces
+            if one.side == "down":
                 positions[:, 0] *= -1
                 faces = faces[:, ::-1]
-            yield TrueDrape(cloth, sample, capture, side, _placed(positions, generator), faces)
+            yield TrueDrape(cloth, one.sample, one.capture, one.side, _placed(positions, one.turn, one.shift), faces)
 
 
-def _placed(positions: Float[ndarray, "vertices 3"], generator: np.random.Generator) -> Float[ndarray, "vertices 3"]:
+def _placed(
+    positions: Float[ndarray, "vertices 3"], angle: float, shift: Float[ndarray, " 2"]
+) -> Float[ndarray, "vertices 3"]:
     """The drape turned and shifted a little, as it is put under the camera."""
-    angle, shift = generator.normal(0, PLACE_TURN), generator.normal(0, PLACE_SHIFT, 2)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     placed = positions.copy()
     placed[:, :2] = placed[:, :2] @ turn.T + shift

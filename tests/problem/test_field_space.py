@@ -9,12 +9,23 @@ from toy_problem import AREAL_DENSITY, toy_problem
 
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.problem import FieldSpace, StiffnessPrior
+from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.field_space import FIELDS, MODES, TRAITS
-from cusick_bench.problem.population import FABRICS, HIGH, LOW, Samples, fit_emulator, nearest_cloth
+from cusick_bench.problem.population import (
+    FABRICS,
+    HIGH,
+    LOW,
+    PopulationPlan,
+    Samples,
+    fit_emulator,
+    nearest_cloth,
+    population_problem,
+)
 from cusick_bench.problem.priors import STRETCH_REFERENCE
 from cusick_bench.problem.statistics import STATISTICS
 from cusick_bench.sim.cloth.matern import disc_modes, matern_root
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -165,6 +176,22 @@ class TestPopulation:
         assert emulator(true)[0] == pytest.approx(true @ slope, abs=0.02)
         samples = true @ slope + 0.01 * generator.standard_normal((12, len(STATISTICS)))
         assert nearest_cloth(emulator, Samples("any", samples)) == pytest.approx(true, abs=0.05)
+
+    @pytest.mark.parametrize("law", ["plate", "paper"])
+    def test_cloths_are_drawn_by_the_law_that_is_asked_for_on_its_mesh(self, law):
+        problem = population_problem(PopulationPlan(law, vertices=97))
+        assert problem.simulator.mesh is cloth_mesh(law, 97)
+        assert (problem.simulator.settings.law, problem.space.prior.law) == (law, law)
+        (drawn,) = problem.draw_batch(np.zeros((1, problem.dimension)))
+        assert drawn is not None
+        assert drawn.vertices[problem.simulator.mesh.boundary, 2].mean() < -0.01
+
+    @pytest.mark.parametrize(
+        ("changes", "said"), [({"cloths": 10}, "at least 30 cloths"), ({"specimens": 1}, "2 specimens")]
+    )
+    def test_too_few_drapes_are_refused(self, changes, said):
+        with pytest.raises(ProblemError, match=said):
+            PopulationPlan(**changes)
 
     def test_no_fabric_of_the_tables_is_among_them(self):
         assert not set(FABRICS) & {"fabric_2", "fabric_3", "fabric_4", "fabric_5", "fabric_1_observations", *CLOTHS}
