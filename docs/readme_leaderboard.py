@@ -8,10 +8,13 @@ import sys
 from pathlib import Path
 
 from cusick_bench.leaderboard import leaderboards, load_cells, markdown
+from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-HEAD = """`make bench` on the synthetic set (three cloths, 600 vertices, 30 drapes each); the same numbers in full:
-`leaderboards/synthetic.csv`."""
+HEAD = (
+    f"`make bench` on the synthetic set (three cloths, {VERTICES_TO_FIT} vertices, 30 drapes each); the same numbers in "
+    "full:\n`leaderboards/synthetic.csv`."
+)
 FOOT = (
     "A disc with the right area is hard to beat on unseen samples: a pixel error mostly scores where folds happen to "
     "lie."

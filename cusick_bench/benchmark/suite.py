@@ -18,7 +18,7 @@ from cusick_bench.benchmark.timing import Timing, paired_ratio, time_in_turn
 from cusick_bench.benchmark.workload import CASES, FLOOR_SHARE, LOCKSTEP, STEPS, Workload, floor_backends
 from cusick_bench.datasets.files.plate_drapes import PlateDrape
 from cusick_bench.runner.environment import environment
-from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.system import Law
@@ -234,7 +234,7 @@ def gradient_errors(vertices: int, law: Law) -> list[dict[str, Any]]:
     rows = []
     for mode in ("drop", "equilibrium"):
         settings = DrapeSettings(law=law, mode=mode, tolerance=1e-12)  # pyright: ignore[reportArgumentType]
-        for error in GradientCheck(DrapeSimulator(disc_mesh(vertices), settings)).errors():
+        for error in GradientCheck(DrapeSimulator(cloth_mesh(law, vertices), settings)).errors():
             rows.append({"mode": mode, **asdict(error), "relative_error": error.relative_error})
     return rows
 

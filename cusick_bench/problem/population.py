@@ -41,6 +41,7 @@ from cusick_bench.problem.field_space import FIELDS, TRAITS, FieldSpace
 from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.resolution import cloth_mesh
+from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.system import Law
@@ -96,7 +97,7 @@ class PopulationPlan:
     """
 
     law: Law = "paper"
-    vertices: int = 700
+    vertices: int = VERTICES_OF_POPULATION
     cloths: int = 1300
     specimens: int = 16
 

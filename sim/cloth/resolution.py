@@ -1,15 +1,14 @@
-"""Which mesh each material law gets, and how many vertices each purpose: the one place that names both.
+"""Which mesh each material law gets: the one place that names it.
 
 Law `plate` gets rings of vertices (`ring_mesh`), on which its error falls smoothly with the number of vertices; the
-laws of hinges get `disc_mesh`, whose edges run in all directions.
+laws of hinges get `disc_mesh`, whose edges run in all directions. How many vertices each purpose gets stands in
+`cusick_bench.sim.constants`, with the errors that they have.
 """
 
 from cusick_bench.sim.cloth.conform import conformed
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
-
-VERTICES_OF_TRUTH = 1205
 
 
 def cloth_mesh(

@@ -39,6 +39,7 @@ from cusick_bench.leaderboard import LeaderboardError
 from cusick_bench.problem import Budget
 from cusick_bench.runner import RunnerError
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.constants import VERTICES_OF_PAPER
 
 if TYPE_CHECKING:
     from cusick_bench.leaderboard import Cells
@@ -94,7 +95,7 @@ def table_1(
     cloth: FittedCloths = None,
     force: Force = False,
     solver: Solver = None,
-    vertices: Vertices = 2699,
+    vertices: Vertices = VERTICES_OF_PAPER,
     draws: Draws = 1000,
     seeds: Seeds = 1,
     budget: DrapesBudget = 500,
@@ -136,7 +137,7 @@ def table_2(
     cloth: FittedCloths = None,
     force: Force = False,
     solver: Solver = None,
-    vertices: Vertices = 2699,
+    vertices: Vertices = VERTICES_OF_PAPER,
     draws: Draws = 1,
     seeds: Seeds = 1,
     budget: DrapesBudget = 500,

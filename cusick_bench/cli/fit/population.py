@@ -10,6 +10,7 @@ from rich.table import Table
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import MOST_CASES, Data, Json, Law, LawName, Vertices, simulation_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 
 app = typer.Typer()
 
@@ -19,7 +20,7 @@ app = typer.Typer()
 def population(
     data: Data = "cusick",
     law: Law = LawName.paper,
-    vertices: Vertices = 700,
+    vertices: Vertices = VERTICES_OF_POPULATION,
     cloths: Annotated[
         int, simulation_option(min=1, max=MOST_CASES, help="Cloths that are draped for the regression.")
     ] = 1300,

@@ -40,6 +40,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.problem import Budget as Limits
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner import RunnerError, Store
+from cusick_bench.sim.constants import VERTICES_OF_PAPER
 
 if TYPE_CHECKING:
     from cusick_bench.metrics.found_stiffness import FoundStiffness
@@ -75,7 +76,7 @@ def run_command(
     seconds: Annotated[float | None, fit_option(max=1e9, help="Wall time that a cell may spend [s].")] = None,
     seeds: Seeds = 1,
     seed: Annotated[int, fit_option(min=0, max=LARGEST_SEED, help="First seed.")] = 0,
-    vertices: Vertices = 2699,
+    vertices: Vertices = VERTICES_OF_PAPER,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
     law: Law = LawName.paper,

@@ -8,6 +8,7 @@ from rich.table import Table
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.options import MOST_DRAWS, DropMode, Json, Law, LawName, Mode, Seed, Vertices
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.sim.constants import VERTICES_OF_TRUTH
 
 app = typer.Typer()
 
@@ -16,7 +17,7 @@ app = typer.Typer()
 @user_errors
 def robustness(
     draws: Annotated[int, typer.Option(min=1, max=MOST_DRAWS, help="Random cloths.")] = 1000,
-    vertices: Vertices = 1205,
+    vertices: Vertices = VERTICES_OF_TRUTH,
     mode: DropMode = Mode.equilibrium,
     law: Law = LawName.paper,
     least: Annotated[

@@ -43,6 +43,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -212,7 +213,7 @@ def simulate(
             min=1, max=MOST_DRAWS, help="Number of drapes, each with its own random shapes; draped in batches."
         ),
     ] = 1,
-    vertices: Vertices = 2699,
+    vertices: Vertices = VERTICES_OF_PAPER,
     mesh: Annotated[
         Path | None,
         simulation_option(help="Flat cloth mesh (OBJ), instead of a disc's."),

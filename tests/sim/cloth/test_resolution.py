@@ -1,5 +1,7 @@
 """The one place that names mesh and resolution: every law gets its own mesh, and meshes from elsewhere are fitted."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,10 +9,12 @@ from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh, fitted_to
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
+from cusick_bench.sim.constants import VERTICES_TO_FIT
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
 
+MAKEFILE = Path(__file__).resolve().parents[3] / "Makefile"
 RADII = {"radius": 0.12, "plate_radius": 0.07}
 
 
@@ -33,6 +37,11 @@ def test_a_mesh_without_a_ring_on_the_plates_edge_is_fitted_to_law_plate_alone()
         uniform_material(density=0.2, bending=1e-5)
     )
     assert float(drape.vertices[fitted.boundary, 2].mean()) < -1e-3
+
+
+def test_make_bench_fits_on_the_mesh_that_is_named():
+    bench = MAKEFILE.read_text().split("\nbench:")[1].split("\n\n")[0]
+    assert f"--vertices {VERTICES_TO_FIT} " in bench
 
 
 def test_a_mesh_that_cannot_be_fitted_says_so():
