@@ -12,8 +12,8 @@ from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 HEAD = (
-    f"`make bench` on the synthetic set (three cloths, {VERTICES_TO_FIT} vertices, 30 drapes each); the same numbers in "
-    "full:\n`leaderboards/synthetic.csv`."
+    f"`make bench` on the synthetic set (three cloths, {VERTICES_TO_FIT} vertices, 30 drapes each); the same numbers "
+    "in full:\n`leaderboards/synthetic.csv`."
 )
 FOOT = (
     "A disc with the right area is hard to beat on unseen samples: a pixel error mostly scores where folds happen to "
