@@ -1,4 +1,4 @@
-"""Folds touch and rest on each other instead of passing through."""
+"""Folds touch and rest on each other instead of passing through; under law `plate` their control nets do."""
 
 from __future__ import annotations
 
