@@ -153,6 +153,7 @@ def test_shear_friction_holds_its_stress_and_leaves_threads_unstretched(shell):
         x[shell.free] = np.column_stack([control[:, :2] @ np.linalg.lstsq(MESH.material, x[:, :2])[0], control[:, 2]])
         np.testing.assert_allclose(shell.shear(x), np.sin(angle), rtol=1e-9)
         system, q = state.advance(shell, p, x, 0.0)
+        assert isinstance(system, ShellSystem)
         rest, c33 = system.rest_shear, q.stretch[0, 0, 3]
         found[angle] = c33 * (shell.shear(x) - rest) - 60.0 * shell.shear(x)
         threads = replace(q, stretch=q.stretch * np.array([1.0, 1.0, 1.0, 0.0]))
