@@ -1,8 +1,9 @@
 """How a cloth is laid down and released, for drapes that predict, calibrate or diagnose.
 
 Which folds a cloth falls into is decided by its stiffness, by the shape in which it is laid down, and by whether it
-falls or is let down (`cusick-bench fold-selection`, `docs/folds.md`). The fall is fixed: it comes nearest to real
-cloths. Length and height of the laid shape are free, from fabric to fabric, about the medians here.
+falls or is let down (`cusick-bench fold-selection`, `docs/folds.md`). The release is fixed to a fall, for a slower one
+changes the number of folds as a longer laid shape does. Length and height of the laid shape are free, from fabric to
+fabric, about the medians here.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 STEP_SECONDS = 0.05  # [s] of the drop, implicit Euler
-STEPS = 90  # after which nothing that counts moves any more
+STEPS = 90  # of a drop, 4.5 s in all
 
 
 @dataclass(frozen=True)
