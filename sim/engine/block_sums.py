@@ -52,8 +52,7 @@ def _signature(target: Any, factors: Any, sources: Any) -> Any:
     return types.void(types.int64, types.UniTuple(types.float64, count), types.UniTuple(types.int64, count))
 
 
-@intrinsic
-def add_blocks(typing, target, factors, sources):
+def _add_blocks(typing, target, factors, sources):
     """C <- C + sum_k f_k A_k.
 
     Args:
@@ -64,7 +63,10 @@ def add_blocks(typing, target, factors, sources):
     return _signature(target, factors, sources), _sum(True)
 
 
-@intrinsic
-def put_blocks(typing, target, factors, sources):
+def _put_blocks(typing, target, factors, sources):
     """C <- sum_k f_k A_k; arguments as in `add_blocks`."""
     return _signature(target, factors, sources), _sum(False)
+
+
+add_blocks: Any = intrinsic(_add_blocks)
+put_blocks: Any = intrinsic(_put_blocks)

@@ -7,6 +7,11 @@ from cusick_bench.benchmark.convergence.reference import PlateComparison
 from cusick_bench.benchmark.laws import compare_steps, equal_error
 
 
+class _Row:
+    def __init__(self, folds):
+        self.folds, self.ln_bending, self.poisson = folds, -6.6, 0.0
+
+
 def test_steps_of_both_laws_are_timed_on_one_mesh():
     found = compare_steps(97, 2)
     assert set(found["step"]) == set(found["phases"]) == {"plate", "paper"}
@@ -26,14 +31,25 @@ def test_a_row_counts_with_the_smallest_mesh_that_is_near_enough(monkeypatch):
             for drape in drapes
         ]
 
-    class Row:
-        def __init__(self, folds):
-            self.folds, self.ln_bending, self.poisson = folds, -6.6, 0.0
-
     monkeypatch.setattr(laws, "compare_with_reference", compare)
-    found = equal_error([Row(0), Row(8)], [300, 100, 1000])  # pyright: ignore[reportArgumentType]
+    found = equal_error([_Row(0), _Row(8)], [300, 100, 1000])  # pyright: ignore[reportArgumentType]
     assert [row["vertices"] for row in found["plate"]["rows"]] == [300, 300]
-    assert found["plate"]["reached"]
-    assert not found["paper"]["reached"]
+    assert all(row["reached"] for row in found["plate"]["rows"])
+    assert not any(row["reached"] for row in found["paper"]["rows"])
     assert [row["vertices"] for row in found["paper"]["rows"]] == [1000, 1000]
     assert found["times_faster"] == pytest.approx(1000 / 300)
+
+
+def test_a_row_that_the_first_law_never_reaches_is_not_compared(monkeypatch):
+    def compare(drapes, sizes, law):
+        values = dict.fromkeys(PlateComparison.__annotations__)
+        return [
+            PlateComparison(**values | vars(drape) | {"error_points": 9.0 if drape.folds else 0.1, "seconds": 2.0})
+            for drape in drapes
+        ]
+
+    monkeypatch.setattr(laws, "compare_with_reference", compare)
+    found = equal_error([_Row(8), _Row(0)], [100])  # pyright: ignore[reportArgumentType]
+    assert [row["folds"] for row in found["plate"]["rows"]] == [8, 0]
+    assert found["plate"]["seconds"] == found["paper"]["seconds"] == 2.0
+    assert equal_error([_Row(8)], [100])["times_faster"] is None  # pyright: ignore[reportArgumentType]

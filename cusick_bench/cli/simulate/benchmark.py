@@ -176,7 +176,7 @@ def _print_laws(laws: dict[str, Any]) -> None:
         largest = max(row["vertices"] for row in rows)
         output.print(
             f"law {name}: {reached} of {len(rows)} reference drapes within {near['near_enough_points']:g} points on "
-            f"meshes of at most {largest} vertices, {found['seconds']:.3g} s for all"
+            f"meshes of at most {largest} vertices, {found['seconds']:.3g} s for those that law {names[0]} brings there"
         )
 
 
