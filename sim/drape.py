@@ -149,6 +149,17 @@ class DrapeSimulator:
         engine = TorchEngine(system, self.unknowns, s, self.device, self.device_memory) if elsewhere else None
         object.__setattr__(self, "engine", engine)
 
+    @property
+    def hinge_system(self) -> DrapeSystem:
+        """The system of a law that bends at hinges, for what looks into its elements.
+
+        Raises:
+            SimulationError: Law `plate`, which has none.
+        """
+        if not isinstance(self.system, DrapeSystem):
+            raise SimulationError("law 'plate' has no hinges and no forces of faces at vertices; use law 'paper'")
+        return self.system
+
     def laid_down(self, seed: int | None = None) -> Float[ndarray, "vertices 3"]:
         """The shape in which the cloth is laid down, from the settings' seed or another one [m].
 

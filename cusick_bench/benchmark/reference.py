@@ -61,7 +61,8 @@ class Comparison:
         )
         laid = torch.from_numpy(simulator.laid_down())
         settings = simulator.settings
-        last = drop_reference(simulator.system, parameters, laid, steps=self.steps, step_seconds=settings.step_seconds)
+        system, h = simulator.hinge_system, settings.step_seconds
+        last = drop_reference(system, parameters, laid, steps=self.steps, step_seconds=h)
         last.square().sum().backward()
         return material
 

@@ -54,6 +54,7 @@ def _truth(cloths: list[recipe.Cloth]) -> dict[str, Any]:
                 "stretch_N_m": cloth.material.stretch.tolist(),
                 "bending_N_m": cloth.material.bending.tolist(),
                 "areal_density_kg_m2": float(cloth.material.density),
+                "poisson": float(cloth.material.poisson),
             }
             for cloth in cloths
         },

@@ -97,7 +97,9 @@ class Strains(Protocol):
         """
         ...
 
-    def with_rest_shear(self, x: Float[ndarray, "vertices 3"], rest: Float[ndarray, "elements"]) -> ClothSystem:
+    def with_rest_shear(
+        self, x: Float[ndarray, "vertices 3"], rest: Float[ndarray, "elements"]
+    ) -> DrapeSystem | ShellSystem:
         """The system with its elements free of shear stress elsewhere.
 
         Args:

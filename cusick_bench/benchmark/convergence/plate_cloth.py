@@ -4,12 +4,17 @@ Areal density 0.2 kg/m2, g = 9.8 m/s2; membrane energy 1/2 (K E11^2 + K E22^2 + 
 K = 300 N/m and Green's strain E.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.constants import CLOTH_RADIUS
-from cusick_bench.sim.engine.system import Law
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.cloth.material import Material
+    from cusick_bench.sim.engine.system import Law
 
 DENSITY = 0.2  # [kg/m2]
 GRAVITY = 9.8  # [m/s2]
@@ -43,6 +48,8 @@ def plate_cloth(ln_bending: float, poisson: float, law: Law) -> Material:
     Returns:
         The cloth, homogeneous and isotropic.
     """
+    from cusick_bench.sim.cloth.material import uniform_material
+
     stiffness = math.exp(ln_bending) * DENSITY * GRAVITY * CLOTH_RADIUS**3
     own: dict[str, float] = {} if law in FIXED_POISSON else {"poisson": poisson}
     return uniform_material(density=DENSITY, bending=stiffness, stretch=STRETCH, shear=STRETCH / 2, **own)

@@ -117,7 +117,7 @@ def _row(name: str, mesh: Mesh, plate: _Plate, poisson: float) -> PlateElementRo
     rim = plate.rim @ deflection / CLOTH_RADIUS**4
     return PlateElementRow(
         name, mesh.vertices, poisson, float(rim.mean() / (exact_rim_deflection(poisson) / CLOTH_RADIUS)),
-        float(rim.std() / rim.mean()), matrix.shape[0], matrix.nnz / matrix.shape[0], seconds,
+        float(rim.std() / rim.mean()), len(plate.load), matrix.nnz / len(plate.load), seconds,
     )  # fmt: skip
 
 
@@ -147,7 +147,7 @@ class _Annulus:
     @property
     def held(self) -> Bool[ndarray, "edges"]:
         """Edges on the clamp."""
-        return self.clamped[self.edges].all(1)
+        return np.asarray(self.clamped[self.edges].all(1))
 
     def along(self, edge: int) -> tuple[ndarray, float]:
         """Unit vector from an edge's first end to its second, and the edge's length [m]."""
@@ -217,9 +217,9 @@ def _of_slopes(mesh: Mesh, annulus: _Annulus, slopes: _Slopes | None) -> _Plate:
     if slopes is None:
         unknowns[vertices:] = ~annulus.held
     rows = sparse.csr_array((value, (row, column)), shape=(3 * len(annulus.faces), len(unknowns)))
-    extra = int(unknowns[vertices:].sum())
+    extra, at_rim = int(unknowns[vertices:].sum()), annulus.at_rim()
     load = np.concatenate([annulus.load()[annulus.free], np.zeros(extra)])
-    rim = sparse.csr_array(sparse.hstack([annulus.at_rim(), sparse.csr_array((annulus.at_rim().shape[0], extra))]))
+    rim = sparse.csr_array(sparse.hstack([at_rim, sparse.csr_array((len(at_rim.indptr) - 1, extra))]))
     return _Plate(sparse.csr_array(rows[:, np.flatnonzero(unknowns)]), annulus.area, load, rim)
 
 

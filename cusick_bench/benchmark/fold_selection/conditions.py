@@ -4,12 +4,17 @@ A cloth of given stiffness is laid down in a random smooth shape and released. W
 drape of this project has; the levels span what is known of laboratories and cloths, or what a simulation may choose.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from cusick_bench.benchmark.convergence.plate_cloth import STRETCH
-from cusick_bench.sim.engine.system import Law
 from cusick_bench.sim.release import STEP_SECONDS, STEPS
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.system import Law
 
 SLOW_STAGES = 8  # parts in which the weight is laid on the cloth where it is released slowly
 

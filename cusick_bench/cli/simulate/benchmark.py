@@ -8,7 +8,16 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import command_line, console, interruptible, output, plain, print_json, user_errors
-from cusick_bench.cli.options import MOST_STEPS, MOST_VERTICES, Json, Law, LawName, VerticesList, output_option
+from cusick_bench.cli.options import (
+    MOST_STEPS,
+    MOST_VERTICES,
+    Json,
+    Law,
+    LawName,
+    VerticesList,
+    output_option,
+    simulation_option,
+)
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.runner.store import write_atomically
 
@@ -20,32 +29,37 @@ app = typer.Typer()
 def benchmark(
     vertices: VerticesList = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Also large meshes and batches, and more rounds: a quarter of an hour.")
+        bool, simulation_option("--full", help="Also large meshes and batches, and more rounds: a quarter of an hour.")
     ] = False,
     rounds: Annotated[
-        int | None, typer.Option(min=1, max=1000, help="Times of each case, taken in turn: by default 3, in full 5.")
+        int | None,
+        simulation_option(min=1, max=1000, help="Times of each case, taken in turn: by default 3, in full 5."),
     ] = None,
-    batch: Annotated[list[int] | None, typer.Option(min=1, max=4096, help="Members of a batch; repeatable.")] = None,
+    batch: Annotated[
+        list[int] | None, simulation_option(min=1, max=4096, help="Members of a batch; repeatable.")
+    ] = None,
     springs: Annotated[
-        bool, typer.Option(help="Hold the plate by springs, as published, instead of fixing it.")
+        bool, simulation_option(help="Hold the plate by springs, as published, instead of fixing it.")
     ] = False,
     law: Law = LawName.paper,
     reference: Annotated[
         Path | None,
-        typer.Option(help="Table of reference drapes: also time laws plate and paper where they are as near to it."),
+        simulation_option(
+            help="Table of reference drapes: also time laws plate and paper where they are as near to it."
+        ),
     ] = None,
     reference_vertices: Annotated[
-        list[int] | None, typer.Option(min=60, max=MOST_VERTICES, help="Mesh size tried for it; repeatable.")
+        list[int] | None, simulation_option(min=60, max=MOST_VERTICES, help="Mesh size tried for it; repeatable.")
     ] = None,
     reference_steps: Annotated[
-        int, typer.Option(min=1, max=MOST_STEPS, help="Steps compared with plain autograd.")
+        int, simulation_option(min=1, max=MOST_STEPS, help="Steps compared with plain autograd.")
     ] = 10,
     gradient_vertices: Annotated[
-        int, typer.Option(min=60, max=MOST_VERTICES, help="Mesh size of the gradient check.")
+        int, simulation_option(min=60, max=MOST_VERTICES, help="Mesh size of the gradient check.")
     ] = 1205,
     device: Annotated[
         str | None,
-        typer.Option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
+        simulation_option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
     ] = None,
     out: Annotated[Path, output_option(help="File for the JSON document; Markdown tables go beside it.")] = Path(
         "benchmark.json"
