@@ -225,7 +225,8 @@ def test_draws_in_batches_equal_draws_one_by_one(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(drape_module, "_MOST_COMPILED", most)
         document = _document("--draws", "7", "--heterogeneity", heterogeneity)
         documents.append([{**draw, "seconds": 0.0} for draw in document["draws"]])
-    assert sizes == [1] * 7 + [2, 3, 2]
+    assert sum(sizes) == 14
+    assert max(sizes) < 7  # several batches, whose size goes with the number of threads
     assert documents[0] == documents[1]
     assert [draw["draw"] for draw in documents[0]] == list(range(7))
     assert len({draw["drape_coefficient"] for draw in documents[0]}) == 7
