@@ -128,7 +128,7 @@ def test_scores_are_those_of_the_same_drapes_under_the_releases_protocol(scores,
 
 def test_a_pinhole_cameras_radii_are_those_of_the_drape(lab, scores):
     for found, known, tolerance in zip(
-        statistics(load(lab("pinhole"))), statistics(load(lab("release"))), (0.015, 0.002), strict=True
+        statistics(load(lab("pinhole"))), statistics(load(lab("release"))), (0.015, 0.004), strict=True
     ):
         assert found.drape_coefficient == pytest.approx(known.drape_coefficient, abs=tolerance)
         assert found.folds == known.folds

@@ -100,8 +100,12 @@ def cell_of(record: dict[str, Any]) -> Cell:
     """
     try:
         settings = dict(record["settings"])
-        drape = {"clamp": "whole"} | settings.pop("drape")  # records tell of a mended clamp only
-        parts = {"drape": DrapeSettings(**drape), "budget": Budget(**settings.pop("budget"))}
+        recorded = dict(settings.pop("drape"))
+        mended = recorded.pop("clamp", "whole") == "half"  # records tell of a mended clamp only
+        drape = DrapeSettings(**recorded)
+        if drape.half_hinges and not mended:
+            drape = replace(drape, clamp="whole")
+        parts = {"drape": drape, "budget": Budget(**settings.pop("budget"))}
         names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol")
         return Cell(
             **{name: record[name] for name in names},
