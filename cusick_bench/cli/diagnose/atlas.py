@@ -58,8 +58,14 @@ def build_atlas(
         int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped with every effect too.")
     ] = _PLAN.effect_points,
     fine_points: Annotated[
-        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped on a finer mesh too.")
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped by law plate on a finer mesh too.")
     ] = _PLAN.fine_points,
+    finest_points: Annotated[
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped on a still finer mesh too, if limp.")
+    ] = _PLAN.finest_points,
+    fine_effect_points: Annotated[
+        int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped with every effect on the finer mesh too.")
+    ] = _PLAN.fine_effect_points,
     law_points: Annotated[
         int, _fabrics_option(min=0, max=MOST_CASES, help="Fabrics draped under other laws too.")
     ] = _PLAN.law_points,
@@ -76,7 +82,10 @@ def build_atlas(
     """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
     from cusick_bench.diagnosis.atlas.drapes import build
 
-    design = Design(points, stiff_points, effect_points, fine_points, law_points, one_mesh_points, samples, vertices)
+    design = Design(
+        points, stiff_points, effect_points, fine_points, finest_points, fine_effect_points, law_points, one_mesh_points,
+        samples, vertices,
+    )  # fmt: skip
     kept = interruptible(f"the drapes that were ready are kept in {out}", go_on=True)
     with progress_bar("draping") as bar, kept:
         build(out, design, workers=workers, progress=bar.show)

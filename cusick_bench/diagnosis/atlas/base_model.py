@@ -1,6 +1,6 @@
 """The base model of a fabric: what the simulator knows, without any effect, as a distribution over drapes.
 
-A fabric has seven numbers theta; lengths are in units of the cloth's radius R, stiffness in units of weight:
+A fabric has nine numbers theta; lengths are in units of the cloth's radius R, stiffness in units of weight:
 
     bending      ln of B / (rho g R^3), B the geometric mean of warp and weft
     anisotropy   ln of B_warp / B_weft
@@ -9,13 +9,19 @@ A fabric has seven numbers theta; lengths are in units of the cloth's radius R, 
     shear        ln of shear stiffness / (rho g R)
     laying       ln of the height in which the cloth is laid down, standard deviation over 1 mm
     rest         ln of the rest shape's height over 0.3 mm
+    length       ln of the correlation length of the laid shape over 20 mm
+    between      ln of the standard deviation of ln B between samples over 0.1
 
-and a sample of it is a draw of smooth fields: of its rest shape and stiffness, which it keeps when it is turned over,
-and of the shape in which each face is laid down. These are what scatters the folds of real samples; without them a
-diagnosis would blame natural variability on an effect.
+and a sample of it is a draw of its level of stiffness and of smooth fields: of its rest shape and stiffness, which it
+keeps when it is turned over, and of the shape in which each face is laid down. These are what scatters the folds of
+real samples; without them a diagnosis would blame natural variability on an effect.
 
-What theta leaves open is fixed: a nearly inextensible cloth of constant membrane stiffness, and lengths of the fields.
-`other_laws` draws these instead, per fabric, over what woven cloth shows, to learn how much that matters.
+What theta leaves open is fixed, or drawn for each fabric: a nearly inextensible cloth of constant membrane stiffness, a
+Poisson's ratio of 0 to .3, lengths of the other fields. `other_laws` draws the fixed ones too, over what woven cloth
+shows, to learn how much that matters.
+
+Its law is `plate` on a mesh where the error of discretisation is small (`sim/constants.py`). An atlas is made of many
+drapes by a cheaper model (`COARSE`) and of fewer by this one.
 """
 
 from collections.abc import Sequence
@@ -32,31 +38,37 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.shape import SmoothField, smooth_field
-from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
-from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, VERTICES_OF_TRUTH
+from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.release import STEP_SECONDS, STEPS
 from cusick_bench.sim.setup import Field, Setup, Side
 
-NAMES = ("bending", "anisotropy", "bias", "growth", "shear", "laying", "rest")
-PRIOR_MEAN = np.array([-7.1, 0.0, 0.0, 0.0, 5.0, 0.0, 0.0])
-PRIOR_SD = np.array([1.4, 0.45, 0.25, 0.3, 1.0, 0.35, 0.45])
+NAMES = ("bending", "anisotropy", "bias", "growth", "shear", "laying", "rest", "length", "between")
+PRIOR_MEAN = np.array([-7.1, 0.0, 0.0, 0.0, 5.0, 0.35, 0.0, 0.0, 0.0])
+PRIOR_SD = np.array([1.4, 0.45, 0.25, 0.3, 1.0, 0.6, 0.45, 0.45, 0.5])
 """Bending: the drape coefficients of woven cloth, .1 to .9, and with them the middle 98 % of 618 measured fabrics
-(Feng et al. 2022); shear: Kawabata's G of woven cloth, .3 to 3 gf/(cm deg), at .1 to .25 kg/m2; the others: spread of
-Kawabata measurements of woven cloth, assumed."""
-LOW = np.array([-9.8, -1.1, -0.6, -0.7, 2.2, -0.9, -1.1])
-HIGH = np.array([-4.5, 1.1, 0.6, 0.7, 7.2, 0.9, 1.1])
+(Feng et al. 2022); shear: Kawabata's G of woven cloth, .3 to 3 gf/(cm deg), at .1 to .25 kg/m2; laid shape: what gives
+real numbers and depths of folds (`sim/release.py`); the others: spread of Kawabata measurements of woven cloth,
+assumed."""
+LOW = np.array([-9.8, -1.1, -0.6, -0.7, 2.2, -1.0, -1.1, -0.9, -1.2])
+HIGH = np.array([-4.5, 1.1, 0.6, 0.7, 7.2, 1.6, 1.1, 0.8, 1.2])
 
 LAYING_HEIGHT = 1e-3  # [m]
+LAYING_LENGTH = 0.02  # [m]
+STEEPEST = 0.3  # slope of the laid shape, which its height over its length tends to where that is larger
 REST_HEIGHT = 3e-4  # [m]
+BETWEEN = 0.1  # sd of ln B between samples
 STIFFNESS_SPREAD = 0.08  # sd of log stiffness within a sample: natural unevenness of weight and stiffness
 STIFFNESS_LENGTH = 0.02  # [m]
-SHAPE_LENGTHS = (0.022, 0.042)  # [m] correlation lengths of laid and rest shape, drawn per fabric
+REST_LENGTHS = (0.022, 0.042)  # [m] correlation length of the rest shape, drawn per fabric
+POISSON = (0.0, 0.3)  # drawn per fabric
 _OTHER_STRETCH = (60.0, 800.0)  # [N/m] at `DENSITY`: measured cloth at small strain (Wang, O'Brien, Ramamoorthi 2011)
 _OTHER_HARDENING = (1.0, 2.5)  # membrane stiffness at full over that at no strain; likewise
 _OTHER_LENGTHS = (-0.5, 0.4)  # ln of correlation lengths over those of the base model
 DENSITY = 0.15  # [kg/m2]; only ratios to weight matter
 STRETCH = 300.0  # [N/m] at that density: nearly inextensible
-SETTINGS = DrapeSettings(steps=90)
-"""How its cloths are draped; an atlas says with which clamp (`with_clamp`)."""
+SETTINGS = DrapeSettings(law="plate", steps=STEPS, step_seconds=STEP_SECONDS)
+"""How its cloths are draped."""
 MESHES = 8  # meshes in turn, so that no mesh's own asymmetry is taken for a property of the cloth
 
 
@@ -72,14 +84,19 @@ class BaseModel:
         other_laws: Draw what theta leaves open.
     """
 
-    vertices: int = 480
+    vertices: int = VERTICES_OF_TRUTH
     settings: DrapeSettings = SETTINGS
     meshes: int = MESHES
     first_mesh: int = 0
     other_laws: bool = False
 
     def samples(
-        self, theta: Float[ndarray, "7"], count: int, seed: Sequence[int], *, sides: Sequence[Side] = ("up", "down")
+        self,
+        theta: Float[ndarray, "parameters"],
+        count: int,
+        seed: Sequence[int],
+        *,
+        sides: Sequence[Side] = ("up", "down"),
     ) -> list[Setup]:
         """Setups of `count` samples, each on both sides: up, down, up, down, ...
 
@@ -93,28 +110,32 @@ class BaseModel:
             The setups, sample by sample.
         """
         fabric = np.random.default_rng([*seed, 0])
-        lengths = fabric.uniform(*SHAPE_LENGTHS, size=2)
-        material, stiffness_length = cloth(theta), STIFFNESS_LENGTH
+        rest_length, poisson = fabric.uniform(*REST_LENGTHS), fabric.uniform(*POISSON)
+        laying_length = LAYING_LENGTH * float(np.exp(theta[7]))
+        material = replace(cloth(theta), poisson=torch.tensor(poisson, dtype=torch.float64))
+        stiffness_length = STIFFNESS_LENGTH
         if self.other_laws:
             other = np.random.default_rng([*seed, 2])
             material = _of_another_law(material, other)
-            factor = np.exp(other.uniform(*_OTHER_LENGTHS, size=3))
-            lengths, stiffness_length = lengths * factor[:2], stiffness_length * float(factor[2])
-        laying_length, rest_length = lengths
-        laying_height = LAYING_HEIGHT * float(np.exp(theta[5]))
+            factor = np.exp(other.uniform(*_OTHER_LENGTHS, size=2))
+            rest_length, stiffness_length = rest_length * float(factor[0]), stiffness_length * float(factor[1])
+        laying_height = _not_too_steep(LAYING_HEIGHT * float(np.exp(theta[5])), laying_length)
         rest_height = REST_HEIGHT * float(np.exp(theta[6]))
+        between = BETWEEN * float(np.exp(theta[8]))
         setups = []
         for sample in range(count):
             generator = np.random.default_rng([*seed, 1, sample])
             mesh = _mesh(self.settings.law, self.vertices, self.first_mesh + int(generator.integers(self.meshes)))
             bending, stretch = (smooth_field(STIFFNESS_SPREAD, stiffness_length, generator) for _ in range(2))
             rest = smooth_field(rest_height, float(rest_length), generator)
-            laying = {side: smooth_field(laying_height, float(laying_length), generator) for side in ("up", "down")}
+            laying = {side: smooth_field(laying_height, laying_length, generator) for side in ("up", "down")}
+            level = between * float(generator.standard_normal())
             for side in sides:
                 setups.append(
                     Setup(
                         mesh, self.settings, material, side=side, capture=1 if side == "up" else 3,
-                        laying=as_field(laying[side]), rest=as_field(rest), log_bending=(as_field(bending),),
+                        laying=as_field(laying[side]), rest=as_field(rest),
+                        log_bending=(as_field(bending), _even(level)),
                         log_stretch=(as_field(stretch),), specimen_seed=(*seed, sample),
                         laying_seed=(*seed, sample, int(side == "down")),
                     )
@@ -122,20 +143,17 @@ class BaseModel:
         return setups
 
 
-def with_clamp(clamp: Clamp, settings: DrapeSettings = SETTINGS) -> DrapeSettings:
-    """Settings of the base model of an atlas.
-
-    Args:
-        clamp: How hinges on the plate's edge bend in its drapes.
-        settings: The others.
-
-    Returns:
-        The settings.
-    """
-    return replace(settings, clamp=clamp)
+def _not_too_steep(height: float, length: float) -> float:
+    """The laid shape's height [m], less where it would be steeper than a cloth can be laid."""
+    return height / (1 + height / (STEEPEST * length))
 
 
-def cloth(theta: Float[ndarray, "7"]) -> Material:
+def _even(value: float) -> Field:
+    """A field of one value."""
+    return lambda points: torch.full((len(points),), value, dtype=torch.float64)
+
+
+def cloth(theta: Float[ndarray, "parameters"]) -> Material:
     """The mean cloth of a fabric, at `DENSITY`.
 
     Args:

@@ -6,22 +6,40 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.engine.settings import Clamp
 
 BASE = "base"
-FINE = "fine-mesh"
-"""The base model again, on a finer mesh with shorter steps: what a simulator's own errors do to the statistics."""
+FINE = "fine"
+"""The same fabrics under the base model's own law and mesh, `plate`: what the cheaper model gets wrong."""
+FINEST = "finest"
+"""Limp ones of them on a still finer mesh, whose folds the base model's own mesh is too coarse for."""
 LAWS = "other-laws"
-"""The base model again, with membrane, bending curve and lengths that theta leaves open drawn at random."""
+"""The cheaper model again, with shorter steps, and membrane, bending curve and lengths that theta leaves open drawn at
+random."""
 ONE_MESH = "one-mesh"
-"""The base model again, all samples of a fabric on one mesh: what an asymmetry that they share does, be it a mesh's."""
-FINE_VERTICES = 1205
+"""The cheaper model again, all samples of a fabric on one mesh: what an asymmetry that they share does."""
+FINEST_VERTICES = VERTICES_OF_PAPER
+FINEST_SAMPLES = 2
+LIMP = -7.0
+"""theta's bending below which fabrics are draped on the finest mesh."""
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
 """Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
 SEED = 71
 """Of fabrics, samples and effects."""
 _STIFF_IN_SHEAR = 5.8  # of theta's shear
+
+
+def at_fine(effect: str) -> str:
+    """Name of the drapes of an effect under the base model's own law and mesh.
+
+    Args:
+        effect: Name of the effect.
+
+    Returns:
+        The name.
+    """
+    return f"{effect}@{FINE}"
 
 
 @dataclass(frozen=True)
@@ -33,23 +51,25 @@ class Design:
         stiff_points: More of them that are stiff in shear, where little changes; of these the same shares as of the
             others have what follows.
         effect_points: How many of them, the first ones, have every effect too.
-        fine_points: How many of them have drapes on a finer mesh.
+        fine_points: How many of them have drapes under the base model's own law and mesh.
+        finest_points: How many of them have drapes on a still finer mesh, if they are limp.
+        fine_effect_points: How many of them have every effect under the base model's own law and mesh.
         law_points: How many of them have drapes under other laws.
         one_mesh_points: How many of them have all samples on one mesh.
         samples: Samples of each, draped on both sides.
-        vertices: Mesh size.
-        clamp: How hinges on the plate's edge bend (see `DrapeSettings`).
+        vertices: Mesh size of the cheaper model, whose law is `paper`.
     """
 
-    points: int = 320
-    stiff_points: int = 80
-    effect_points: int = 160
-    fine_points: int = 100
-    law_points: int = 80
-    one_mesh_points: int = 80
+    points: int = 256
+    stiff_points: int = 64
+    effect_points: int = 128
+    fine_points: int = 96
+    finest_points: int = 40
+    fine_effect_points: int = 8
+    law_points: int = 64
+    one_mesh_points: int = 48
     samples: int = 4
     vertices: int = 480
-    clamp: Clamp = "half"
 
     def theta(self) -> Float[ndarray, "points parameters"]:
         """The fabrics: first `points` of any stiffness in shear, then `stiff_points`."""
@@ -77,17 +97,20 @@ class Design:
         return (point - self.points) * self.points < count * self.stiff_points
 
     def tasks(self) -> list[tuple[int, str]]:
-        """(point, effect) to simulate, in an order of which any beginning is a smaller atlas."""
+        """(point, what to simulate of it), in an order of which any beginning is a smaller atlas."""
         effects = [name for name in registered() if name not in NOT_SIMULATED]
+        limp = self.theta()[:, 0] < LIMP
         return [
             (point, name)
             for point in range(self.points + self.stiff_points)
             for name in (
                 BASE,
                 *([FINE] if self.has(point, self.fine_points) else ()),
+                *([FINEST] if limp[point] and self.has(point, self.finest_points) else ()),
                 *([LAWS] if self.has(point, self.law_points) else ()),
                 *([ONE_MESH] if self.has(point, self.one_mesh_points) else ()),
                 *(effects if self.has(point, self.effect_points) else ()),
+                *(map(at_fine, effects) if self.has(point, self.fine_effect_points) else ()),
             )
         ]
 

@@ -2,7 +2,7 @@
 
 A point of the atlas is a fabric theta (scrambled Sobol points over the base model's range) with a few samples, each
 draped on both sides. Every effect is then added, with a random severity, direction and place, to *the same* samples:
-under common random numbers the difference is the effect's alone. What is kept of each drape is its statistics, so a
+under common random numbers the difference is the effect's alone. What is kept of each drape is its silhouette, so a
 point weighs kilobytes; each file is written when its drapes are done, and a build that was stopped goes on where it
 was. `cusick_bench.diagnosis.atlas.emulator` turns the points into smooth functions of theta and severity.
 """
@@ -18,25 +18,28 @@ import numpy as np
 import torch
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.base_model import BaseModel, with_clamp
+from cusick_bench.diagnosis.atlas.base_model import SETTINGS, BaseModel
 from cusick_bench.diagnosis.atlas.design import (
     BASE,
     FINE,
-    FINE_VERTICES,
+    FINEST,
+    FINEST_SAMPLES,
+    FINEST_VERTICES,
     LAWS,
     ONE_MESH,
     SEED,
     Design,
+    at_fine,
 )
 from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
-from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, Point, point_file, read_design, write_point
+from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_design, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.sim.effects import Effect, registered
-from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
-FINE_SETTINGS = DrapeSettings(steps=150, step_seconds=0.03)
+CHEAP_SETTINGS = replace(SETTINGS, law="paper")
+_SHORT_STEPS = replace(CHEAP_SETTINGS, steps=150, step_seconds=0.03)
 LEAST, MOST = 0.7, 6.0  # range of severities, in typical ones
 _PATCH_RADIUS = (0.097, 0.147)  # [m]
 _PATCH_SIZE = (0.012, 0.032)  # [m]
@@ -86,21 +89,31 @@ def make_points(
     """
     kept = simulators or Simulators(most=_MOST_SIMULATORS)
     theta = design.theta()[point]
-    setups = BaseModel(design.vertices, with_clamp(design.clamp)).samples(theta, design.samples, (SEED, point))
     effects = registered()
-    positions: list[torch.Tensor | None] = []  # of the base drapes, which imaging effects only see otherwise
-    if any(name == BASE or (name in effects and effects[name].kind == "imaging") for name in names):
-        with torch.no_grad():
-            positions = drape_setups(setups, kept)
+    for model, base, named in (
+        (BaseModel(design.vertices, CHEAP_SETTINGS), BASE, {name: name for name in effects}),
+        (BaseModel(meshes=1, first_mesh=point), FINE, {at_fine(name): name for name in effects}),
+    ):
+        wanted = [name for name in names if name == base or name in named]
+        if not wanted:
+            continue
+        setups = model.samples(theta, design.samples, (SEED, point))
+        positions: list[torch.Tensor | None] = []  # of the base drapes, which imaging effects only see otherwise
+        if any(name == base or effects[named[name]].kind == "imaging" for name in wanted):
+            with torch.no_grad():
+                positions = drape_setups(setups, kept)
+        for name in wanted:
+            if name == base:
+                value, radii = np.zeros(0), observe(setups, positions)
+            else:
+                value, radii = _with_effect(effects[named[name]], point, setups, positions, kept)
+            write_point(point_file(folder, point, name), value, radii.reshape(design.samples, 2, -1))
     for name in names:
-        if name == BASE:
-            value, statistics = np.zeros(0), observe(setups, positions)
-        elif name in (FINE, LAWS, ONE_MESH):
-            changed = _other_model(design, point, name).samples(theta, design.samples, (SEED, point))
-            value, statistics = np.zeros(0), drape_and_observe(changed, kept)
-        else:
-            value, statistics = _with_effect(effects[name], point, setups, positions, kept)
-        write_point(point_file(folder, point, name), Point(value, statistics.reshape(design.samples, 2, -1)))
+        if name in (FINEST, LAWS, ONE_MESH):
+            changed = _other_model(design, point, name)
+            setups = changed.samples(theta, FINEST_SAMPLES if name == FINEST else design.samples, (SEED, point))
+            radii = drape_and_observe(setups, Simulators() if name == FINEST else kept)
+            write_point(point_file(folder, point, name), np.zeros(0), radii.reshape(-1, 2, radii.shape[-1]))
     return len(names)
 
 
@@ -153,18 +166,17 @@ def _make_all(folder: Path, design: Design, fabrics: list[tuple[int, list[str]]]
 
 def _other_model(design: Design, point: int, name: str) -> BaseModel:
     """The model that drapes the same samples otherwise: their fields are functions of the cloth's points."""
-    if name == FINE:
-        return BaseModel(FINE_VERTICES, with_clamp(design.clamp, FINE_SETTINGS))
-    settings = with_clamp(design.clamp)
+    if name == FINEST:
+        return BaseModel(FINEST_VERTICES, meshes=1, first_mesh=point)
     if name == LAWS:
-        return BaseModel(design.vertices, settings, other_laws=True)
-    return BaseModel(design.vertices, settings, meshes=1, first_mesh=100 + point)  # a mesh of the fabric's own
+        return BaseModel(design.vertices, _SHORT_STEPS, other_laws=True)
+    return BaseModel(design.vertices, CHEAP_SETTINGS, meshes=1, first_mesh=100 + point)  # a mesh of the fabric's own
 
 
 def _with_effect(
     effect: Effect, point: int, setups: list[Setup], positions: list[torch.Tensor | None], simulators: Simulators
 ) -> tuple[ndarray, ndarray]:
-    """Random parameters of an effect, and the statistics of the drapes with it."""
+    """Random parameters of an effect, and the silhouettes of the drapes with it."""
     generator = np.random.default_rng([SEED, point, zlib.crc32(effect.name.encode())])
     chosen = random_value(effect, generator)
     value = np.array([chosen[p.name] for p in effect.parameters])

@@ -3,16 +3,15 @@
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.design import Design
+from cusick_bench.diagnosis.atlas.observation import ANGLES, statistics_of
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.files import BadFile, read_json_object, read_npz
-from cusick_bench.sim.engine.settings import Clamp
 
 DESIGN_FILE = "design.json"
 _MOST = 1_000_000
@@ -46,17 +45,22 @@ def point_file(folder: Path, point: int, name: str) -> Path:
     return folder / "points" / f"{point:04d}" / f"{name}.npz"
 
 
-def write_point(path: Path, point: Point) -> None:
+def write_point(
+    path: Path, value: Float[ndarray, "effect_parameters"], radii: Float[ndarray, "samples sides angles"]
+) -> None:
     """Writes a point's file, which appears whole or not at all.
+
+    It holds silhouettes, so that statistics can be chosen when the drapes are made.
 
     Args:
         path: The file; its folder is created.
-        point: What it will hold.
+        value: Parameters of the effect in its order; empty for the base.
+        radii: Silhouettes of every sample and side in the cloth's frame [m]; NaN where a drape failed.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(f".{os.getpid()}.tmp")
     with open(partial, "wb") as file:
-        np.savez(file, value=point.value, statistics=point.statistics)
+        np.savez(file, value=value, radii=radii.astype(np.float32))
     partial.replace(path)
 
 
@@ -74,10 +78,12 @@ def read_point(path: Path) -> Point:
     """
     remedy = "delete it and repeat `cusick-bench atlas build`"
     arrays = read_npz(path, remedy=remedy)
-    shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "statistics")]
-    if shapes != [1, 3] or {arrays[name].dtype.kind for name in ("value", "statistics")} != {"f"}:
-        raise BadFile(path, "must hold numbers: `value`, a row, and `statistics`, of three dimensions", remedy)
-    return Point(arrays["value"], arrays["statistics"])
+    shapes = [arrays[name].ndim if name in arrays else -1 for name in ("value", "radii")]
+    if shapes != [1, 3] or {arrays[name].dtype.kind for name in ("value", "radii")} != {"f"}:
+        raise BadFile(path, "must hold numbers: `value`, a row, and `radii`, of three dimensions", remedy)
+    if arrays["radii"].shape[2] != ANGLES:
+        raise BadFile(path, f"must hold radii at {ANGLES} angles, got {arrays['radii'].shape[2]}", remedy)
+    return Point(arrays["value"], statistics_of(arrays["radii"].astype(np.float64)))
 
 
 def read_design(path: Path) -> Design:
@@ -94,17 +100,14 @@ def read_design(path: Path) -> Design:
     """
     remedy = "give a folder that `cusick-bench atlas build` has filled"
     document = read_json_object(path, remedy=remedy)
-    clamp = document.pop("clamp", "whole")  # not said in designs of before there was a choice
-    if clamp not in get_args(Clamp):
-        raise BadFile(path, f"must say {' or '.join(get_args(Clamp))} under clamp, got {str(clamp)[:60]!r}", remedy)
-    names = [field.name for field in fields(Design) if field.name != "clamp"]
+    names = [field.name for field in fields(Design)]
     wrong = [name for name, value in document.items() if name not in names or type(value) is not int]
     wrong += [name for name, value in document.items() if not wrong and not 0 <= value <= _MOST]
     if wrong:
         raise BadFile(
             path, f"must hold whole numbers from 0 to {_MOST} under {', '.join(names)}; {wrong[0]!r} is none", remedy
         )
-    return Design(**document, clamp=clamp)
+    return Design(**document)
 
 
 def read_points(folder: Path) -> tuple[Design, dict[str, dict[int, Point]]]:
