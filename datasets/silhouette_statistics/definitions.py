@@ -18,6 +18,24 @@ the mean radius, and f its folds, the harmonics from m = 3 on:
     harmonic_M_*        a_M (real) and b_M (imaginary) [m]: locked to the frame in which the angles are counted
     envelope_K_*        harmonics 2 mean(f^2 exp(i K theta)) / mean(f^2) of the squared folds, m = 4 to 24: at which
                         angles folds are deep, whatever their phase
+    slope_envelope_K_*  the same of the squared slope f' of these folds: where they are steep
+    cubed_K_*           the same of their cube, 2 mean(f^3 exp(i K theta)) / mean(f^2)^(3/2): where crests are narrow
+
+What hangs beside the plate, of which a camera's scale or place moves crests and valleys alike, an off-centre or larger
+cloth moves the crests more, and a plate's radius the valleys. With g = r - plate the gap to the plate, w the overhang's
+width, s the root mean square of the folds f, m = 3 to 24, and <.>+ or <.>- means over the angles with the smooth
+weights exp(+1.5 f / s), the crests', or exp(-1.5 f / s), the valleys':
+
+    crest_radius        C_0 of the envelope C_0 + sum_K Re(C_K exp(-i K theta)), K = 1, 2, that least squares with the
+                        crests' weights put through the radii [m]
+    crest_spread        root of <(r - C_0)^2>+ [m]
+    valley_gap          smooth minimum of the gap, -u log(mean exp(-g / u)), u = w / 30 [m]
+    plate_nearness      share of the plate's edge beside which cloth hangs: mean exp(-g / u), u = w / 15, g >= -2 u
+    slope_skewness      mean(f f'^2) / (s mean(f'^2)): above 0 where flanks are steeper near the crests
+    curvature_skewness  mean(f''^3) / mean(f''^2)^(3/2): below 0 where crests are narrower than valleys
+    valley_curvature    <f''>- / root of mean(f''^2): how sharp the valleys are
+    crest_K_*, valley_K_*   C_K of the crests' envelope, and of that with the valleys' weights [m]
+    nearness_K_*        harmonics 2 mean(exp(-g / u) exp(i K theta)): on which side cloth hangs beside the plate
 
 and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to 16 and w the overhang's width (0.06 m):
 
@@ -30,8 +48,9 @@ and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to
     fold_skewness       skewness of the folds: narrow crests and wide valleys, or the other way round
     grain_M_*           10 a_M / w (real) and -10 b_M / w (imaginary): warp against weft
 
-Statistics are phase-free, since where folds come to lie is chance, or locked: the low harmonics and the envelope, in
-which a cloth shows that is stiffer along its warp (m = 2, 4), off centre (m = 1) or weakened at one place.
+Statistics are phase-free, since where folds come to lie is chance, or locked: the low harmonics and the envelopes, in
+which a cloth shows that is stiffer along its warp (m = 2, 4), off centre (m = 1) or weakened at one place. Ratios are
+softened, and weights are smooth: all are finite and near 0, or near those of the mean, on a profile without folds.
 
 References:
     Rice. Mathematical analysis of random noise. Bell System Technical Journal 23-24, 1944-45, Sec. 3.6.
@@ -59,6 +78,10 @@ CREST_SCALE = 10  # drapes have about ten crests
 
 _FINE_ORDERS = range(13, LAST_ORDER + 1)
 _FIRST_ENVELOPE_ORDER = 4  # a cloth's shape in m = 1 to 3 would beat with its own folds
+_TYPICAL_ORDER = 8  # of folds: what softens slopes and curvatures is `SOFTENING` at this order
+_TILT = 1.5  # of the weights of crests and valleys; at 3 few crests decide
+_LAST_FITTED = 2  # order of the envelopes of crests and valleys, of which there may be as few as five
+_REACH, _GAP_WIDTH = 1 / 15, 1 / 30  # of the overhang: 4 and 2 mm of the standard's
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +144,100 @@ class RadiusProfiles:
         inner, outer = self.plate_radius**2, self.cloth_radius**2
         return ((self.radii**2).mean(1) - inner) / (outer - inner)
 
+    def kept(self, first: int) -> Complex[ndarray, "drapes orders"]:
+        """Fourier transform of the radii without what are no folds.
+
+        Args:
+            first: Lowest order that is kept.
+
+        Returns:
+            The transform with nothing outside `first` to `LAST_ORDER`.
+        """
+        kept = self.transform.copy()
+        kept[:, :first] = 0
+        kept[:, LAST_ORDER + 1 :] = 0
+        return kept
+
+    def derivative(self, first: int, degree: int) -> Float[ndarray, "drapes angles"]:
+        """Folds or their derivatives by the angle.
+
+        Args:
+            first: Lowest order that is kept.
+            degree: 0 for the folds f, 1 for their slope, 2 for their curvature.
+
+        Returns:
+            The values at all angles [m/rad^degree].
+        """
+        orders = np.arange(self.transform.shape[1])
+        return np.fft.irfft(self.kept(first) * (1j * orders) ** degree, self.radii.shape[1], axis=1)
+
+    @cached_property
+    def folds(self) -> Float[ndarray, "drapes angles"]:
+        """f, m = 3 to 24 [m]."""
+        return self.derivative(FIRST_FOLD, 0)
+
+    @cached_property
+    def depth(self) -> Float[ndarray, "drapes 1"]:
+        """s, root mean square of `folds`, softened [m]."""
+        return np.sqrt((self.folds**2).mean(1, keepdims=True) + self.softening(0) ** 2)
+
+    def softening(self, degree: int) -> float:
+        """Root mean square of a derivative of folds that counts as noise.
+
+        Args:
+            degree: As in `derivative`.
+
+        Returns:
+            The size [m/rad^degree].
+        """
+        return SOFTENING * self.scale * _TYPICAL_ORDER**degree
+
+    def weights(self, sign: int) -> Float[ndarray, "drapes angles"]:
+        """Smooth weights of crests or valleys.
+
+        Args:
+            sign: 1 for crests, -1 for valleys.
+
+        Returns:
+            The weights, of mean 1.
+        """
+        weights = np.exp(sign * _TILT * self.folds / self.depth)
+        return weights / weights.mean(1, keepdims=True)
+
+    def fitted(self, sign: int) -> Complex[ndarray, "drapes fitted"]:
+        """C_0 to C_2 of the crests' or the valleys' envelope (see the module).
+
+        Args:
+            sign: 1 for crests, -1 for valleys.
+
+        Returns:
+            One column an order [m].
+        """
+        angles = np.arange(self.radii.shape[1]) * (2 * np.pi / self.radii.shape[1])
+        waves = [wave(order * angles) for order in range(1, _LAST_FITTED + 1) for wave in (np.cos, np.sin)]
+        terms = np.stack([np.ones_like(angles), *waves], axis=1)
+        weights = self.weights(sign)
+        products = (terms[:, :, None] * terms[:, None, :]).reshape(len(angles), -1)
+        normal = (weights @ products).reshape(len(weights), terms.shape[1], terms.shape[1])
+        solved = np.linalg.solve(normal, ((weights * self.radii) @ terms)[..., None])[..., 0]
+        return np.column_stack([solved[:, 0], solved[:, 1::2] + 1j * solved[:, 2::2]])
+
+    @cached_property
+    def crests(self) -> Complex[ndarray, "drapes fitted"]:
+        """Harmonics of the crests' envelope [m]."""
+        return self.fitted(1)
+
+    @cached_property
+    def valleys(self) -> Complex[ndarray, "drapes fitted"]:
+        """Harmonics of the valleys' envelope [m]."""
+        return self.fitted(-1)
+
+    @cached_property
+    def nearness(self) -> Float[ndarray, "drapes angles"]:
+        """exp(-g / u): 1 at the plate's edge, 0 far from it."""
+        reach = _REACH * self.overhang
+        return np.exp(-np.maximum(self.radii - self.plate_radius, -2 * reach) / reach)
+
     @cached_property
     def fold_power(self) -> Float[ndarray, "drapes folds"]:
         """Mean squares P_m of the folds' harmonics [m2]."""
@@ -169,13 +286,66 @@ def _skewness(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
     return (deviation**3).mean(1) / ((deviation**2).mean(1) + (SOFTENING * profiles.scale) ** 2) ** 1.5
 
 
+def _harmonics(
+    values: Float[ndarray, "drapes angles"], orders: Numbers, size: Float[ndarray, "drapes"] | float
+) -> Complex[ndarray, "drapes chosen"]:
+    """2 mean(values exp(i K theta)) / size."""
+    means = np.fft.rfft(values, axis=1).conj()[:, list(orders)] / values.shape[1]
+    return 2 * means / np.reshape(size, (-1, 1))
+
+
 def _envelope(profiles: RadiusProfiles, orders: Numbers) -> Complex[ndarray, "drapes chosen"]:
     """Harmonics of the squared folds over their mean."""
-    count, kept = profiles.radii.shape[1], profiles.transform.copy()
-    kept[:, :_FIRST_ENVELOPE_ORDER] = 0
-    kept[:, LAST_ORDER + 1 :] = 0
+    count, kept = profiles.radii.shape[1], profiles.kept(_FIRST_ENVELOPE_ORDER)
     squared = np.fft.rfft(np.fft.irfft(kept, count, axis=1) ** 2, axis=1).conj() / count
     return 2 * squared[:, list(orders)] / (np.real(squared[:, :1]) + (SOFTENING * profiles.scale) ** 2)
+
+
+def _slope_envelope(profiles: RadiusProfiles, orders: Numbers) -> Complex[ndarray, "drapes chosen"]:
+    squared = profiles.derivative(_FIRST_ENVELOPE_ORDER, 1) ** 2
+    return _harmonics(squared, orders, squared.mean(1) + profiles.softening(1) ** 2)
+
+
+def _cubed(profiles: RadiusProfiles, orders: Numbers) -> Complex[ndarray, "drapes chosen"]:
+    folds = profiles.derivative(_FIRST_ENVELOPE_ORDER, 0)
+    return _harmonics(folds**3, orders, ((folds**2).mean(1) + profiles.softening(0) ** 2) ** 1.5)
+
+
+def _fitted(harmonics: Complex[ndarray, "drapes fitted"], orders: Numbers) -> Complex[ndarray, "drapes chosen"]:
+    if max(orders) > _LAST_FITTED:
+        raise DataError(f"envelopes of crests and valleys have orders 1 to {_LAST_FITTED}, got {max(orders)}")
+    return harmonics[:, list(orders)]
+
+
+def _crest_spread(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
+    apart = profiles.radii - np.real(profiles.crests[:, :1])
+    return np.sqrt((profiles.weights(1) * apart**2).mean(1))
+
+
+def _valley_gap(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
+    width = _GAP_WIDTH * profiles.overhang
+    return -width * np.log(np.exp(-(profiles.radii - profiles.plate_radius) / width).mean(1))
+
+
+def _slope_skewness(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
+    squared = profiles.derivative(FIRST_FOLD, 1) ** 2
+    return (profiles.folds * squared).mean(1) / (profiles.depth[:, 0] * (squared.mean(1) + profiles.softening(1) ** 2))
+
+
+def _curvature(profiles: RadiusProfiles) -> tuple[Float[ndarray, "drapes angles"], Float[ndarray, " drapes"]]:
+    """Curvature of the folds, and its root mean square, softened [m/rad2]."""
+    curvature = profiles.derivative(FIRST_FOLD, 2)
+    return curvature, np.sqrt((curvature**2).mean(1) + profiles.softening(2) ** 2)
+
+
+def _curvature_skewness(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
+    curvature, size = _curvature(profiles)
+    return (curvature**3).mean(1) / size**3
+
+
+def _valley_curvature(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
+    curvature, size = _curvature(profiles)
+    return (profiles.weights(-1) * curvature).mean(1) / size
 
 
 def _area_log_odds(profiles: RadiusProfiles) -> Float[ndarray, " drapes"]:
@@ -216,6 +386,13 @@ SINGLE: dict[str, Callable[[RadiusProfiles], ndarray]] = {
     "fold_depth": _depth,
     "roughness": _roughness,
     "skewness": _skewness,
+    "crest_radius": lambda profiles: np.real(profiles.crests[:, 0]),
+    "crest_spread": _crest_spread,
+    "valley_gap": _valley_gap,
+    "plate_nearness": lambda profiles: profiles.nearness.mean(1),
+    "slope_skewness": _slope_skewness,
+    "curvature_skewness": _curvature_skewness,
+    "valley_curvature": _valley_curvature,
     "area_log_odds": _area_log_odds,
     "fold_depth_log": _fold_depth_log,
     "crest_number": _crest_number,
@@ -229,5 +406,10 @@ NUMBERED: dict[str, Family] = {
 LOCKED: dict[str, Family] = {  # of complex numbers: a turn by phi multiplies those of order m by exp(i m phi)
     "harmonic": lambda profiles, orders: profiles.harmonics[:, list(orders)],
     "envelope": _envelope,
+    "slope_envelope": _slope_envelope,
+    "cubed": _cubed,
+    "crest": lambda profiles, orders: _fitted(profiles.crests, orders),
+    "valley": lambda profiles, orders: _fitted(profiles.valleys, orders),
+    "nearness": lambda profiles, orders: _harmonics(profiles.nearness, orders, 1.0),
     "grain": _grain,
 }

@@ -43,7 +43,7 @@ def real_and_imaginary(family: str, orders: Iterable[int]) -> tuple[str, ...]:
     """Names of the parts of several locked statistics of one family.
 
     Args:
-        family: "harmonic", "envelope" or "grain".
+        family: "harmonic", "envelope", "crest" or another name of `definitions.LOCKED`.
         orders: Orders m.
 
     Returns:
@@ -174,8 +174,21 @@ DIAGNOSED = Selection(
         "fold_depth",
         "roughness",
         "skewness",
+        "crest_radius",
+        "crest_spread",
+        "valley_gap",
+        "plate_nearness",
+        "slope_skewness",
+        "curvature_skewness",
+        "valley_curvature",
     ),
-    real_and_imaginary("harmonic", (1, 2, 3, 4)) + real_and_imaginary("envelope", (1, 2, 4)),
+    real_and_imaginary("harmonic", (1, 2, 3, 4))
+    + real_and_imaginary("envelope", (1, 2, 4))
+    + real_and_imaginary("slope_envelope", (1, 2, 3))
+    + real_and_imaginary("cubed", (1,))  # of 2 and more nothing is gained
+    + real_and_imaginary("crest", (1, 2))
+    + real_and_imaginary("valley", (1, 2))
+    + real_and_imaginary("nearness", (1,)),
 )
 """What real and simulated drapes are compared by (`cusick_bench.diagnosis`)."""
 

@@ -92,6 +92,8 @@ def test_profiles_that_cannot_be_measured_are_refused():
         INFERRED.measure(rings()[:, ::20])
     with pytest.raises(DataError, match="must be finite"):
         INFERRED.measure(np.full((1, 720), np.nan))
+    with pytest.raises(DataError, match="orders 1 to 2, got 3"):
+        Selection((), ("crest_3_real",)).measure(rings())
     with pytest.raises(DataError, match="pass drape_coefficients, or ask for area_dc"):
         SCORED.measure(rings())
 

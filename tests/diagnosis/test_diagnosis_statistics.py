@@ -205,6 +205,62 @@ def test_envelope_says_where_folds_are_deep_whatever_their_phase():
         assert locked(values, "envelope_1") == pytest.approx(0, abs=1e-9)
 
 
+def test_envelope_of_the_slope_weighs_orders_and_the_cube_knows_crests_from_valleys():
+    shape = 0.12 + 0.004 * np.cos(THETA)
+    few, many = (1 + np.cos(THETA - 0.8)) * np.cos(7 * THETA), (1 + np.cos(THETA + pi - 0.8)) * np.cos(14 * THETA)
+    values = capture_statistics((shape + 0.004 * (few + many))[None])[0]  # as deep on both sides, steeper on one
+    assert abs(locked(values, "envelope_1")) < 0.05
+    expected = (7**2 - 14**2) / (7**2 + 14**2) * 4 / 3 * np.exp(0.8j)
+    assert locked(values, "slope_envelope_1") == pytest.approx(expected, rel=0.05)
+    narrow = np.exp(2 * np.cos(8 * THETA))
+    crested = 0.004 * (narrow - narrow.mean()) * np.cos(THETA - 0.5)  # narrow crests here, narrow valleys there
+    assert np.angle(locked(capture_statistics((shape + crested)[None])[0], "cubed_1")) == pytest.approx(0.5, abs=1e-6)
+
+
+def between(valleys, crests, folds=9):
+    """Statistics of a profile whose valleys and crests lie on two curves."""
+    return capture_statistics((valleys + (crests - valleys) * (1 + np.cos(folds * THETA)) / 2)[None])[0]
+
+
+def test_crests_and_valleys_are_told_apart():
+    moved = 0.002 * np.cos(THETA - 0.4)
+    plain, crests, valleys, both = (
+        between(0.098 + moved * v, 0.13 + moved * c) for v, c in ((0, 0), (0, 1), (1, 0), (1, 1))
+    )
+    assert 0.12 < statistic(plain, "crest_radius") < 0.13
+    assert 0.002 < statistic(plain, "valley_gap") - 0.008 < 0.006  # its smooth minimum lies above the minimum
+    expected = 0.002 * np.exp(0.4j)
+    for name in ("crest_1", "valley_1"):
+        assert locked(both, name) == pytest.approx(expected, rel=0.02)
+    for moved_one, own, other in ((crests, "crest_1", "valley_1"), (valleys, "valley_1", "crest_1")):
+        assert np.real(locked(moved_one, own) / expected) > 0.5
+        assert abs(locked(moved_one, other)) < 0.2 * abs(locked(moved_one, own))
+    assert abs(locked(crests, "nearness_1")) < abs(locked(valleys, "nearness_1")) / 3
+    assert np.angle(locked(valleys, "nearness_1")) == pytest.approx(0.4 - pi)  # opposite to the shift
+
+
+def test_outline_beside_the_plate():
+    limp, stiff = between(np.full(ANGLES, 0.091), np.full(ANGLES, 0.12)), between(0.12 + 0 * THETA, 0.14 + 0 * THETA)
+    assert statistic(limp, "plate_nearness") > 0.1 > 0.001 > statistic(stiff, "plate_nearness")
+    assert statistic(limp, "valley_gap") < 0.005 < 0.03 < statistic(stiff, "valley_gap")
+    larger = capture_statistics(np.full((1, ANGLES), 0.1), Protocol(cloth_radius_m=0.15, plate_radius_m=0.095))[0]
+    usual = capture_statistics(np.full((1, ANGLES), 0.1))[0]
+    assert (statistic(usual, "valley_gap"), statistic(larger, "valley_gap")) == pytest.approx((0.01, 0.005))
+    # A picture that misses half of the plate still has statistics of a moderate size.
+    assert np.abs(capture_statistics(0.08 + 0.06 * np.cos(THETA)[None])).max() < 20
+
+
+def test_skewnesses_change_their_sign_with_crests_and_valleys():
+    narrow = np.exp(1.5 * np.cos(9 * THETA))
+    folds = 0.005 * (narrow - narrow.mean())
+    crested, valleyed = (capture_statistics((0.12 + sign * folds)[None])[0] for sign in (1, -1))
+    for name in ("slope_skewness", "curvature_skewness"):
+        assert statistic(crested, name) == pytest.approx(-statistic(valleyed, name), rel=1e-6)
+    assert statistic(crested, "slope_skewness") > 0.1
+    assert statistic(crested, "curvature_skewness") < -0.1
+    assert statistic(valleyed, "valley_curvature") > statistic(crested, "valley_curvature") > 0
+
+
 def test_folds_become_more_and_the_centroid_follows():
     values = capture_statistics(0.12 + 0.006 * np.cos(np.outer(np.arange(4, 14), THETA)))
     assert statistic(values, "folds").tolist() == list(range(4, 14))
@@ -217,9 +273,13 @@ def test_a_cloth_without_folds_has_finite_statistics():
     assert statistic(values, "area_dc") == pytest.approx(1)
     assert statistic(values, "folds") == 0
     assert np.abs(values[list(columns(*LOCKED))]).max() < 1e-12
+    assert statistic(values, "crest_radius") == pytest.approx(0.15)
+    assert statistic(values, "valley_gap") == pytest.approx(0.06)
+    assert np.abs(values[list(GROUPS["asymmetry"])]).max() < 1e-12
     # A trace of noise must not look like an opinion on where the folds are.
     noise = 0.12 + 2e-5 * np.random.default_rng(0).normal(size=(1, ANGLES))
     assert np.abs(capture_statistics(noise)[0, list(GROUPS["envelope"])]).max() < 0.01
+    assert np.abs(capture_statistics(noise)[0, list(GROUPS["asymmetry"])]).max() < 0.01
 
 
 def test_protocol_gives_the_radii():

@@ -11,6 +11,19 @@ from cusick_bench.diagnosis.document.model import StatisticRow
 from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES
 
+_LENGTHS = (
+    "mean_radius",
+    "quantile",
+    "amplitude",
+    "fold_depth",
+    "harmonic",
+    "crest",
+    "valley_gap",
+    "valley_1",
+    "valley_2",
+)
+"""Beginnings of the names of statistics in metres."""
+
 
 def statistic_rows(diagnosis: Diagnosis, emulator: Emulator) -> tuple[StatisticRow, ...]:
     """Statistics of data and models, and by how many standard errors data and base model differ.
@@ -75,6 +88,6 @@ def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, 
 
 
 def _unit(name: str) -> str:
-    if name in ("area_dc", "folds", "fold_centroid", "skewness") or name.startswith("envelope"):
-        return "1"
-    return "m/rad" if name == "roughness" else "m"
+    if name == "roughness":
+        return "m/rad"
+    return "m" if name.startswith(_LENGTHS) else "1"

@@ -14,14 +14,14 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.special import digamma, polygamma
 
-from cusick_bench.diagnosis.measure.statistics import LOCKED_PAIRS, columns
+from cusick_bench.diagnosis.measure.statistics import columns
 
 SPREADS: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("area_dc", columns("area_dc")),
     ("fold_centroid", columns("fold_centroid")),
     ("fold_depth", columns("fold_depth")),
-    *((f"harmonic_{order}", LOCKED_PAIRS[order - 1]) for order in (1, 2, 3)),
-    ("envelope_1", LOCKED_PAIRS[4]),
+    *((name, columns(f"{name}_real", f"{name}_imaginary")) for name in ("harmonic_1", "harmonic_2", "harmonic_3")),
+    ("envelope_1", columns("envelope_1_real", "envelope_1_imaginary")),
 )
 """Names and columns; real and imaginary parts count together."""
 ORDERS = columns("mean_radius", "area_dc", "quantile_05", "quantile_95", "fold_depth", "fold_centroid")

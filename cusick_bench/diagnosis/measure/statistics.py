@@ -30,7 +30,7 @@ _REAL_PARTS = tuple(name for name in LOCKED if name.endswith("_real"))
 
 LOCKED_PAIRS = tuple((NAMES.index(name), NAMES.index(name) + 1) for name in _REAL_PARTS)
 """Columns of the real and imaginary part of each locked statistic."""
-LOCKED_ORDERS = tuple(int(name.split("_")[1]) for name in _REAL_PARTS)
+LOCKED_ORDERS = tuple(int(name.split("_")[-2]) for name in _REAL_PARTS)
 """Order m of each of `LOCKED_PAIRS`."""
 
 FREE = tuple(range(len(PHASE_FREE)))
@@ -48,14 +48,37 @@ GROUPS: Mapping[str, tuple[int, ...]] = {
     "number": columns("folds", "fold_centroid"),
     "spectrum": columns(*(name for name in NAMES if name.startswith("amplitude") and name != "amplitude_high")),
     "harmonics": columns(*(name for name in LOCKED if name.startswith("harmonic"))),
-    "envelope": columns(*(name for name in LOCKED if name.startswith("envelope"))),
+    "envelope": columns(*(name for name in LOCKED if name.startswith(("envelope", "slope_envelope", "cubed")))),
+    "asymmetry": columns("slope_skewness", "curvature_skewness", "valley_curvature"),
+    "outline": columns("crest_radius", "crest_spread", "valley_gap", "plate_nearness"),
+    "sides": columns(*(name for name in LOCKED if name.startswith(("crest", "valley", "nearness")))),
 }
 """The statistics by what they describe."""
 
-_RESOLUTION_OF = {"area_dc": 1e-3, "folds": 0.3, "fold_centroid": 0.05, "roughness": 1e-3, "skewness": 0.02}
-RESOLUTION = np.array(
-    [_RESOLUTION_OF.get(name, 0.02 if name.startswith("envelope") else 1e-4) for name in NAMES], dtype=np.float64
-)
+_RESOLUTION_OF = {
+    "area_dc": 1e-3,
+    "folds": 0.3,
+    "fold_centroid": 0.05,
+    "roughness": 1e-3,
+    "skewness": 0.02,
+    "plate_nearness": 0.005,
+    "nearness": 0.005,
+    "slope_skewness": 0.02,
+    "curvature_skewness": 0.05,
+    "valley_curvature": 0.02,
+    "envelope": 0.02,
+    "slope_envelope": 0.02,
+    "cubed": 0.02,
+}
+"""By name, or by family of locked ones; lengths are not in it."""
+
+
+def _resolution(name: str) -> float:
+    family = name.rsplit("_", 2)[0] if name in LOCKED else name
+    return _RESOLUTION_OF.get(family, 1e-4)
+
+
+RESOLUTION = np.array([_resolution(name) for name in NAMES], dtype=np.float64)
 """What images of 723 px/m of a 30 cm cloth resolve: above the errors of pixels (a tenth of this, so that images of a
 third of their pixels do as well), below any spread of real drapes; in the lengths of that cloth, as the atlas has them.
 """

@@ -37,6 +37,19 @@ GROUPS: Mapping[str, str] = {
     "spectrum": "spectrum of folds",
     "harmonics": "shape in cloth's frame",
     "envelope": "where folds are deep",
+    "asymmetry": "crests against valleys",
+    "outline": "outline beside the plate",
+    "sides": "sides of crests and valleys",
+}
+
+_LOCKED_STATISTICS = {
+    "harmonic": "shape",
+    "envelope": "depth of folds around",
+    "slope_envelope": "steepness of folds around",
+    "cubed": "narrowness of crests around",
+    "crest": "radius of crests around",
+    "valley": "radius of valleys around",
+    "nearness": "cloth beside the plate around",
 }
 
 _STATISTICS = {
@@ -48,6 +61,13 @@ _STATISTICS = {
     "fold_depth": "depth of folds",
     "roughness": "steepness of folds",
     "skewness": "skewness of the radii",
+    "crest_radius": "radius of the crests",
+    "crest_spread": "spread of the crests' radii",
+    "valley_gap": "gap from plate to valleys",
+    "plate_nearness": "share of the plate's edge with cloth beside it",
+    "slope_skewness": "steepness of crests against valleys",
+    "curvature_skewness": "curvature of crests against valleys",
+    "valley_curvature": "sharpness of valleys",
 }
 _LARGEST_LOGARITHM = 50.0  # no ratio of stiffnesses is larger
 _LEAST_FLOOR = 1 / 50  # of the gap
@@ -171,10 +191,9 @@ def statistic_name(name: str) -> str:
         return f"radius with {int(found[1])} % below, from the mean"
     if found := re.fullmatch(r"amplitude_(\d+)", name):
         return f"amplitude of {found[1]} folds"
-    if found := re.fullmatch(r"(harmonic|envelope)_(\d+)_(real|imaginary)", name):
+    if (found := re.fullmatch(r"(\w+?)_(\d+)_(real|imaginary)", name)) and found[1] in _LOCKED_STATISTICS:
         part = "cosine" if found[3] == "real" else "sine"
-        what = "shape" if found[1] == "harmonic" else "depth of folds around"
-        return f"{what}, m = {found[2]}, {part}"
+        return f"{_LOCKED_STATISTICS[found[1]]}, m = {found[2]}, {part}"
     return name.replace("_", " ")
 
 
