@@ -83,8 +83,8 @@ def build_atlas(
     from cusick_bench.diagnosis.atlas.drapes import build
 
     design = Design(
-        points, stiff_points, effect_points, fine_points, finest_points, fine_effect_points, law_points, one_mesh_points,
-        samples, vertices,
+        points, stiff_points, effect_points, fine_points, finest_points, fine_effect_points, law_points,
+        one_mesh_points, samples, vertices,
     )  # fmt: skip
     kept = interruptible(f"the drapes that were ready are kept in {out}", go_on=True)
     with progress_bar("draping") as bar, kept:

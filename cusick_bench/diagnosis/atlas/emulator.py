@@ -8,27 +8,39 @@ and every effect a response (`response`), all fitted to the points of the atlas 
 forbids is not fitted: without an effect a fabric has no harmonics of odd order and none that are not symmetric about
 warp and weft; exchanging warp and weft turns a drape by 90 degrees.
 
-What a finer mesh with shorter steps and what other laws change is the model's discrepancy.
+Most drapes are a cheaper model's. What it gets wrong is the difference to fewer drapes of the same samples under the
+base model's own law and mesh, and for limp cloth that of these to drapes on a still finer mesh: smooth functions of z
+with fewer terms, which are added. Only what these leave unexplained counts as the model's error, with what other laws
+change: the model's discrepancy.
 
 References:
+    Kennedy, O'Hagan. Predicting the output from a complex computer code when fast approximations are available.
+    Biometrika 87(1), 2000 (many cheap runs, few exact ones).
     Kennedy, O'Hagan. Bayesian calibration of computer models. JRSS B 63(3), 2001 (the model's discrepancy as a
     covariance).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.special import digamma
 
-from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, BaseModel
-from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINE_VERTICES, LAWS, ONE_MESH, Design
+from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
+from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LAWS, ONE_MESH, Design, at_fine
 from cusick_bench.diagnosis.atlas.points import Point
-from cusick_bench.diagnosis.atlas.regression_terms import base_terms, spread_terms
-from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Response, changes, response
-from cusick_bench.diagnosis.atlas.ridge import Fit, ridge
+from cusick_bench.diagnosis.atlas.regression_terms import (
+    CORRECTED,
+    LIMP,
+    SPREAD_CORRECTED,
+    base_terms,
+    spread_terms,
+)
+from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Response, changes, corrected, response
+from cusick_bench.diagnosis.atlas.ridge import Fit, SummedFit, ridge
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import (
@@ -41,13 +53,11 @@ from cusick_bench.diagnosis.measure.statistics import (
     rotated,
 )
 from cusick_bench.sim.effects import registered
-from cusick_bench.sim.engine.settings import Clamp
 
 _COUNT = len(NAMES)
 _LEAST_POINTS = 60
-_BEYOND_FINE = 1 / (1 - BaseModel().vertices / FINE_VERTICES)
-"""Error of the atlas' mesh over its difference to the fine one; errors go with the square of an edge's length."""
-_EXCHANGED = np.array([1, -1, 1, 1, 1, 1, 1])
+_LEAST_FINE = 8  # fabrics for a correction to be fitted
+_EXCHANGED = np.array([-1 if name == "anisotropy" else 1 for name in PARAMETERS])
 _SHRINK = 0.1  # of correlations towards none
 
 
@@ -63,17 +73,14 @@ class Emulator:
         discrepancy: Covariance of what the base model gets wrong, in sd, the same on both faces, at the limp and at the
             stiff end of the atlas.
         responses: Response of each effect, by its name.
-        clamp: How hinges on the plate's edge bend in the drapes that it was fitted to (see `DrapeSettings`): what is
-            simulated beside it bends likewise.
     """
 
-    base: Fit
-    base_spread: Fit
-    log_sd: Fit
+    base: SummedFit
+    base_spread: SummedFit
+    log_sd: SummedFit
     correlation: Float[ndarray, "faces_statistics faces_statistics"]
     discrepancy: Float[ndarray, "2 statistics statistics"]
     responses: Mapping[str, Response]
-    clamp: Clamp = "half"
 
     def mean(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
         """Mean of every statistic, the same on both faces.
@@ -149,13 +156,18 @@ def _correlation(
     return (1 - _SHRINK) * total / np.outer(size, size) + _SHRINK * np.eye(2 * _COUNT)
 
 
-def _discrepancy(points: Mapping[str, Mapping[int, Point]], theta: ndarray, sd: ndarray) -> ndarray:
-    """What the base model gets wrong in the mean, in sd, for limp and for stiff cloth."""
+def _discrepancy(
+    points: Mapping[str, Mapping[int, Point]],
+    theta: ndarray,
+    sd: ndarray,
+    known: Mapping[str, Mapping[int, ndarray]],
+) -> ndarray:
+    """What the base model gets wrong in the mean, in sd, for limp and for stiff cloth; what is `known` is not wrong."""
     total = np.zeros((2, _COUNT, _COUNT))
-    for name, factor in ((FINE, _BEYOND_FINE**2), (LAWS, 1.0)):
+    for name, beside in ((FINE, BASE), (FINEST, FINE), (LAWS, BASE)):
         other = points.get(name, {})
         for end, weight in enumerate(_ends(theta[:, 0])):
-            total[end] += factor * _changed(points[BASE], other, weight, sd)
+            total[end] += _changed(points.get(beside, {}), other, weight, sd, known.get(name, {}))
     return total + np.diag(_shared_asymmetry(points.get(ONE_MESH, {}), sd))
 
 
@@ -165,22 +177,30 @@ def _ends(bending: Float[ndarray, "*rows"]) -> tuple[Float[ndarray, "*rows"], Fl
     return 1 - share, share
 
 
-def _changed(base: Mapping[int, Point], other: Mapping[int, Point], weight: ndarray, sd: ndarray) -> ndarray:
-    """Second moment over fabrics of what another model changes, less what the finite number of samples makes."""
+def _changed(
+    base: Mapping[int, Point], other: Mapping[int, Point], weight: ndarray, sd: ndarray, known: Mapping[int, ndarray]
+) -> ndarray:
+    """Second moment over fabrics of what another model changes beyond what is known, less what few samples make."""
     total, mass = np.zeros((_COUNT, _COUNT)), 0.0
     for number in sorted(other.keys() & base.keys()):
-        change = other[number].statistics - base[number].statistics
-        good = np.isfinite(change).all((1, 2))
-        if good.sum() < LEAST_SAMPLES:
+        change = _difference(base[number], other[number])
+        if len(change) < LEAST_SAMPLES:
             continue
-        own = (change[good] / sd[number]).reshape(-1, _COUNT)
-        total += weight[number] * (np.outer(own.mean(0), own.mean(0)) - np.cov(own.T) / len(own))
+        own = (change / sd[number]).reshape(-1, _COUNT)
+        mean = own.mean(0) - known.get(number, 0.0) / sd[number]
+        total += weight[number] * (np.outer(mean, mean) - np.cov(own.T) / len(own))
         mass += weight[number]
     if not mass:
         return total
     total = _symmetric_only(total / mass)
     value, vector = np.linalg.eigh((total + total.T) / 2)
     return (vector * np.maximum(value, 0)) @ vector.T
+
+
+def _difference(base: Point, other: Point) -> Float[ndarray, "samples 2 statistics"]:
+    """Change of the samples that both models have draped on both sides."""
+    change = other.statistics - base.statistics[: len(other.statistics)]
+    return change[np.isfinite(change).all((1, 2))]
 
 
 def _shared_asymmetry(points: Mapping[int, Point], sd: ndarray) -> Float[ndarray, "statistics"]:
@@ -237,22 +257,99 @@ def fit(
         raise DiagnosisError(f"an atlas needs at least {_LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
     at, of_fabrics = theta[numbers], [features(base[n].statistics) for n in numbers]
     mean = np.stack([one.mean.mean(0) for one in of_fabrics])
-    log_sd_values = _log_variance(base, numbers) / 2
-    other, twin = at * _EXCHANGED, rotated(mean, np.pi / 2)  # the same fabrics with warp and weft exchanged
-    mean, twin = _only_even(mean), _only_even(twin)
-    both = np.concatenate([at, other])
-    level = ridge(base_terms(both), np.concatenate([mean, twin]), 1 + at.shape[1])
-    log_sd = ridge(spread_terms(both), np.tile(log_sd_values, (2, 1)), 2)
-    spread = ridge(spread_terms(at), np.stack([one.spread for one in of_fabrics]), 2)
-    sd = np.maximum(np.exp(log_sd(spread_terms(theta))), RESOLUTION)
+    terms, values = _and_exchanged(at, mean)
+    corrections = [
+        _correction(theta, points, FINE, BASE, CORRECTED, 1 + at.shape[1]),
+        _correction(theta, points, FINEST, FINE, LIMP, 1),
+    ]
+    level = _summed(ridge(terms, values, 1 + at.shape[1]), corrections)
+    scatter = spread_terms(theta)
+    variance = _log_variances(base)
+    log_sd = _summed(
+        ridge(scatter[list(variance)], np.stack(list(variance.values())) / 2, 2),
+        [_scatter_correction(scatter, _half(variance), _half(_log_variances(points.get(FINE, {}))))],
+    )
+    spreads = {n: one.spread for n, one in zip(numbers, of_fabrics, strict=True)}
+    fine_spreads = {n: features(p.statistics).spread for n, p in points.get(FINE, {}).items() if _usable(p)}
+    spread = _summed(
+        ridge(spread_terms(at), np.stack(list(spreads.values())), 2),
+        [_scatter_correction(scatter, spreads, fine_spreads)],
+    )
+    sd = np.maximum(np.exp(log_sd(scatter)), RESOLUTION)
     correlation = _correlation(base, {n: sd[n] for n in numbers})
     covered = {name: one for name, one in registered().items() if len(points.get(name, {})) >= _LEAST_POINTS}
     responses = {}
     for place, (name, effect) in enumerate(covered.items()):
         progress(place, len(covered))
-        responses[name] = response(effect, changes(effect, theta, base, points[name], sd))
-    discrepancy = _discrepancy(points, theta, sd)
-    return Emulator(level, spread, log_sd, correlation, discrepancy, responses, design.clamp)
+        fitted = response(effect, changes(effect, theta, base, points[name], sd))
+        fine = points.get(at_fine(name), {})
+        if len(fine) >= _LEAST_FINE and points.get(FINE):
+            fitted = corrected(fitted, changes(effect, theta, points[FINE], fine, sd))
+        responses[name] = fitted
+    known = {}
+    for name, correction in zip((FINE, FINEST), corrections, strict=True):
+        if correction is not None:
+            shift = correction[0](base_terms(theta)[:, correction[1]])
+            known[name] = dict(enumerate(shift))
+    discrepancy = _discrepancy(points, theta, sd, known)
+    return Emulator(level, spread, log_sd, correlation, discrepancy, responses)
+
+
+_Correction = tuple[Fit, Int[ndarray, " chosen"]]
+
+
+def _usable(point: Point) -> bool:
+    return bool(np.isfinite(point.statistics).all((1, 2)).sum() >= LEAST_SAMPLES)
+
+
+def _log_variances(points: Mapping[int, Point]) -> dict[int, ndarray]:
+    """`_log_variance` of all usable fabrics."""
+    numbers = [n for n, point in points.items() if _usable(point)]
+    return dict(zip(numbers, _log_variance(points, numbers), strict=True)) if numbers else {}
+
+
+def _half(values: Mapping[int, ndarray]) -> dict[int, ndarray]:
+    return {number: value / 2 for number, value in values.items()}
+
+
+def _and_exchanged(
+    theta: Float[ndarray, "rows parameters"], mean: Float[ndarray, "rows statistics"]
+) -> tuple[Float[ndarray, "twice_rows terms"], Float[ndarray, "twice_rows statistics"]]:
+    """Terms and means of fabrics, and of the same fabrics with warp and weft exchanged."""
+    terms = base_terms(np.concatenate([theta, theta * _EXCHANGED]))
+    return terms, np.concatenate([_only_even(mean), _only_even(rotated(mean, np.pi / 2))])
+
+
+def _summed(fit: Fit, corrections: Sequence[_Correction | None]) -> SummedFit:
+    known = [one for one in corrections if one is not None]
+    return SummedFit(
+        (fit, *(one for one, _ in known)), (np.arange(len(fit.weights)), *(columns for _, columns in known))
+    )
+
+
+def _correction(
+    theta: ndarray, points: Mapping[str, Mapping[int, Point]], name: str, beside: str, columns: ndarray, free: int
+) -> _Correction | None:
+    """Mean difference of the drapes `name` to those `beside` them; None where there are too few."""
+    base, other = points.get(beside, {}), points.get(name, {})
+    found = {n: _difference(base[n], other[n]) for n in sorted(other.keys() & base.keys())}
+    found = {n: change for n, change in found.items() if len(change) >= min(LEAST_SAMPLES, len(other[n].statistics))}
+    if len(found) < max(_LEAST_FINE, 2 * free):
+        return None
+    mean = np.stack([change.mean((0, 1)) for change in found.values()])
+    terms, values = _and_exchanged(theta[list(found)], mean)
+    return ridge(terms[:, columns], values, free), columns
+
+
+def _scatter_correction(
+    terms: Float[ndarray, "points terms"], base: Mapping[int, ndarray], fine: Mapping[int, ndarray]
+) -> _Correction | None:
+    """Mean difference of logarithms of scatter."""
+    both = sorted(base.keys() & fine.keys())
+    if len(both) < _LEAST_FINE:
+        return None
+    difference = np.stack([fine[n] - base[n] for n in both])
+    return ridge(terms[both][:, SPREAD_CORRECTED], difference, 1), SPREAD_CORRECTED
 
 
 def _only_even(mean: ndarray) -> ndarray:

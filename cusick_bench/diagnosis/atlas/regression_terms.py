@@ -8,6 +8,9 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
 
+LIMPER_THAN = -6.8
+"""theta's bending below which the base model's own mesh errs visibly."""
+
 
 def scaled(theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows parameters"]:
     """z: theta in units of the atlas' range, not far beyond it.
@@ -22,19 +25,29 @@ def scaled(theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows p
 
 
 def base_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
-    """All products of up to two z, and up to four of the bending level's with one other.
+    """All products of up to two z, up to four of the bending level's with one other, and how limp a cloth is.
 
     Args:
         theta: Base parameters.
 
     Returns:
-        Terms of the means without effect.
+        Terms of the means without effect, in the order of `CORRECTED` and `LIMP`.
     """
     z = scaled(theta)
     pairs = [z[:, i] * z[:, j] for i, j in combinations_with_replacement(range(z.shape[1]), 2)]
     level = z[:, 0]
     more = [level**3, level**4, *(level**2 * z[:, i] for i in range(1, z.shape[1]))]
-    return np.stack([np.ones(len(z)), *z.T, *pairs, *more], axis=1)
+    limp = np.maximum(LIMPER_THAN - theta[:, 0], 0) / (LIMPER_THAN - LOW[0])
+    return np.stack([np.ones(len(z)), *z.T, *pairs, *more, limp, limp**2], axis=1)
+
+
+_COUNT = len(LOW)
+_PAIRS = _COUNT * (_COUNT + 1) // 2
+CORRECTED = np.array([*range(1 + _COUNT), *range(1 + _COUNT, 1 + 2 * _COUNT), 1 + _COUNT + _PAIRS])
+"""Of `base_terms`: 1, z, products of the bending level's z with each z, and its cube; what the cheaper model gets wrong
+is a function of these."""
+LIMP = 1 + _COUNT + _PAIRS + 2 + _COUNT - 1 + np.arange(2)
+"""Of `base_terms`: how limp a cloth is, and its square; what the base model's own mesh gets wrong."""
 
 
 def spread_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
@@ -44,10 +57,14 @@ def spread_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "ro
         theta: Base parameters.
 
     Returns:
-        Terms of scatter between samples.
+        Terms of scatter between samples, in the order of `SPREAD_CORRECTED`.
     """
     z = scaled(theta)
     return np.column_stack([np.ones(len(z)), z, z[:, 0] ** 2])
+
+
+SPREAD_CORRECTED = np.array([0, 1, 1 + _COUNT])
+"""Of `spread_terms`: 1, the bending level's z and its square."""
 
 
 def gain_terms(

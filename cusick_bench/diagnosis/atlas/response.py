@@ -14,7 +14,7 @@ symmetric; an effect that the cloth carries on one face acts with the opposite s
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,11 @@ LEAST_SAMPLES = 2
 """Of a fabric, for it to count."""
 _OWN_ERROR = 1 / 3
 """Square of the polynomials' own error over a shift's size: what weighs a point beside its samples' scatter."""
+_MISMATCHED = 0.3  # typical difference of an effect's shift between two laws, as a share of it
+_LEAST_MISMATCH = 0.1
+_TYPICAL = 4.0  # fabrics that the typical mismatch counts for
+_RATIOS = (0.3, 3.0)  # of a fine shift to a cheap one, at most
+_SHRUNK = (4.0, 12.0)  # precision of the prior that the gain needs no correction: its level, its slope
 _VISIBLE = 0.3  # a shift's square is taken for at least so much of its noise's, in the logarithm of the gain
 
 
@@ -46,6 +51,8 @@ class Response:
         mean: Fit of every statistic's shift over sd and gain, in the frame of the effect's direction, face up.
         spread: Fit of the shift of `Features.spread`.
         later: Whether it acts on later captures, so that half of it is seen in the mean.
+        mismatch: How far the same effect in another law's world differs from it, as a share of its shift: along the
+            shift, and across it in all directions together.
     """
 
     effect: str
@@ -53,6 +60,7 @@ class Response:
     mean: Fit
     spread: Fit
     later: bool
+    mismatch: tuple[float, float] = (0.3, 0.3)
 
     def shift(
         self, theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: ndarray
@@ -200,6 +208,39 @@ def response(effect: Effect, measured: Changes) -> Response:
     mean = ridge(terms, values, 1, np.tile(precision, 2))
     spread = ridge(_scatter_terms(at, severity), measured.spread, 1)
     return Response(effect.name, gain, mean, spread, acts_later(effect))
+
+
+def corrected(fitted: Response, fine: Changes) -> Response:
+    """A response whose gain is that under the base model's own law and mesh, and how far shifts differ then.
+
+    The gain is corrected by a function of the bending level, shrunk towards none. What is left of the fine shifts
+    along the predicted ones and across them is how much an effect's shift depends on the law of the cloth.
+
+    Args:
+        fitted: The response under the cheaper model.
+        fine: What the effect does under the base model's own law and mesh.
+
+    Returns:
+        The response, corrected.
+    """
+    predicted = np.stack([fitted.shift(fine.theta, severity, fine.place)[0] for severity in fine.severity.T], axis=1)
+    size, noise = (predicted**2).sum((1, 2)), (fine.noise * (predicted != 0)).sum((1, 2))
+    along = (predicted * fine.shift).sum((1, 2)) / size
+    doubt = _MISMATCHED**2 + (fine.noise * predicted**2).sum((1, 2)) / size**2
+    terms = spread_terms(fine.theta)[:, :2]
+    logs, precision = np.log(np.clip(along, *_RATIOS)), 1 / doubt
+    prior = np.diag(_SHRUNK)
+    slope = np.linalg.solve(terms.T @ (precision[:, None] * terms) + prior, terms.T @ (precision * logs))
+    ratio = np.exp(terms @ slope)
+    weights = fitted.gain.weights.copy()
+    weights[:2, 0] += slope
+    gain = Fit(weights, fitted.gain.covariance, fitted.gain.residual)
+    freedom = len(along)
+    first = max(float(((along / ratio - 1) ** 2 - doubt + _MISMATCHED**2).mean()), _LEAST_MISMATCH**2)
+    left = ((fine.shift - (along[:, None, None] * predicted)) ** 2).sum((1, 2)) - noise
+    across = max(float((left / (ratio**2 * size)).mean()), _LEAST_MISMATCH**2)
+    shrunk = [np.sqrt((freedom * one + _TYPICAL * _MISMATCHED**2) / (freedom + _TYPICAL)) for one in (first, across)]
+    return replace(fitted, gain=gain, mismatch=(float(shrunk[0]), float(shrunk[1])))
 
 
 def _scatter_terms(theta: Float[ndarray, "rows parameters"], severity: ndarray) -> Float[ndarray, "rows terms"]:

@@ -1,4 +1,4 @@
-"""Ridge regression of several quantities on the same terms, each with a strength of its own.
+"""Ridge regression of several quantities on the same terms, each with a strength of its own; sums of such fits.
 
 References:
     Golub, Heath, Wahba. Generalized cross-validation as a method for choosing a good ridge parameter.
@@ -8,7 +8,7 @@ References:
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 _STRENGTHS = np.geomspace(1e-3, 1e3, 13)
@@ -42,6 +42,34 @@ class Fit:
             Variances.
         """
         return np.einsum("ri,ij,rj->r", terms, self.covariance, terms)[:, None] * self.residual
+
+
+@dataclass(frozen=True, eq=False)
+class SummedFit:
+    """A fit and corrections to it, each on some of the same terms.
+
+    Attributes:
+        fits: The fits.
+        columns: Terms of each.
+    """
+
+    fits: tuple[Fit, ...]
+    columns: tuple[Int[ndarray, " chosen"], ...]
+
+    def __call__(self, terms: Float[ndarray, "rows terms"]) -> Float[ndarray, "rows quantities"]:
+        return np.sum([fit(terms[:, own]) for fit, own in zip(self.fits, self.columns, strict=True)], axis=0)
+
+    def variance(self, terms: Float[ndarray, "rows terms"]) -> Float[ndarray, "rows quantities"]:
+        """Variance of the predictions, from the finite number of points.
+
+        Args:
+            terms: Regressors.
+
+        Returns:
+            Variances.
+        """
+        pairs = zip(self.fits, self.columns, strict=True)
+        return np.sum([fit.variance(terms[:, own]) for fit, own in pairs], axis=0)
 
 
 def ridge(

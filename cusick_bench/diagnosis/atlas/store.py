@@ -7,23 +7,24 @@ save(path, fit(*read_points(folder)), Calibration())
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import Response
-from cusick_bench.diagnosis.atlas.ridge import Fit
+from cusick_bench.diagnosis.atlas.ridge import Fit, SummedFit
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
-from cusick_bench.sim.engine.settings import Clamp
 
 _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
+_SUMS = ("base", "base_spread", "log_sd")
+_MOST_FITS = 9  # that one function is the sum of
 _MOST = 1000  # of inflation and tempering
 
 
@@ -57,7 +58,12 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
         calibration: Calibration of its probabilities.
     """
     arrays: dict[str, ndarray] = {"correlation": emulator.correlation, "discrepancy": emulator.discrepancy}
-    fits = {"base": emulator.base, "base_spread": emulator.base_spread, "log_sd": emulator.log_sd}
+    fits: dict[str, Fit] = {}
+    for name in _SUMS:
+        summed: SummedFit = getattr(emulator, name)
+        for place, (fit, columns) in enumerate(zip(summed.fits, summed.columns, strict=True)):
+            fits[f"{name}/{place}"] = fit
+            arrays[f"{name}/{place}/columns"] = columns.astype(np.float64)
     for name, response in emulator.responses.items():
         fits |= {f"{name}/{part}": getattr(response, part) for part in _PARTS}
     for name, fit in fits.items():
@@ -65,9 +71,8 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
     about = {
         "statistics": list(NAMES),
         "spreads": [name for name, _ in SPREADS],
-        "responses": {name: response.later for name, response in emulator.responses.items()},
+        "responses": {name: [one.later, *one.mismatch] for name, one in emulator.responses.items()},
         "calibration": asdict(calibration),
-        "clamp": emulator.clamp,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".tmp")
@@ -102,18 +107,26 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
         def fit(name: str) -> Fit:
             return Fit(*(arrays[f"{name}/{part}"] for part in ("weights", "covariance", "residual")))
 
+        def summed(name: str) -> SummedFit:
+            places = [f"{name}/{place}" for place in range(_MOST_FITS) if f"{name}/{place}/columns" in arrays]
+            columns = tuple(arrays[f"{place}/columns"].astype(np.int64) for place in places)
+            return SummedFit(tuple(fit(place) for place in places), columns)
+
         responses = {
-            name: Response(name, fit(f"{name}/gain"), fit(f"{name}/mean"), fit(f"{name}/spread"), later)
-            for name, later in about["responses"].items()
+            name: Response(
+                name,
+                gain=fit(f"{name}/gain"),
+                mean=fit(f"{name}/mean"),
+                spread=fit(f"{name}/spread"),
+                later=bool(later),
+                mismatch=(float(along), float(across)),
+            )
+            for name, (later, along, across) in about["responses"].items()
         }
         calibration = Calibration(**about["calibration"])
-        clamp = about.get("clamp", "whole")  # not said in atlases of before there was a choice
-        if clamp not in get_args(Clamp):
-            raise ValueError(f"clamp must be {' or '.join(get_args(Clamp))}, got {str(clamp)[:60]!r}")
         _check_shapes(path, arrays)
-        base, base_spread, log_sd = (fit(name) for name in ("base", "base_spread", "log_sd"))
-        correlation, discrepancy = arrays["correlation"], arrays["discrepancy"]
-        emulator = Emulator(base, base_spread, log_sd, correlation, discrepancy, responses, clamp)
+        base, base_spread, log_sd = (summed(name) for name in _SUMS)
+        emulator = Emulator(base, base_spread, log_sd, arrays["correlation"], arrays["discrepancy"], responses)
         return emulator, calibration
     except BadFile as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error.what}); {remedy}") from error

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
-from cusick_bench.diagnosis.atlas.base_model import BaseModel, with_clamp
+from cusick_bench.diagnosis.atlas.base_model import BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.evidence import Candidate, candidates, grid_at
@@ -165,7 +165,7 @@ class _Model:
         seed: tuple[int, ...],
     ) -> None:  # fmt: skip
         self.emulator, self.draping, self.seed = emulator, draping, seed
-        self.base_model = BaseModel(settings=with_clamp(emulator.clamp))
+        self.base_model = BaseModel()
         self.specimens, self.features = samples.specimens[chosen], samples.features(chosen)
         self.scatter, self.drift = scatter_of(self.specimens), samples.later
         self.start, self.sd = residual.theta, residual.sd

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
-from cusick_bench.diagnosis.atlas.observation import ANGLES, observe, silhouette
+from cusick_bench.diagnosis.atlas.observation import ANGLES, observe, silhouette, statistics_of
 from cusick_bench.diagnosis.inference.evidence import Candidate
 from cusick_bench.diagnosis.inference.hypotheses import Frame
 from cusick_bench.sim.effects import Effect
@@ -89,7 +89,7 @@ def _draped(
             changed = with_cause(changed, cause.hypothesis.effect, cause.value, cause.hypothesis.frame)
         with_causes.append(changed)
     positions = drape_setups(with_causes, simulators)
-    statistics = observe(with_causes, positions)
+    statistics = statistics_of(observe(with_causes, positions))
     radii = np.full((len(with_causes), ANGLES), np.nan)
     for index, where in enumerate(positions):
         if where is not None:
