@@ -1,6 +1,5 @@
 """The diagnosis against known answers: fabrics made by the atlas' own statistics, by simulation, and by a liar."""
 
-import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -8,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel, with_clamp
-from cusick_bench.diagnosis.atlas.design import BASE, FINE, NOT_SIMULATED, Design
+from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
 from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
@@ -52,7 +51,7 @@ from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
 from cusick_bench.sim.effects import effect, registered
 from cusick_bench.sim.setup import Simulators, drape_setups
 
-THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.3, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1])
+THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +85,7 @@ def residual_of(emulator: Emulator, specimens: np.ndarray, drift: np.ndarray) ->
 
 def simulated_captures(cause: str = "", severity: float = 0.0, *, samples: int = 8, seed: int = 3) -> Captures:
     """Two captures of each face of samples of a simulated fabric on another mesh than the atlas'."""
-    setups = BaseModel(300, with_clamp(load()[0].clamp), meshes=40).samples(THETA, samples, (900, seed))
+    setups = BaseModel(600, meshes=40).samples(THETA, samples, (900, seed))
     simulators, rows = Simulators(), []
     labels = [(sample, side) for sample in range(1, samples + 1) for side in ("up", "down")]
     for later in (False, True):
@@ -201,7 +200,7 @@ def test_limp_cloth_answers_as_its_simulation_does(emulator: Emulator) -> None:
         hypothesis = next(one for one in hypotheses(emulator) if one.name == name)
         value = {p.name: p.default for p in hypothesis.effect.parameters} | {hypothesis.effect.severity.name: severity}
         cause = Candidate(hypothesis, value, 0.0, 0.0, 0.0)
-        model = BaseModel(settings=with_clamp(emulator.clamp))
+        model = BaseModel()
         acts, base = (simulate(theta, causes, 8, (3,), drift=1.0, model=model) for causes in ((cause,), ()))
         made = np.nanmean(acts.specimens - base.specimens, axis=0) / emulator.sd(theta)
         given = {key: np.array([number]) for key, number in value.items()}
@@ -301,7 +300,8 @@ def test_damaged_atlas_is_refused(tmp_path: Path, damage: str) -> None:
 
 
 SMALL = Design(
-    points=2, stiff_points=0, effect_points=0, fine_points=0, law_points=0, one_mesh_points=0, samples=2, vertices=100
+    points=2, stiff_points=0, effect_points=0, fine_points=0, finest_points=0, fine_effect_points=0, law_points=0,
+    one_mesh_points=0, samples=2, vertices=100,
 )  # fmt: skip
 
 
@@ -323,27 +323,6 @@ def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> N
         build(tmp_path, replace(SMALL, samples=3))
 
 
-def test_an_atlas_says_on_which_clamp_it_was_made(emulator: Emulator, tmp_path: Path, one_thread: None) -> None:
-    """Designs and atlases of before there was a choice say nothing of it: their hinges were whole."""
-    assert emulator.clamp == "whole"  # the shipped one
-    save(tmp_path / "atlas.npz", replace(emulator, clamp="half"), Calibration())
-    assert load(tmp_path / "atlas.npz")[0].clamp == "half"
-    statistics = {}
-    for clamp in ("half", "whole"):
-        build(tmp_path / clamp, replace(SMALL, clamp=clamp))
-        design, points = read_points(tmp_path / clamp)
-        assert design.clamp == clamp
-        statistics[clamp] = points[BASE][0].statistics
-    radius = NAMES.index("mean_radius")
-    assert np.nanmean(statistics["half"][..., radius] - statistics["whole"][..., radius]) > 1e-4  # [m]: stiffer
-    said = json.loads((tmp_path / "whole" / "design.json").read_text())
-    said.pop("clamp")
-    (tmp_path / "whole" / "design.json").write_text(json.dumps(said))
-    assert read_points(tmp_path / "whole")[0].clamp == "whole"
-    with pytest.raises(DiagnosisError, match="another design"):
-        build(tmp_path / "whole", SMALL)
-
-
 def test_points_do_not_depend_on_what_is_made_with_them(tmp_path: Path, one_thread: None) -> None:
     """An imaging effect sees the base drapes again, whether or not these are asked for too."""
     names = [BASE, "camera-scale", "plate-radius"]
@@ -358,11 +337,17 @@ def test_points_do_not_depend_on_what_is_made_with_them(tmp_path: Path, one_thre
 
 
 def test_design_makes_what_it_says() -> None:
-    tasks = replace(SMALL, points=60, stiff_points=15, effect_points=4, fine_points=8).tasks()
+    design = replace(
+        SMALL, points=60, stiff_points=15, effect_points=4, fine_points=8, finest_points=8, fine_effect_points=4
+    )
+    tasks, limp = design.tasks(), set(np.flatnonzero(design.theta()[:, 0] < LIMP))
     effects = len(registered()) - len(NOT_SIMULATED)
-    assert len(tasks) == 75 + (4 + 1) * effects + (8 + 2)
+    finest = {*range(8), 60, 61} & limp
+    assert len(tasks) == 75 + 2 * (4 + 1) * effects + (8 + 2) + len(finest)
     assert tasks[0] == (0, BASE)
     assert {point for point, name in tasks if name == FINE} == {*range(8), 60, 61}
+    assert {point for point, name in tasks if name == FINEST} == finest
+    assert {point for point, name in tasks if name == at_fine("creep")} == {*range(4), 60}
 
 
 def test_random_values_are_within_bounds() -> None:
@@ -432,7 +417,7 @@ def test_simulated_cause_moves_what_the_atlas_says(emulator: Emulator, one_threa
     """Statistics of a real simulation against the atlas: camera scale, whose answer is known."""
     hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
     cause = Candidate(hypothesis, {"error": 0.05}, 0.0, 0.0, 0.0)
-    model = BaseModel(200, with_clamp(emulator.clamp))
+    model = BaseModel(200)
     plain = simulate(THETA, (), 2, (1,), model=model).specimens
     scaled = simulate(THETA, (cause,), 2, (1,), model=model).specimens
     radius = NAMES.index("mean_radius")

@@ -1,12 +1,11 @@
 """Base model and cause fitted by simulation, against a world whose answer is known: the atlas with a known error."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD, BaseModel
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load
 from cusick_bench.diagnosis.inference.evidence import Candidate
@@ -18,9 +17,8 @@ from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.simulation import closure
 from cusick_bench.diagnosis.simulation.closure import Draping, closures
 from cusick_bench.diagnosis.simulation.samples import Simulated
-from cusick_bench.sim.engine.settings import Clamp
 
-THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1])
+THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 RADII = np.zeros((1, 2, 360))
 NOTHING = np.zeros(len(NAMES))
 
@@ -63,24 +61,6 @@ def fabric(emulator: Emulator, causes: Sequence[Candidate], error: np.ndarray) -
 
 def residual_of(emulator: Emulator, data: SampleStatistics):
     return against_base(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
-
-
-@pytest.mark.parametrize("clamp", ["half", "whole"])
-def test_simulations_have_the_clamp_of_the_atlas(
-    emulator: Emulator, monkeypatch: pytest.MonkeyPatch, clamp: Clamp
-) -> None:
-    taken: list[bool] = []
-    simulated = world(emulator, NOTHING)
-
-    def noted(*given: object, model: BaseModel, **named: object) -> Simulated:
-        taken.append(model.settings.half_hinges)
-        return simulated(*given, **named)
-
-    monkeypatch.setattr(closure, "simulate", noted)
-    data = fabric(emulator, [], NOTHING)
-    closures(replace(emulator, clamp=clamp), data, residual_of(emulator, data), [()], Draping(20))
-    assert taken
-    assert set(taken) == {clamp == "half"}
 
 
 def test_severity_between_the_grids_points_is_found(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, Design
+from cusick_bench.diagnosis.atlas.emulator import fit
+from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import scaled
-from cusick_bench.diagnosis.atlas.response import Changes, response
+from cusick_bench.diagnosis.atlas.response import Changes, corrected, response
 from cusick_bench.diagnosis.atlas.response_check import unexplained_shares
 from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import FREE, NAMES
@@ -54,3 +57,44 @@ def test_doubt_grows_with_the_answer_and_away_from_the_atlas() -> None:
     moved, doubt = fitted.shift(np.stack([limp, stiff, corner]), np.ones(3), np.zeros((3, 0)))
     assert np.linalg.norm(moved[1]) / np.linalg.norm(moved[0]) == pytest.approx(np.exp(2 * STEEP), rel=0.1)
     assert doubt[0].mean() < doubt[1].mean() < doubt[2].mean()
+
+
+def test_a_gain_is_corrected_to_that_of_another_law() -> None:
+    """Shifts half as large again under the other law, and an eighth of their size in other directions."""
+    found, generator = known(200), np.random.default_rng(2)
+    fitted = response(effect("camera-scale"), found)
+    fine = found.of(np.arange(24))
+    size = np.linalg.norm(fine.shift, axis=2, keepdims=True)
+    other = np.where(fine.noise > 0, generator.standard_normal(fine.shift.shape), 0.0)
+    fine.shift[:] = 1.5 * fine.shift + 0.125 * size * other / np.linalg.norm(other, axis=2, keepdims=True)
+    better = corrected(fitted, fine)
+    before, after = (one.shift(fine.theta, fine.severity[:, 0], fine.place)[0] for one in (fitted, better))
+    assert np.linalg.norm(after, axis=1) == pytest.approx(1.5 * np.linalg.norm(before, axis=1), rel=0.1)
+    assert better.mismatch[0] < 0.2
+    assert better.mismatch[1] < 0.2
+    assert fitted.mismatch == (0.3, 0.3)
+
+
+def test_cheap_drapes_and_fewer_exact_ones_give_the_exact_mean() -> None:
+    """The cheaper model is wrong by a smooth function of stiffness: the fit is that of the exact one."""
+    generator = np.random.default_rng(3)
+    design = Design(points=96, stiff_points=0, effect_points=0, fine_points=48)
+    theta = design.theta()
+
+    def point(number: int, wrong: float) -> Point:
+        z = scaled(theta[number])
+        mean = np.zeros(len(NAMES))
+        mean[: len(FREE)] = 0.2 + 0.02 * z[0] + wrong * (0.03 - 0.02 * z[0])
+        noise = np.random.default_rng([4, number]).standard_normal((4, 2, len(NAMES)))
+        return Point(np.zeros(0), mean + 1e-3 * noise)
+
+    points = {
+        BASE: {number: point(number, 1.0) for number in range(96)},
+        FINE: {number: point(number, 0.0) for number in range(48)},
+    }
+    fitted = fit(design, points)
+    at = generator.uniform(LOW, HIGH, (20, len(LOW)))
+    expected = 0.2 + 0.02 * scaled(at)[:, 0]
+    made = np.stack([fitted.mean(one) for one in at])
+    assert made[:, 1] == pytest.approx(expected, abs=2e-3)
+    assert fitted.wrong(at[0])[1, 1] < 0.5, "what is corrected is no discrepancy"

@@ -106,7 +106,7 @@ def fit_atlas(
     """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
     from cusick_bench.diagnosis.atlas.emulator import fit
     from cusick_bench.diagnosis.atlas.points import read_points
-    from cusick_bench.diagnosis.atlas.response_check import THIRDS, unexplained
+    from cusick_bench.diagnosis.atlas.response_check import THIRDS, error_of_means, unexplained
     from cusick_bench.diagnosis.atlas.store import Calibration, save
 
     design, points = read_points(folder)
@@ -115,17 +115,23 @@ def fit_atlas(
     save(out, emulator, Calibration())
     counts = {name: len(found) for name, found in points.items()}
     shares: dict[str, list[float]] = {}
+    errors: dict[str, list[float]] = {}
     if check:
         with progress_bar("checking the fits"):
             shares = {name: one.tolist() for name, one in unexplained(design, points, emulator).items()}
+            errors = {name: one.tolist() for name, one in error_of_means(design, points, emulator).items()}
     if as_json:
-        print_json({"path": out, "points": counts, "unexplained": shares})
+        print_json({"path": out, "points": counts, "unexplained": shares, "error_of_means": errors})
     else:
         if check:
             table = Table("effect", *THIRDS, title="share of the shifts not explained, by thirds of stiffness")
             for name, row in shares.items():
                 table.add_row(name, *(f"{share:.2f}" for share in row))
             output.print(table)
+            means = Table("statistics", *THIRDS, title="error of the means without effect, in sd between samples")
+            for name, row in errors.items():
+                means.add_row(name, *(f"{error:.2f}" for error in row))
+            output.print(means)
         output.print(
             f"{out}: {counts.get('base', 0)} fabrics; next: cusick-bench atlas calibrate CASES LABELS --atlas {out}"
         )

@@ -252,17 +252,11 @@ def fit(
         DiagnosisError: Too few points.
     """
     theta, base = design.theta(), points.get(BASE, {})
-    numbers = [n for n, p in base.items() if np.isfinite(p.statistics).all((1, 2)).sum() >= LEAST_SAMPLES]
+    numbers = [n for n, point in base.items() if _usable(point)]
     if len(numbers) < _LEAST_POINTS:
         raise DiagnosisError(f"an atlas needs at least {_LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
     at, of_fabrics = theta[numbers], [features(base[n].statistics) for n in numbers]
-    mean = np.stack([one.mean.mean(0) for one in of_fabrics])
-    terms, values = _and_exchanged(at, mean)
-    corrections = [
-        _correction(theta, points, FINE, BASE, CORRECTED, 1 + at.shape[1]),
-        _correction(theta, points, FINEST, FINE, LIMP, 1),
-    ]
-    level = _summed(ridge(terms, values, 1 + at.shape[1]), corrections)
+    level, corrections = level_of(theta, points)
     scatter = spread_terms(theta)
     variance = _log_variances(base)
     log_sd = _summed(
@@ -287,15 +281,38 @@ def fit(
             fitted = corrected(fitted, changes(effect, theta, points[FINE], fine, sd))
         responses[name] = fitted
     known = {}
-    for name, correction in zip((FINE, FINEST), corrections, strict=True):
-        if correction is not None:
-            shift = correction[0](base_terms(theta)[:, correction[1]])
-            known[name] = dict(enumerate(shift))
+    for name, (correction, columns) in corrections.items():
+        known[name] = dict(enumerate(correction(base_terms(theta)[:, columns])))
     discrepancy = _discrepancy(points, theta, sd, known)
     return Emulator(level, spread, log_sd, correlation, discrepancy, responses)
 
 
 _Correction = tuple[Fit, Int[ndarray, " chosen"]]
+
+
+def level_of(
+    theta: Float[ndarray, "points parameters"], points: Mapping[str, Mapping[int, Point]]
+) -> tuple[SummedFit, dict[str, _Correction]]:
+    """Fits the mean of every statistic without an effect.
+
+    Args:
+        theta: Base parameters of all fabrics.
+        points: Their drapes, as far as they are made.
+
+    Returns:
+        The mean under the base model, and the corrections to the cheaper model that are part of it: by the drapes that
+        they come from.
+    """
+    base, free = points[BASE], 1 + theta.shape[1]
+    numbers = [n for n, point in base.items() if _usable(point)]
+    mean = np.stack([features(base[n].statistics).mean.mean(0) for n in numbers])
+    terms, values = _and_exchanged(theta[numbers], mean)
+    found = {
+        FINE: _correction(theta, points, FINE, BASE, CORRECTED, free),
+        FINEST: _correction(theta, points, FINEST, FINE, LIMP, 1),
+    }
+    corrections = {name: one for name, one in found.items() if one is not None}
+    return _summed(ridge(terms, values, free), list(corrections.values())), corrections
 
 
 def _usable(point: Point) -> bool:

@@ -2,7 +2,9 @@
 
 For every effect the fabrics are dealt into ten parts, each predicted by a fit to the other nine. Of the squared shifts
 of all statistics, in sd, the scatter of a fabric's few samples is taken off, on both sides: the share that is left is
-the responses' own error, 0 at best, 1 as bad as to expect no shift at all.
+the responses' own error, 0 at best, 1 as bad as to expect no shift at all. The means without effect are checked
+likewise, on fabrics draped by the base model's own law: the root mean square of their error, in standard deviations
+between samples.
 
 References:
     Stone. Cross-validatory choice and assessment of statistical predictions. JRSS B 36(2), 1974.
@@ -14,10 +16,12 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.design import BASE, Design
-from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, Design
+from cusick_bench.diagnosis.atlas.emulator import Emulator, level_of
 from cusick_bench.diagnosis.atlas.points import Point
-from cusick_bench.diagnosis.atlas.response import Changes, changes, response
+from cusick_bench.diagnosis.atlas.regression_terms import base_terms
+from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Changes, changes, response
+from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, GROUPS, NAMES
 from cusick_bench.sim.effects import Effect, registered
 
 _PARTS = 10
@@ -42,6 +46,48 @@ def unexplained(
     return {
         name: unexplained_shares(registered()[name], changes(registered()[name], theta, points[BASE], points[name], sd))
         for name in emulator.responses
+    }
+
+
+def error_of_means(
+    design: Design, points: Mapping[str, Mapping[int, Point]], emulator: Emulator
+) -> dict[str, Float[ndarray, "3"]]:
+    """Cross-validated error of the means without effect, for the limpest, middle and stiffest third of fabrics.
+
+    Args:
+        design: What the atlas was made of.
+        points: What `points.read_points` returned.
+        emulator: Fitted to them: its scatter between samples is the unit.
+
+    Returns:
+        Root mean square error by group of statistics [sd]; empty where too few fabrics are draped by the base model's
+        own law.
+    """
+    theta, fine = design.theta(), points.get(FINE, {})
+    numbers = [n for n, point in fine.items() if np.isfinite(point.statistics).all((1, 2)).sum() >= LEAST_SAMPLES]
+    if len(numbers) < 2 * _PARTS:
+        return {}
+    parts = np.random.default_rng(0).permutation(len(numbers)) % _PARTS
+    squares = np.zeros((len(numbers), len(NAMES)))
+    for part in range(_PARTS):
+        held = {numbers[row] for row in np.flatnonzero(parts == part)}
+        others = {name: {n: p for n, p in one.items() if n not in held} for name, one in points.items()}
+        level, _ = level_of(theta, others)
+        for row in np.flatnonzero(parts == part):
+            at = theta[numbers[row]]
+            values = fine[numbers[row]].statistics
+            values = values[np.isfinite(values).all((1, 2))].mean(1)
+            error = (values.mean(0) - level(base_terms(at[None]))[0]) / emulator.sd(at)
+            squares[row] = error**2 - (values.var(0, ddof=1) / len(values)) / emulator.sd(at) ** 2
+    bending = theta[numbers, 0]
+    third = np.digitize(bending, np.quantile(bending, [1 / 3, 2 / 3]))
+    allowed = {*FREE, *EVEN}
+    return {
+        name: np.array(
+            [np.sqrt(max(squares[third == k][:, [c for c in columns if c in allowed]].mean(), 0)) for k in range(3)]
+        )
+        for name, columns in GROUPS.items()
+        if allowed.intersection(columns)
     }
 
 
