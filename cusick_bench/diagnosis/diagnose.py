@@ -18,6 +18,7 @@ from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
 from cusick_bench.diagnosis.inference.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, SampleStatistics, fabric_evidence
+from cusick_bench.diagnosis.inference.feature_rows import as_seen
 from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.inference.localise import Place, place
 from cusick_bench.diagnosis.inference.next_measurement import Advice, advise
@@ -162,7 +163,9 @@ def _baselines(
     scale = np.sqrt(np.diag(unprojected.covariance))[kept]
     value = (feature_vector(features, sd) - base_vector(emulator, residual.theta, sd))[kept] / scale
     moved = [
-        shifts(emulator, grid.hypothesis, residual.theta, sd, samples.later).features[:, kept] / scale for grid in grids
+        as_seen(shifts(emulator, grid.hypothesis, residual.theta, sd, samples.later).features, features.single)[:, kept]
+        / scale
+        for grid in grids
     ]
     return {
         "largest-marginal-score": largest_marginal_score(value, grids, moved),

@@ -34,6 +34,7 @@ from cusick_bench.diagnosis.inference.evidence import (
     posterior,
     unknown_evidence,
 )
+from cusick_bench.diagnosis.inference.feature_rows import faces_of
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.localise import place
 from cusick_bench.diagnosis.inference.next_measurement import advise
@@ -43,7 +44,7 @@ from cusick_bench.diagnosis.inference.residual import Residual, against_base
 from cusick_bench.diagnosis.inference.stepwise import forward_selection
 from cusick_bench.diagnosis.inference.verdict import named_cause, set90, single_causes, verdict_of
 from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
-from cusick_bench.diagnosis.measure.features import SPREADS, Features, features
+from cusick_bench.diagnosis.measure.features import SPREADS, features
 from cusick_bench.diagnosis.measure.gap import Fold, Gap, gap
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES, rotated
 from cusick_bench.diagnosis.simulation.closure import Closure
@@ -71,7 +72,7 @@ def drawn_fabric(
     sd = emulator.sd(THETA)
     root = np.linalg.cholesky(emulator.correlation)
     noise = (generator.standard_normal((samples, len(root))) @ root.T).reshape(samples, 2, -1) * sd
-    moved = 0.0 if shift is None else shift[: 2 * len(NAMES)].reshape(2, -1) * sd
+    moved = 0.0 if shift is None else faces_of(shift) * sd
     drift = 0.2 * generator.standard_normal((samples, len(NAMES))) * sd
     return emulator.mean(THETA) + noise + moved, drift
 
@@ -188,7 +189,7 @@ def test_what_a_stiffer_cloth_explains_is_not_detectable(emulator: Emulator, det
     seen = against_base(emulator, expected_features(emulator, THETA, 12), start=THETA, fixed=True)
     value = {"ratio": np.array([detectable["bending-friction"]])}
     moved = shifts(emulator, hypothesis, THETA, seen.sd, seen.drift, value).features
-    means = np.linalg.norm(moved[0, : 2 * len(NAMES)] * np.sqrt(12))
+    means = np.linalg.norm(faces_of(moved[0]) * np.sqrt(12))
     assert means > 8 * np.linalg.norm(seen.whiten(moved))  # most of the shift is the base parameters' own
 
 
@@ -204,10 +205,10 @@ def test_limp_cloth_answers_as_its_simulation_does(emulator: Emulator) -> None:
         acts, base = (simulate(theta, causes, 8, (3,), drift=1.0, model=model) for causes in ((cause,), ()))
         made = np.nanmean(acts.specimens - base.specimens, axis=0) / emulator.sd(theta)
         given = {key: np.array([number]) for key, number in value.items()}
-        moved = shifts(emulator, hypothesis, theta, emulator.sd(theta), 1.0, given).features[0, : made.size]
+        moved = faces_of(shifts(emulator, hypothesis, theta, emulator.sd(theta), 1.0, given).features[0])
         size = list(GROUPS["size"])
         # The fault was a factor of several, or the sign; the mean over 8 simulated samples has noise of its own.
-        assert moved.reshape(made.shape)[:, size] == pytest.approx(made[:, size], rel=0.5), name
+        assert moved[:, size] == pytest.approx(made[:, size], rel=0.5), name
 
 
 def test_shift_outside_of_the_list_is_unknown(emulator: Emulator) -> None:
@@ -234,13 +235,11 @@ def test_direction_turns_the_shift(emulator: Emulator) -> None:
     found = {(one.name, one.frame): one for one in hypotheses(emulator)}
     value = {"shift": np.array([3e-3]), "direction": np.array([40.0])}
     sd = np.ones(len(NAMES))
-    lab = (
-        shifts(emulator, found["camera-offset", "lab"], THETA, sd, 0.5, value)
-        .features[0][: 2 * len(NAMES)]
-        .reshape(2, -1)
+    lab, fixed = (
+        faces_of(shifts(emulator, found["camera-offset", frame], THETA, sd, 0.5, value).features[0])
+        for frame in ("lab", "cloth")
     )
-    fixed = shifts(emulator, found["camera-offset", "cloth"], THETA, sd, 0.5, value).features[0]
-    up, down = fixed[: 2 * len(NAMES)].reshape(2, -1)
+    up, down = fixed
     np.testing.assert_allclose(up, down)
     np.testing.assert_allclose(lab[0], up)
     np.testing.assert_allclose(lab[1], rotated(up, np.deg2rad(140 - 40)), atol=1e-12)
@@ -427,10 +426,7 @@ def test_simulated_cause_moves_what_the_atlas_says(emulator: Emulator, one_threa
 
 
 def test_features_without_anything() -> None:
-    nothing = Features(
-        np.full((2, len(NAMES)), np.nan), np.zeros(2, int), 0, np.full(len(SPREADS), np.nan),
-        np.full(len(SPREADS), np.inf), np.full(6, np.nan), np.full(6, np.inf),
-    )  # fmt: skip
+    nothing = features(np.full((2, 2, len(NAMES)), np.nan))
     with pytest.raises(DiagnosisError, match="at least one drape"):
         against_base(load()[0], nothing)
 

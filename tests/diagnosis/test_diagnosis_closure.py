@@ -10,6 +10,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load
 from cusick_bench.diagnosis.inference.evidence import Candidate
 from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics
+from cusick_bench.diagnosis.inference.feature_rows import faces_of
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.inference.residual import against_base, scatter_of
 from cusick_bench.diagnosis.measure.gap import fit_of
@@ -37,7 +38,7 @@ def drawn(
     moved = np.tile(error, 2)
     for one in causes:
         point = {name: np.array([value]) for name, value in one.value.items()}
-        moved = moved + shifts(emulator, one.hypothesis, theta, sd, 0.5, point).features[0][: 2 * len(NAMES)]
+        moved = moved + faces_of(shifts(emulator, one.hypothesis, theta, sd, 0.5, point).features[0]).ravel()
     return emulator.mean(theta) + ((noise + moved) * np.tile(sd, 2)).reshape(count, 2, -1)
 
 

@@ -13,10 +13,10 @@ from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics
+from cusick_bench.diagnosis.inference.feature_rows import MEANS, faces_of
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.power import NEEDED
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, scatter_of
-from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.shown_shift import (
     ShownShift,
@@ -59,9 +59,9 @@ def scaled(plain: SampleStatistics, residual: Residual, size: float) -> SampleSt
     hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-scale")
     value = {name: np.array([0.02 if name == "error" else column[0]]) for name, column in hypothesis.values.items()}
     row = shifts(emulator, hypothesis, residual.theta, residual.sd, plain.later, value).features
-    row[:, 2 * len(NAMES) :] = 0.0
+    row[:, MEANS.stop :] = 0.0
     row *= size / np.linalg.norm(residual.whiten(row))
-    moved = (row[0, : 2 * len(NAMES)].reshape(2, -1)) * residual.sd
+    moved = faces_of(row[0]) * residual.sd
     return SampleStatistics(plain.specimens + moved, plain.drift, plain.later)
 
 

@@ -231,3 +231,53 @@ def power(
         cells = ["" if value is None else f"{factor * value:.2g}" for value in row]
         table.add_row(name, unit, *cells, f"{shift[name]:.1f}" if name in shift else "")
     output.print(table)
+
+
+@app.command("separation")
+@user_errors
+def separation(
+    atlas: Atlas = SHIPPED,
+    out: Annotated[
+        Path | None, output_option(help="Table of all pairs, comma-separated, with a line for each pair and stiffness.")
+    ] = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(help="Group of statistics to leave out, again for each; by default what tells pairs apart best."),
+    ] = None,
+    shown: Annotated[int, typer.Option(min=0, max=MOST_CASES, help="Pairs to print, the most alike first.")] = 20,
+    samples: Annotated[
+        int, typer.Option(min=2, max=MOST_SAMPLES, help="Samples of a fabric, on both sides, each captured twice.")
+    ] = 12,
+    as_json: Json = False,
+) -> None:
+    """Separation of every pair of effects at three stiffnesses, with all statistics and without some groups."""
+    from cusick_bench.diagnosis.atlas.store import load
+    from cusick_bench.diagnosis.inference.separation import LEVELS, NEW_GROUPS, separations, summary
+
+    emulator, _ = load(atlas)
+    left_out = tuple(leave_out or NEW_GROUPS)
+    found = []
+    with progress_bar("stiffnesses", len(LEVELS)) as bar:
+        for level in LEVELS:
+            found += separations(emulator, level, left_out=left_out, samples=samples)
+            bar.advance()
+    if out is not None:
+        lines = [f"{one.level:g},{one.first},{one.second},{one.without:.2f},{one.full:.2f}" for one in found]
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(out, ("\n".join(["bending,first,second,without,all", *lines]) + "\n").encode())
+    figures = {f"{level:g}": summary([one for one in found if one.level == level]) for level in LEVELS}
+    if as_json:
+        print_json(
+            {"left_out": left_out, "samples": samples, "levels": figures, "pairs": [asdict(one) for one in found]}
+        )
+        return
+    table = Table("bending", "first", "second", "without", "all", title="separation [sd of noise]")
+    for one in sorted(found, key=lambda one: one.without)[:shown]:
+        table.add_row(f"{one.level:g}", one.first, one.second, f"{one.without:.1f}", f"{one.full:.1f}")
+    output.print(table)
+    for level, row in figures.items():
+        output.print(
+            f"bending {level}: median {row['median_full']:.1f}, {row['median_without']:.1f} without "
+            f"{', '.join(left_out)}; below 2: {100 * row['alike_full']:.0f} % of pairs, "
+            f"{100 * row['alike_without']:.0f} % without"
+        )

@@ -8,6 +8,7 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document.model import StatisticRow
+from cusick_bench.diagnosis.inference.feature_rows import FACE_EVEN
 from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES
 
@@ -83,7 +84,7 @@ def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, 
         one = diagnosis.cause[0]
         point = {name: np.array([value]) for name, value in one.value.items()}
         row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).features[0]
-        moved = row[: 2 * len(NAMES)].reshape(2, -1).mean(0) * residual.sd
+        moved = row[FACE_EVEN] * residual.sd
     return base, base + moved, 0
 
 

@@ -18,6 +18,7 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.effect_timing import in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import scaled_place
+from cusick_bench.diagnosis.inference.feature_rows import in_rows
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
 from cusick_bench.sim.effects import Effect, registered
@@ -115,7 +116,7 @@ class Shifts:
     """How much the features shift, at every value of a grid.
 
     Attributes:
-        features: Shift of every feature, in the order of `residual.feature_vector` [sd].
+        features: Shift of every feature, in the rows of `feature_rows` [sd].
         variance: Mean variance of the shifts of the means, from the atlas' finite number of points.
     """
 
@@ -152,7 +153,7 @@ def shifts(
         turned = rotated(np.tile(mean, (len(severity), 1)), np.deg2rad(severity * effect.severity.typical)) - mean
         spreads, orders = np.zeros((len(severity), len(SPREADS))), np.zeros((len(severity), len(ORDERS)))
         turned = turned / sd
-        return Shifts(np.concatenate([turned, turned, spreads, orders], axis=1), np.zeros(len(severity)))
+        return Shifts(in_rows(turned, turned, spreads, orders), np.zeros(len(severity)))
     response = emulator.responses[hypothesis.name]
     at = np.tile(theta, (len(severity), 1))
     place = scaled_place(effect, given)
@@ -170,7 +171,8 @@ def shifts(
     if response.later:
         orders = (faces[0] + faces[1])[:, list(ORDERS)] / 2 if drift > 0 else orders
         faces, spreads = [face * drift for face in faces], spreads * drift
-    return Shifts(np.concatenate([*faces, spreads, orders], axis=1), variance)
+    up, down = faces
+    return Shifts(in_rows(up, down, spreads, orders), variance)
 
 
 def _angle(hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int) -> ndarray | None:

@@ -148,10 +148,17 @@ def expected_features(emulator: Emulator, theta: ndarray, samples: int) -> Featu
     mean = emulator.mean(theta)
     sd = emulator.sd(theta)[list(ORDERS)]
     return Features(
-        np.stack([mean, mean]), np.array([samples, samples]), samples, emulator.spread(theta),
-        np.full(len(SPREADS), 0.5 / (2 * samples - 2) / 0.75), np.zeros(len(ORDERS)),
-        ((0.3 * sd) ** 2 + RESOLUTION[list(ORDERS)] ** 2) / samples,
-    )  # fmt: skip
+        mean=np.stack([mean, mean]),
+        samples=np.array([samples, samples]),
+        both=samples,
+        contrast=np.stack([mean, np.zeros_like(mean)]),
+        share=np.stack([np.diag([1.0, 0.0]), np.diag([0.0, 1.0])]) / samples,
+        spread=emulator.spread(theta),
+        spread_variance=np.full(len(SPREADS), 0.5 / (2 * samples - 2) / 0.75),
+        order=np.zeros(len(ORDERS)),
+        order_covariance=np.diag(((0.3 * sd) ** 2 + RESOLUTION[list(ORDERS)] ** 2) / samples),
+        order_freedom=0,
+    )
 
 
 @dataclass(frozen=True)

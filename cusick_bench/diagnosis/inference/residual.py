@@ -4,16 +4,18 @@ With features y, the emulated base y0(theta), its Jacobian J at the best theta, 
 
     y - y0(theta) ~ N(0, C),    C = S / n + Q + E + J P J^T,
 
-S the covariance between samples (of the model, widened to what the data show), Q the model's discrepancy, E the
-emulator's own uncertainty. Integrating theta out in this way is the projection of everything orthogonal to the base
-parameters: a shift that theta could have made costs nothing. With C = L L^T, w = L^-1 (y - y0) is white noise where
-the base model holds, and an effect that moves the features by D moves w by L^-1 D.
+S the covariance between samples (of the model, widened to what the data show, that of even and of odd parts of a
+sample's faces each for itself), Q the model's discrepancy, which both faces share, E the emulator's own uncertainty.
+`feature_rows` says what the rows are. Integrating theta out in this way is the projection of everything orthogonal to
+the base parameters: a shift that theta could have made costs nothing. With C = L L^T, w = L^-1 (y - y0) is white noise
+where the base model holds, and an effect that moves the features by D moves w by L^-1 D.
 
 References:
     Kennedy, O'Hagan. Bayesian calibration of computer models. JRSS B 63(3), 2001. Rasmussen, Williams. Gaussian
     processes for machine learning, 2006, Sec. 2.7 (integrating out a linear model).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,12 +27,11 @@ from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, PRIOR_MEAN, PRIOR
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms, spread_terms
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
+from cusick_bench.diagnosis.inference.feature_rows import DRIFT, FACE_EVEN, MEANS, ROWS, SPREAD, as_seen
+from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION
 
 _COUNT = len(NAMES)
-_MEANS = slice(0, 2 * _COUNT)
-_SPREADS = slice(2 * _COUNT, 2 * _COUNT + len(SPREADS))
 _TRUST = 12.0  # degrees of freedom that the model's own scatter counts for beside the data's
 _SPREAD_DISCREPANCY = 0.12  # of ln sd: correlation lengths and shapes of natural variability that are not the model's
 _SWEEPS = 25
@@ -61,6 +62,7 @@ class Residual:
         white: w, the known entries' difference to the base model, whitened.
         root: L, the Cholesky factor of the known entries' covariance.
         drift: Share of each face's captures that are later ones.
+        single: Which face alone is known, as in `Features.single`; 0 for both.
     """
 
     theta: Float[ndarray, "parameters"]
@@ -70,17 +72,18 @@ class Residual:
     white: Float[ndarray, "kept"]
     root: Float[ndarray, "kept kept"]
     drift: float
+    single: int = 0
 
     def whiten(self, shift: Float[ndarray, "shifts rows"]) -> Float[ndarray, "shifts kept"]:
         """Turns shifts of the features into shifts of w.
 
         Args:
-            shift: Shift of the features, in the order of `feature_vector` [sd].
+            shift: Shift of the features, in the rows of `feature_rows` [sd].
 
         Returns:
             L^-1 times the known entries.
         """
-        return solve_triangular(self.root, shift[:, self.kept].T, lower=True).T
+        return solve_triangular(self.root, as_seen(shift, self.single)[:, self.kept].T, lower=True).T
 
     @property
     def misfit(self) -> float:
@@ -89,16 +92,16 @@ class Residual:
 
 
 def feature_vector(features: Features, sd: Float[ndarray, "statistics"]) -> Float[ndarray, "rows"]:
-    """Features in one vector: means by face and drifts in units of sd, spreads as they are.
+    """Features in one vector: contrasts of the faces and drifts in units of sd, spreads as they are.
 
     Args:
         features: Features of the data.
         sd: Standard deviation of every statistic between samples [its unit].
 
     Returns:
-        Means of both faces, spreads, drifts.
+        In the rows of `feature_rows`.
     """
-    return np.concatenate([(features.mean / sd).ravel(), features.spread, features.order / sd[list(ORDERS)]])
+    return np.concatenate([(features.contrast / sd).ravel(), features.spread, features.order / sd[list(ORDERS)]])
 
 
 def base_vector(emulator: Emulator, theta: Float[ndarray, "parameters"], sd: ndarray) -> Float[ndarray, "rows"]:
@@ -110,10 +113,10 @@ def base_vector(emulator: Emulator, theta: Float[ndarray, "parameters"], sd: nda
         sd: Standard deviation of every statistic between samples [its unit].
 
     Returns:
-        In the order of `feature_vector`.
+        In the rows of `feature_rows`.
     """
     mean = emulator.mean(theta) / sd
-    return np.concatenate([mean, mean, emulator.spread(theta), np.zeros(len(ORDERS))])
+    return np.concatenate([mean, np.zeros(_COUNT), emulator.spread(theta), np.zeros(len(ORDERS))])
 
 
 def noise(
@@ -130,50 +133,92 @@ def noise(
         emulator: The atlas.
         theta: Base parameters.
         features: Features of the data, for their numbers of samples.
-        scatter: Variances between samples in the data with their degrees of freedom in the last entry, or None.
+        scatter: Variances between samples in the data, from `scatter_of`, or None.
         exact: Leave the errors of model and atlas out of the means' covariance.
 
     Returns:
         Their covariance, and the unit of the means.
     """
-    sd = emulator.sd(theta)
-    if scatter is not None and scatter[-1] > 0:
-        freedom = scatter[-1]
-        sd = np.sqrt((_TRUST * sd**2 + freedom * scatter[:-1]) / (_TRUST + freedom))
-        sd = np.maximum(sd, RESOLUTION)
-    size = 2 * _COUNT + len(SPREADS) + len(ORDERS)
-    covariance = np.zeros((size, size))
-    n = np.maximum(features.samples, 1).astype(np.float64)
-    share = np.array([[1 / n[0], features.both / (n[0] * n[1])], [features.both / (n[0] * n[1]), 1 / n[1]]])
-    covariance[_MEANS, _MEANS] = emulator.correlation * np.kron(share, np.ones((_COUNT, _COUNT)))
+    sd, between = _between_samples(emulator, theta, scatter)
+    covariance = np.zeros((ROWS, ROWS))
+    covariance[MEANS, MEANS] = sum(np.kron(share, one) for share, one in zip(features.share, between, strict=True))
     ratio = emulator.sd(theta) / sd
     wrong = emulator.wrong(theta) * np.outer(ratio, ratio)
     wrong = wrong + np.diag(emulator.base.variance(base_terms(theta[None]))[0] / sd**2)
-    covariance[_MEANS, _MEANS] += 0.0 if exact else np.kron(np.ones((2, 2)), wrong)
+    covariance[FACE_EVEN, FACE_EVEN] += 0.0 if exact else wrong
     spreads = features.spread_variance + emulator.base_spread.variance(spread_terms(theta[None]))[0]
-    covariance[_SPREADS, _SPREADS] = np.diag(spreads + _SPREAD_DISCREPANCY**2)
-    start = _SPREADS.stop
-    order = features.order_variance / sd[list(ORDERS)] ** 2 + (0.5 * RESOLUTION / sd)[list(ORDERS)] ** 2
-    covariance[start:, start:] = np.diag(order)
+    covariance[SPREAD, SPREAD] = np.diag(spreads + _SPREAD_DISCREPANCY**2)
+    covariance[DRIFT, DRIFT] = _drift_covariance(features, sd, between[0])
     return Noise(sd, covariance)
 
 
-def scatter_of(specimens: Float[ndarray, "samples 2 statistics"]) -> Float[ndarray, "statistics_and_freedom"]:
-    """Variance between samples within faces.
+def _between_samples(
+    emulator: Emulator, theta: Float[ndarray, "parameters"], scatter: ndarray | None
+) -> tuple[Float[ndarray, "statistics"], tuple[ndarray, ndarray]]:
+    """Standard deviation of every statistic, and covariances of even and of odd parts in units of it."""
+    model = emulator.sd(theta)
+    own, other = emulator.correlation[:_COUNT, :_COUNT], emulator.correlation[:_COUNT, _COUNT:]
+    own = (own + emulator.correlation[_COUNT:, _COUNT:]) / 2
+    other = (other + other.T) / 2
+    parts = [(own + other) / 2, (own - other) / 2]  # faces are exchangeable: even and odd parts do not correlate
+    wider = [np.ones(_COUNT), np.ones(_COUNT)]  # variances over the model's
+    if scatter is not None:
+        freedom = scatter[:, -1]
+        data = scatter[:, :-1] / model**2
+        if freedom[1] > 0:  # samples with both faces
+            each = [(part, data[row], freedom[row]) for row, part in enumerate(parts, start=1)]
+        else:
+            each = [(own, data[0], freedom[0])] * 2
+        wider = [(_TRUST + known * found / np.diag(part)) / (_TRUST + known) for part, found, known in each]
+    variance = sum(np.diag(part) * factor for part, factor in zip(parts, wider, strict=True))
+    sd = np.maximum(model * np.sqrt(variance), RESOLUTION)
+    scale = 1 / np.sqrt(variance)  # what images do not resolve is as noisy as their resolution
+    first, second = (
+        part * np.outer(scale * np.sqrt(factor), scale * np.sqrt(factor))
+        for part, factor in zip(parts, wider, strict=True)
+    )
+    return sd, (first, second)
+
+
+def _drift_covariance(
+    features: Features, sd: Float[ndarray, "statistics"], even: Float[ndarray, "statistics statistics"]
+) -> Float[ndarray, "orders orders"]:
+    """Covariance of the mean drifts in sd: the data's variances, their correlation shrunk to that of even parts."""
+    chosen = list(ORDERS)
+    variance = np.diag(features.order_covariance) / sd[chosen] ** 2
+    model = even[np.ix_(chosen, chosen)]
+    correlation = model / np.sqrt(np.outer(np.diag(model), np.diag(model)))
+    if features.order_freedom > 0:
+        size = np.sqrt(np.maximum(np.diag(features.order_covariance), np.finfo(np.float64).tiny))
+        found = features.order_covariance / np.outer(size, size)
+        correlation = (_TRUST * correlation + features.order_freedom * found) / (_TRUST + features.order_freedom)
+    if not np.isfinite(variance).all():
+        return np.diag(variance)
+    return correlation * np.sqrt(np.outer(variance, variance)) + np.diag((0.5 * RESOLUTION / sd)[chosen] ** 2)
+
+
+def scatter_of(specimens: Float[ndarray, "samples 2 statistics"]) -> Float[ndarray, "3 statistics_and_freedom"]:
+    """Variances between samples: within faces, of the even and of the odd parts of samples with both faces.
 
     Args:
         specimens: Statistics of every sample and face; NaN where there is none.
 
     Returns:
-        The variance of every statistic, then its degrees of freedom.
+        A row for each of the three: the variance of every statistic, then its degrees of freedom.
     """
     known = np.isfinite(specimens[..., 0])
-    count = known.sum(0)
-    freedom = int(np.maximum(count - 1, 0).sum())
+    paired = specimens[known.all(1)]
+    parts = [(paired[:, 1] + paired[:, 0]) / 2, (paired[:, 1] - paired[:, 0]) / 2]
+    within = [specimens[known[:, face], face] for face in (0, 1)]
+    return np.stack([_pooled(within), *(_pooled([part]) for part in parts)])
+
+
+def _pooled(groups: Sequence[Float[ndarray, "_ statistics"]]) -> Float[ndarray, "statistics_and_freedom"]:
+    """Variance within groups, and its degrees of freedom."""
+    freedom = sum(max(len(group) - 1, 0) for group in groups)
     if freedom < 1:
-        return np.zeros(specimens.shape[2] + 1)
-    mean = np.where(known[..., None], specimens, 0.0).sum(0) / np.maximum(count, 1)[:, None]
-    squares = np.where(known[..., None], (specimens - mean) ** 2, 0.0).sum((0, 1))
+        return np.zeros(groups[0].shape[1] + 1)
+    squares = sum(((group - group.mean(0)) ** 2).sum(0) for group in groups if len(group))
     return np.append(squares / freedom, freedom)
 
 
@@ -196,7 +241,7 @@ def against_base(
         scatter: Variances between samples in the data, from `scatter_of`.
         drift: Share of each face's captures that are later ones.
         start: Base parameters to start from, instead of a search over the bending level.
-        shift: Shift of the rows, in sd, that is taken off before (of an effect).
+        shift: Shift of all rows of both faces, in sd, that is taken off before (of an effect).
         fixed: Linearise at `start` instead of searching on.
         exact: As if model and atlas were without error: what is nearest to the data, not what is likeliest.
 
@@ -233,7 +278,7 @@ def against_base(
     # y - y0(theta) = noise + J (true - theta), and true - theta = (true - theta0) + (theta0 - theta) about the prior
     centred = value - jacobian @ (PRIOR_MEAN - theta)
     white = solve_triangular(root, centred, lower=True)
-    return Residual(theta, posterior, kept, errors.sd, white, root, drift)
+    return Residual(theta, posterior, kept, errors.sd, white, root, drift, features.single)
 
 
 def inflated(residual: Residual, factor: float) -> Residual:
@@ -265,7 +310,7 @@ def _linearised(
     """Known rows of y - y0, of its Jacobian to theta, and which they are."""
     value = feature_vector(features, errors.sd) - base_vector(emulator, theta, errors.sd)
     if shift is not None:
-        value = value - shift
+        value = value - as_seen(shift, features.single)
     kept = np.isfinite(value) & np.isfinite(np.diag(errors.covariance))
     step = 1e-3
     columns = []

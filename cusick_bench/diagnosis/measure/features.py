@@ -1,16 +1,18 @@
 """What a diagnosis looks at in a fabric: means, scatter and drift of its drapes' statistics.
 
-    mean    of every statistic over the samples, for each face (statistics in the cloth's frame)
-    spread  ln of the standard deviation between samples, of what natural variability moves least alike
-    order   how much the last capture of a face differs from the first
+    contrast  even = (up + down)/2 and odd = (down - up)/2 of every statistic in the cloth's frame, mean over samples
+    spread    ln of the standard deviation between samples, of what natural variability moves least alike
+    order     how much the last capture of a face differs from the first
 
-Samples are the independent units: faces and captures of one sample are averaged before anything is compared.
+Samples are the independent units: captures of a face are averaged before anything is compared, and faces are compared
+within samples. With e and o the even and odd parts of a sample, its face up shows e - o, its face down e + o. Samples
+of which only one face is known count for the even mean, with the odd mean of the others.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.special import digamma, polygamma
 
@@ -24,8 +26,20 @@ SPREADS: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("envelope_1", columns("envelope_1_real", "envelope_1_imaginary")),
 )
 """Names and columns; real and imaginary parts count together."""
-ORDERS = columns("mean_radius", "area_dc", "quantile_05", "quantile_95", "fold_depth", "fold_centroid")
+ORDERS = columns(
+    "mean_radius",
+    "area_dc",
+    "quantile_05",
+    "quantile_95",
+    "fold_centroid",
+    "fold_depth",
+    "roughness",
+    "skewness",
+    "crest_radius",
+    "valley_gap",
+)
 """Statistics whose drift is looked at."""
+_PAIRS = 2  # samples with both faces, from which on they alone tell the odd part
 _SHARED = 0.75  # faces of one sample are partly alike, and count for less than two
 
 
@@ -37,19 +51,32 @@ class Features:
         mean: Mean by face (up, down) and statistic; NaN where a face is missing.
         samples: How many samples each face's mean is over.
         both: How many samples have both faces.
+        contrast: Mean even and odd part of every statistic. Where one face only is known the even one is that face's,
+            and the odd one is NaN.
+        share: Covariance of `contrast` is that of a sample's even parts times `share[0]` plus that of its odd parts
+            times `share[1]`, each a matrix of even and odd.
         spread: Entries as in `SPREADS`; NaN below three samples a face.
         spread_variance: Their sampling variance.
         order: Entries as in `ORDERS`; NaN without repeats.
-        order_variance: Their sampling variance.
+        order_covariance: Their sampling covariance.
+        order_freedom: Degrees of freedom of that.
     """
 
     mean: Float[ndarray, "2 statistics"]
     samples: Int[ndarray, "2"]
     both: int
+    contrast: Float[ndarray, "2 statistics"]
+    share: Float[ndarray, "2 2 2"]
     spread: Float[ndarray, "spreads"]
     spread_variance: Float[ndarray, "spreads"]
     order: Float[ndarray, "orders"]
-    order_variance: Float[ndarray, "orders"]
+    order_covariance: Float[ndarray, "orders orders"]
+    order_freedom: int
+
+    @property
+    def single(self) -> int:
+        """-1 where all samples lie face up, 1 where all lie face down, 0 where both faces are known."""
+        return int(self.samples[0] == 0) - int(self.samples[1] == 0)
 
 
 def features(
@@ -68,9 +95,45 @@ def features(
     count = known.sum(0)
     total = np.where(known[..., None], specimens, 0.0).sum(0)
     mean = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
+    weights = contrast_weights(known)
+    contrast = np.einsum("rsf,sfk->rk", weights, np.where(known[..., None], specimens, 0.0))
+    contrast[np.abs(weights).sum((1, 2)) == 0] = np.nan
+    even, odd = weights.sum(2), weights[..., 1] - weights[..., 0]
     spread, spread_variance = _spread(specimens, known, mean)
-    order, order_variance = _order(drift)
-    return Features(mean, count, int(np.all(known, axis=1).sum()), spread, spread_variance, order, order_variance)
+    return Features(
+        mean,
+        count,
+        int(np.all(known, axis=1).sum()),
+        contrast,
+        np.stack([even @ even.T, odd @ odd.T]),
+        spread,
+        spread_variance,
+        *_order(drift),
+    )
+
+
+def contrast_weights(known: Bool[ndarray, "samples 2"]) -> Float[ndarray, "2 samples 2"]:
+    """Weights of every sample's faces in the mean even and the mean odd part; without bias, whatever is missing.
+
+    Args:
+        known: Which faces of each sample are known.
+
+    Returns:
+        Weights of even and odd; 0 for what cannot be told.
+    """
+    weights = np.zeros((2, *known.shape))
+    up, down = known.T
+    both, count, total = up & down, known.sum(0), int(known.any(1).sum())
+    if min(count) == 0:
+        weights[0] = known / max(total, 1)
+    elif both.sum() >= _PAIRS or not (both.sum() < count).all():
+        weights[1] = np.where(both[:, None], [-0.5, 0.5], 0.0) / both.sum()
+        weights[0] = np.where(both[:, None], 0.5, 1.0) * known / total
+        weights[0] += (int((up & ~both).sum()) - int((down & ~both).sum())) / total * weights[1]
+    else:  # hardly any sample has both faces
+        face = known / count / 2
+        weights[0], weights[1] = face, face * [-1, 1]
+    return weights
 
 
 def _spread(specimens: ndarray, known: ndarray, mean: ndarray) -> tuple[ndarray, ndarray]:
@@ -88,14 +151,12 @@ def _spread(specimens: ndarray, known: ndarray, mean: ndarray) -> tuple[ndarray,
     return value, variance
 
 
-def _order(drift: ndarray | None) -> tuple[ndarray, ndarray]:
-    """Mean drift and its variance, from the scatter between samples."""
-    nothing = np.full(len(ORDERS), np.nan), np.full(len(ORDERS), np.inf)
-    if drift is None:
-        return nothing
-    known = drift[np.isfinite(drift).all(1)][:, list(ORDERS)]
+def _order(drift: ndarray | None) -> tuple[ndarray, ndarray, int]:
+    """Mean drift, its covariance from the scatter between samples, and the degrees of freedom of that."""
+    count = len(ORDERS)
+    known = np.empty((0, count)) if drift is None else drift[np.isfinite(drift).all(1)][:, list(ORDERS)]
     if len(known) < 3:
-        return nothing
+        return np.full(count, np.nan), np.diag(np.full(count, np.inf)), 0
     freedom = len(known) - 1
     wider = freedom / (freedom - 2) if freedom > 2 else 3.0  # Student's t has this variance
-    return known.mean(0), wider * known.var(0, ddof=1) / len(known)
+    return known.mean(0), wider * np.cov(known.T) / len(known), freedom

@@ -27,6 +27,7 @@ from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.evidence import Candidate, candidates, grid_at
 from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.feature_rows import MEANS
 from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, scatter_of
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -260,8 +261,8 @@ def _polished(model: _Model, at: Residual, one: Candidate) -> Candidate:
 def _mended(model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: Simulated) -> Float[ndarray, "rows"]:
     """Simulated less emulated means, in sd; spreads and drifts are left to the atlas."""
     at = model.against(theta, model.nothing, fixed=True)
-    mean = features(drapes.specimens).mean / at.sd
-    expected = np.tile(model.emulator.mean(theta) / at.sd, 2)
+    mean = features(drapes.specimens).contrast / at.sd
+    expected = np.stack([model.emulator.mean(theta) / at.sd, np.zeros_like(at.sd)])
     error = model.nothing.copy()
-    error[: mean.size] = np.nan_to_num(mean.ravel() - expected - model.shift(at, causes)[: mean.size])
+    error[MEANS] = np.nan_to_num((mean - expected).ravel() - model.shift(at, causes)[MEANS])
     return error

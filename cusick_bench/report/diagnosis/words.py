@@ -37,6 +37,7 @@ GROUPS: Mapping[str, str] = {
     "spectrum": "spectrum of folds",
     "harmonics": "shape in cloth's frame",
     "envelope": "where folds are deep",
+    "slopes": "where folds are steep",
     "asymmetry": "crests against valleys",
     "outline": "outline beside the plate",
     "sides": "sides of crests and valleys",

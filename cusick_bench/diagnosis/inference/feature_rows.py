@@ -1,0 +1,117 @@
+"""Rows of a fabric's feature vector: the blocks, and where a model without effect may be wrong.
+
+    face-even   (up + down)/2 of every statistic, mean over samples [sd]: what both faces share, in the cloth's frame
+    face-odd    (down - up)/2 of every statistic, mean over samples [sd]
+    spread      entries of `SPREADS`: ln of a standard deviation between samples
+    drift       entries of `ORDERS`: last capture minus first, mean over samples and faces [sd]
+
+Even and odd contrasts of a sample do not correlate, since its faces are exchangeable, and odd ones scatter less: how
+stiff a sample is shows on both of its faces.
+
+Any cloth without an effect, whatever its law, is the same on both faces, symmetric about warp and weft and at rest:
+its odd contrasts, its drifts and the locked statistics that such a symmetry forbids are 0. Only the other rows
+(`MAY_BE_WRONG`) may be misfit by a model whose base law is not the cloth's; a shift in the rest is some effect's.
+
+Where all samples lie on one face, the face-even rows hold that face, whose shift is the even one plus or less the odd
+one (`as_seen`), and the face-odd rows are unknown.
+"""
+
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
+from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES
+
+Block = Literal["face-even", "face-odd", "spread", "drift"]
+
+_COUNT = len(NAMES)
+FACE_EVEN: Final = slice(0, _COUNT)
+FACE_ODD: Final = slice(FACE_EVEN.stop, FACE_EVEN.stop + _COUNT)
+MEANS: Final = slice(FACE_EVEN.start, FACE_ODD.stop)
+"""Both face blocks, even before odd."""
+SPREAD: Final = slice(FACE_ODD.stop, FACE_ODD.stop + len(SPREADS))
+DRIFT: Final = slice(SPREAD.stop, SPREAD.stop + len(ORDERS))
+ROWS: Final = DRIFT.stop
+BLOCKS: Final[dict[Block, slice]] = {"face-even": FACE_EVEN, "face-odd": FACE_ODD, "spread": SPREAD, "drift": DRIFT}
+
+
+def _may_be_wrong() -> Bool[ndarray, "rows"]:
+    rows = np.zeros(ROWS, dtype=bool)
+    rows[[*FREE, *EVEN]] = True  # columns of the statistics are the rows of the first block
+    rows[SPREAD] = True
+    return rows
+
+
+MAY_BE_WRONG: Final = _may_be_wrong()
+"""Which rows a model without effect may get wrong (see the module): of the even means the phase-free statistics and the
+real parts of even order, and the spreads."""
+
+
+def block_of(row: int) -> Block:
+    """Block of a row.
+
+    Args:
+        row: Its number in the vector.
+
+    Returns:
+        Name of the block.
+
+    Raises:
+        IndexError: No such row.
+    """
+    for name, rows in BLOCKS.items():
+        if rows.start <= row < rows.stop:
+            return name
+    raise IndexError(f"rows are numbered 0 to {ROWS - 1}, got {row}")
+
+
+def in_rows(
+    up: Float[ndarray, "values statistics"],
+    down: Float[ndarray, "values statistics"],
+    spread: Float[ndarray, "values spreads"],
+    drift: Float[ndarray, "values orders"],
+) -> Float[ndarray, "values rows"]:
+    """Vectors from what is known of each face.
+
+    Args:
+        up, down: Statistics of the faces, or shifts of them.
+        spread: Entries of `SPREADS`.
+        drift: Entries of `ORDERS`.
+
+    Returns:
+        All blocks.
+    """
+    return np.concatenate([(up + down) / 2, (down - up) / 2, spread, drift], axis=1)
+
+
+def faces_of(values: Float[ndarray, "*values rows"]) -> Float[ndarray, "*values 2 statistics"]:
+    """Statistics of each face, or shifts of them, from vectors.
+
+    Args:
+        values: Vectors.
+
+    Returns:
+        Those of the upper and of the lower face.
+    """
+    even, odd = values[..., FACE_EVEN], values[..., FACE_ODD]
+    return np.stack([even - odd, even + odd], axis=-2)
+
+
+def as_seen(values: Float[ndarray, "*values rows"], single: int) -> Float[ndarray, "*values rows"]:
+    """Shifts as data show them of which only one face is known.
+
+    Args:
+        values: Shifts of all rows.
+        single: -1 where only the upper face is known, 1 where only the lower one, 0 where both are.
+
+    Returns:
+        The same where both are known; else the even rows hold the shift of that face.
+    """
+    if not single:
+        return values
+    seen = values.copy()
+    seen[..., FACE_EVEN] += single * values[..., FACE_ODD]
+    return seen

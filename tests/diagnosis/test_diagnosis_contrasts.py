@@ -1,0 +1,183 @@
+"""Contrasts of a sample's faces: means and their covariance whatever faces are missing, and the rows they stand in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy import ndarray
+from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
+
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.inference import feature_rows
+from cusick_bench.diagnosis.inference.feature_rows import (
+    BLOCKS,
+    DRIFT,
+    FACE_EVEN,
+    FACE_ODD,
+    MAY_BE_WRONG,
+    ROWS,
+    as_seen,
+    block_of,
+    in_rows,
+)
+from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.power import expected_features
+from cusick_bench.diagnosis.inference.residual import against_base, base_vector, feature_vector, noise, scatter_of
+from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
+from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
+
+COUNT = len(NAMES)
+MISSING = {
+    "none": [],
+    "one face of some": [(0, 1), (1, 1), (2, 0)],
+    "down but once": [(n, 1) for n in range(1, 8)],
+    "hardly a pair": [(n, n % 2) for n in range(7)],
+}
+
+
+def specimens_of(even: ndarray, odd: ndarray, missing: list[tuple[int, int]]) -> ndarray:
+    found = np.stack([even - odd, even + odd], axis=1)
+    for sample, face in missing:
+        found[sample, face] = np.nan
+    return found
+
+
+@pytest.mark.parametrize("name", MISSING)
+def test_contrasts_are_unbiased_and_their_covariance_is_said(name: str) -> None:
+    generator = np.random.default_rng(0)
+    even, odd = 3.0 + 2.0 * generator.standard_normal((3000, 8)), 1.0 + 0.5 * generator.standard_normal((3000, 8))
+    drawn = []
+    for e, o in zip(even, odd, strict=True):
+        one = specimens_of(np.tile(e[:, None], COUNT), np.tile(o[:, None], COUNT), MISSING[name])
+        weights = contrast_weights(np.isfinite(one[..., 0]))
+        drawn.append(np.einsum("rsf,sf->r", weights, np.nan_to_num(one[..., 0])))
+    found = features(one)
+    np.testing.assert_allclose(found.contrast[:, 0], drawn[-1])
+    np.testing.assert_allclose(np.mean(drawn, axis=0), [3.0, 1.0], atol=0.06)
+    np.testing.assert_allclose(np.cov(np.array(drawn).T), 4.0 * found.share[0] + 0.25 * found.share[1], atol=0.06)
+    if name in ("none", "one face of some"):  # how samples differ does not blur how their faces do
+        assert found.share[0][1, 1] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(("face", "single"), [(0, -1), (1, 1)])
+def test_where_one_face_is_known_it_counts(face: int, single: int) -> None:
+    generator = np.random.default_rng(1)
+    whole = generator.standard_normal((6, 2, COUNT))
+    whole[:, 1 - face] = np.nan
+    found = features(whole)
+    assert found.single == single
+    np.testing.assert_allclose(found.contrast[0], whole[:, face].mean(0))
+    assert np.isnan(found.contrast[1]).all()
+    np.testing.assert_allclose([found.share[0][0, 0], found.share[1][0, 0]], [1 / 6, 1 / 6])
+    up, down = generator.standard_normal((2, 3, COUNT))
+    rows = in_rows(up, down, np.zeros((3, len(SPREADS))), np.zeros((3, len(ORDERS))))
+    np.testing.assert_allclose(as_seen(rows, single)[:, FACE_EVEN], (up, down)[face])
+    np.testing.assert_array_equal(as_seen(rows, 0), rows)
+    nothing = features(np.full((2, 2, COUNT), np.nan))
+    assert np.isnan(nothing.contrast).all()
+
+
+def test_blocks_hold_all_rows_and_symmetry_says_where_a_model_may_be_wrong() -> None:
+    rows = [row for block in BLOCKS.values() for row in range(block.start, block.stop)]
+    assert rows == list(range(ROWS))
+    assert [block_of(row) for row in (0, FACE_ODD.start, ROWS - 1)] == ["face-even", "face-odd", "drift"]
+    with pytest.raises(IndexError, match=f"0 to {ROWS - 1}"):
+        block_of(ROWS)
+    # A cloth that is the same on both faces and symmetric about warp and weft, in statistics of any size.
+    one = np.random.default_rng(2).standard_normal((40, COUNT))
+    turned = [one, mirrored(one), rotated(one, np.pi), mirrored(rotated(one, np.pi))]
+    up = np.mean(turned, axis=0)
+    nothing = np.zeros((40, len(SPREADS))), np.zeros((40, len(ORDERS)))
+    vector = in_rows(up, up, *nothing)
+    moved = np.abs(vector).max(0) > 1e-12
+    assert (moved <= MAY_BE_WRONG).all()
+    assert moved[FACE_EVEN].sum() == MAY_BE_WRONG[FACE_EVEN].sum()
+    assert MAY_BE_WRONG[feature_rows.SPREAD].all()
+    assert not MAY_BE_WRONG[DRIFT].any()
+
+
+def test_vectors_are_in_the_same_rows() -> None:
+    emulator, theta = toy_emulator(), PRIOR_MEAN
+    expected = expected_features(emulator, theta, 12)
+    sd = emulator.sd(theta)
+    np.testing.assert_allclose(feature_vector(expected, sd), base_vector(emulator, theta, sd), atol=1e-12)
+    assert len(feature_vector(expected, sd)) == ROWS
+    both = next(one for one in hypotheses(emulator) if one.name == "camera-offset" and one.frame == "lab")
+    point = {"shift": np.array([2e-3]), "direction": np.array([0.0])}
+    row = shifts(emulator, both, theta, sd, 0.5, point).features[0]
+    first = NAMES.index("harmonic_1_real")  # towards +x for the camera: towards -x in the frame of a cloth face down
+    assert row[FACE_ODD][first] < -0.2
+    assert abs(row[FACE_EVEN][first]) < 0.1 * abs(row[FACE_ODD][first])
+
+
+def test_data_widen_even_and_odd_parts_each_for_itself() -> None:
+    emulator, theta, generator = toy_emulator(), PRIOR_MEAN, np.random.default_rng(4)
+    sd = emulator.sd(theta)
+    wide = specimens_of(
+        3 * generator.standard_normal((200, COUNT)) * sd, 0.05 * generator.standard_normal((200, COUNT)) * sd, []
+    )
+    scatter = scatter_of(wide)
+    assert scatter[:, -1].tolist() == [398, 199, 199]
+    np.testing.assert_allclose(scatter[1, :-1] / sd**2, 9, rtol=0.5)
+    expected = expected_features(emulator, theta, 12)
+    plain, widened = (
+        noise(emulator, theta, expected, None, exact=True),
+        noise(emulator, theta, expected, scatter, exact=True),
+    )
+    ratio = np.diag(widened.covariance)[: 2 * COUNT] * np.tile(widened.sd**2, 2)
+    ratio = ratio / (np.diag(plain.covariance)[: 2 * COUNT] * np.tile(plain.sd**2, 2))
+    assert (ratio[:COUNT] > 4).all()
+    assert (ratio[COUNT:] < 0.5).all()
+    one_face = scatter_of(np.where(np.arange(2)[:, None] == 0, wide, np.nan))
+    assert one_face[:, -1].tolist() == [199, 0, 0]
+    single = noise(emulator, theta, expected, one_face, exact=True)
+    assert (np.diag(single.covariance)[FACE_ODD] * single.sd**2 > RESOLUTION**2 / 100).all()
+
+
+def test_a_contrast_of_faces_is_seen_through_samples_that_differ() -> None:
+    """Samples of very different stiffness: the faces' difference stays as plain as it was."""
+    emulator, generator = toy_emulator(), np.random.default_rng(5)
+    unlike = replace_between(PRIOR_MEAN, 1.2)
+    specimens = statistics_of(toy_outlines(unlike, 12, generator))
+    moved = specimens.copy()
+    shift = 1.5 * emulator.sd(PRIOR_MEAN)[NAMES.index("mean_radius")]
+    moved[:, 1, NAMES.index("mean_radius")] += shift
+    plain, shifted = (against_base(emulator, features(one), scatter=scatter_of(one)) for one in (specimens, moved))
+    vector = np.zeros((1, ROWS))
+    vector[0, FACE_ODD.start + NAMES.index("mean_radius")] = shift / 2 / plain.sd[NAMES.index("mean_radius")]
+    assert np.linalg.norm(plain.whiten(vector)) > 3
+    assert shifted.misfit > plain.misfit + 5
+
+
+def replace_between(theta: ndarray, between: float) -> ndarray:
+    changed = theta.copy()
+    changed[8] = between
+    return changed
+
+
+def test_drifts_that_rise_together_count_once() -> None:
+    emulator, theta = toy_emulator(), PRIOR_MEAN
+    expected = expected_features(emulator, theta, 12)
+    rows = noise(emulator, theta, expected, None).covariance[DRIFT, DRIFT]
+    size = np.sqrt(np.diag(rows))
+    correlation = rows / np.outer(size, size)
+    names = [NAMES[column] for column in ORDERS]
+    assert correlation[names.index("mean_radius"), names.index("area_dc")] > 0.7
+    alike = np.ones((len(ORDERS), len(ORDERS))) * 1e-6 + np.eye(len(ORDERS)) * 1e-8
+    data = replace(expected, order_covariance=alike, order_freedom=1000)
+    rows = noise(emulator, theta, data, None).covariance[DRIFT, DRIFT]
+    assert np.linalg.eigvalsh(rows).min() > 0
+
+
+def test_a_planted_offset_is_found_in_toy_cloths() -> None:
+    emulator, generator = toy_emulator(), np.random.default_rng(6)
+    outlines = with_planted(
+        toy_outlines(PRIOR_MEAN, 12, generator), "camera-offset", {"shift": 3e-3, "direction": 40.0}
+    )
+    specimens = statistics_of(outlines)
+    residual = against_base(emulator, features(specimens), scatter=scatter_of(specimens))
+    hypothesis = next(one for one in hypotheses(emulator) if one.name == "camera-offset" and one.frame == "lab")
+    moved = residual.whiten(shifts(emulator, hypothesis, residual.theta, residual.sd, 0.5).features)
+    best = int(np.argmin(((residual.white - moved) ** 2).sum(1)))
+    assert hypothesis.values["shift"][best] == pytest.approx(3e-3, rel=0.5)
+    assert abs(hypothesis.values["direction"][best] - 40) <= 15
