@@ -60,8 +60,8 @@ class Design:
         vertices: Mesh size of the cheaper model, whose law is `paper`.
     """
 
-    points: int = 256
-    stiff_points: int = 64
+    points: int = 512
+    stiff_points: int = 128
     effect_points: int = 128
     fine_points: int = 96
     finest_points: int = 40
