@@ -24,18 +24,21 @@ from scipy.stats import binomtest
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.detection import ALPHA, detection_p_value
 from cusick_bench.diagnosis.inference.evidence import NONE
-from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, CauseEvidence, fabric_evidence
-from cusick_bench.diagnosis.inference.verdict import single_causes
+from cusick_bench.diagnosis.inference.fabric_data import fabric_data
+from cusick_bench.diagnosis.inference.fabric_sets import fabric_sets
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.processes import process_pool
 
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)
-TEMPERINGS = np.round(np.arange(0.1, 1.55, 0.05), 2)
+TEMPERINGS = np.array([0.35, 0.5, 0.7, 1.0])
 _CONFIDENCE = 0.95  # that the level holds: what is detected in just its share of some nulls is in more of others
 _LEAST_NULLS = 60  # with fewer not even nothing detected shows that it holds
 _LEAST_PROBABILITY = 1e-3  # a cause that was left out as undetectable surprises by no more than that
 _SEED = 29
+_STEPS = 40  # of the sampler
+_MOST_TEMPERED = 150  # cases, evenly out of all, that set the power: each is sampled once for every power
 
 
 def calibrate(
@@ -68,27 +71,14 @@ def calibrate(
             needed.append(rank)
             step()
         inflation = inflation_at_level(needed)
-        weighed: list[tuple[CauseEvidence, str]] = []
-        evidence = over(partial(_evidence, emulator=emulator, inflation=inflation), [captures for captures, _ in cases])
-        for one, (_, truth) in zip(evidence, cases, strict=True):
-            weighed.append((one, truth))
+        every = max(1, -(-len(cases) // _MOST_TEMPERED))
+        asked = [(captures, truth, inflation) for captures, truth in cases[::every]]
+        surprises = []
+        for row in over(partial(surprises_of, emulator=emulator), asked):
+            surprises.append(row)
             step()
-    scores = [log_score(weighed, tempering) for tempering in TEMPERINGS]
+    scores = np.mean(surprises, axis=0)
     return Calibration(inflation, float(TEMPERINGS[int(np.argmin(scores))]), len(cases))
-
-
-def log_score(weighed: Sequence[tuple[CauseEvidence, str]], tempering: float) -> float:
-    """Mean surprise at the truth [nat].
-
-    Args:
-        weighed: Evidence of every case, and what acts there.
-        tempering: Power of the evidences.
-
-    Returns:
-        The score; lower is better.
-    """
-    probabilities = (single_causes(one.probability(tempering)).get(truth, 0.0) for one, truth in weighed)
-    return float(np.mean([-np.log(max(value, _LEAST_PROBABILITY)) for value in probabilities]))
 
 
 @contextmanager
@@ -113,7 +103,7 @@ def _needed(captures: Captures, emulator: Emulator) -> int:
     low, high = 0, len(INFLATIONS)
     while low < high:
         middle = (low + high) // 2 if low else 0  # most are quiet at the least
-        if _evidence(captures, emulator, float(INFLATIONS[middle])).p > ALPHA:
+        if p_value_of(captures, emulator, float(INFLATIONS[middle])) > ALPHA:
             high = middle
         else:
             low = middle + 1
@@ -144,5 +134,35 @@ def inflation_at_level(needed: Sequence[int]) -> float:
     )
 
 
-def _evidence(captures: Captures, emulator: Emulator, inflation: float) -> CauseEvidence:
-    return fabric_evidence(captures, emulator, inflation, np.random.default_rng(_SEED)).causes
+def p_value_of(captures: Captures, emulator: Emulator, inflation: float) -> float:
+    """p-value of the base model.
+
+    Args:
+        captures: Silhouettes of a case.
+        emulator: The atlas.
+        inflation: Factor on the noise.
+
+    Returns:
+        The p-value.
+    """
+    _, data, _ = fabric_data(captures, emulator, Calibration(inflation))
+    return detection_p_value(data.model(data.against()), np.random.default_rng(_SEED))
+
+
+def surprises_of(asked: tuple[Captures, str, float], emulator: Emulator) -> list[float]:
+    """Surprise at the truth of one case.
+
+    Args:
+        asked: Its silhouettes, the truth, and the factor on the noise.
+        emulator: The atlas.
+
+    Returns:
+        At each of `TEMPERINGS` [nat].
+    """
+    captures, truth, inflation = asked
+    rows = []
+    for tempering in TEMPERINGS:
+        _, data, _ = fabric_data(captures, emulator, Calibration(inflation, float(tempering)))
+        sets = fabric_sets(data, data.against(), np.random.default_rng(_SEED), steps=_STEPS)
+        rows.append(-float(np.log(max(sets.posterior.leading.get(truth, 0.0), _LEAST_PROBABILITY))))
+    return rows

@@ -1,10 +1,11 @@
-"""Diagnosis of one fabric: where simulation and data differ, which effect explains it, how far the gap shrinks.
+"""Diagnosis of one fabric: where simulation and data differ, which effects explain it, how far the gap shrinks.
 
-    features -> residual of the best base model -> evidence of every cause -> probabilities and verdict
-             -> place, measurements to make next -> simulation of base and cause -> gap, closure on unseen samples
+    features -> residual of the best base model -> posterior over sets of effects -> verdict, named set, budget
+             -> place, measurements to make next -> simulation of base and set -> gap, closure on unseen samples
 
 The first line is linear algebra on the atlas (seconds); only the last simulates. Nothing but the captures, their
-protocol and the atlas is looked at.
+protocol and the atlas is looked at; effects of the laboratory that other fabrics of the same data set show may be
+given.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,15 +17,18 @@ from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
+from cusick_bench.diagnosis.inference.budget import Budget
 from cusick_bench.diagnosis.inference.evidence import Candidate, Grid
-from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA, SampleStatistics, fabric_evidence
+from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.feature_rows import as_seen
 from cusick_bench.diagnosis.inference.hypotheses import shifts
+from cusick_bench.diagnosis.inference.intervals import ParameterInterval, parameter_intervals
 from cusick_bench.diagnosis.inference.localise import Place, place
 from cusick_bench.diagnosis.inference.next_measurement import Advice, advise
+from cusick_bench.diagnosis.inference.novelty import Novelty
 from cusick_bench.diagnosis.inference.residual import Residual, base_vector, feature_vector, noise, scatter_of
-from cusick_bench.diagnosis.inference.stepwise import Step, forward_selection
-from cusick_bench.diagnosis.inference.verdict import Verdict, named_cause, set90, single_causes, verdict_of
+from cusick_bench.diagnosis.inference.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.verdict import Verdict
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
@@ -41,41 +45,58 @@ class Diagnosis:
 
     Attributes:
         fabric: Name of the fabric.
-        verdict: No effect, one (or a pair), one of several, or something that is not on the list.
+        verdict: No effect, one, several, one of some, or something that is not on the list.
         p: p-value of the base model: that so much evidence for anything arises where no effect acts.
-        probability: Probability of `none`, every effect, pairs (`a + b`) and `unknown`.
-        set90: The fewest of effects, `none` and `unknown` that hold 90 % of the probability.
-        best: Every effect at its best parameters, the likeliest first.
-        cause: The named cause, if any (two for a pair).
-        place: Where the named cause acts.
+        probability: Probability that each effect, `none` or `unknown` accounts for most; these add up to 1.
+        acting: Probability that each effect acts, alone or with others.
+        sets: Probability of each set of effects, the likeliest first.
+        set90: The fewest of effects, `none` and `unknown` that hold 90 % of `probability`, and the named ones.
+        effects: The named set, the likeliest first.
+        groups: Look-alikes of which one acts beside the named set.
+        causes: The named effects at their best parameters with the likeliest of each group, the largest shift first;
+            the likeliest set where there is neither though something acts.
+        intervals: 90 % intervals of the parameters of every effect that may act.
+        best: Every effect that may act at its likeliest parameters, by its name.
+        shared: Those of the named set that are the laboratory's, from all its fabrics.
+        budget: Share of the gap that each cause takes; None where there is no gap to share.
+        novelty: Whether the likeliest set is all that acts.
+        misfit: Size of what the base model gets wrong though symmetry allows it, in standard deviations of the noise.
+        place: Where the named cause with a place acts.
         advice: What to measure next.
-        residual: What the best base model leaves of the data's features.
+        plain: What the best base model without effects leaves of the data's features.
+        residual: The same, linearised at the joint optimum with the likeliest set.
         features: Features of the data.
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
-        steps: Causes taken off one after the other, until no further one shows.
-        simulated: Gap, and closure by the named cause; None where nothing was simulated.
-        together: Gap, and closure by all steps; None where they are the named cause, or nothing was simulated.
+        simulated: Gap, and closure by the causes together; None where nothing was simulated.
     """
 
     fabric: str
     verdict: Verdict
     p: float
-    probability: dict[str, float]
+    probability: Mapping[str, float]
+    acting: Mapping[str, float]
+    sets: Mapping[tuple[str, ...], float]
     set90: tuple[str, ...]
-    best: tuple[Candidate, ...]
-    cause: tuple[Candidate, ...]
+    effects: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    causes: tuple[Candidate, ...]
+    intervals: Mapping[str, Mapping[str, ParameterInterval]]
+    best: Mapping[str, Candidate]
+    shared: tuple[str, ...]
+    budget: Budget | None
+    novelty: Novelty
+    misfit: float
     place: Place
     advice: list[Advice]
+    plain: Residual
     residual: Residual
     features: Features
     baselines: Mapping[str, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
-    steps: tuple[Step, ...] = ()
     simulated: Closure | None = None
-    together: Closure | None = None
 
     @property
     def gap(self) -> Gap | None:
@@ -89,6 +110,7 @@ def diagnose(
     calibration: Calibration | None = None,
     options: Options | None = None,
     *,
+    shared: tuple[Candidate, ...] = (),
     simulators: Simulators | None = None,
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Diagnosis:
@@ -99,6 +121,7 @@ def diagnose(
         emulator: The atlas.
         calibration: Calibration of the probabilities; theory by default.
         options: How to diagnose.
+        shared: Effects of the laboratory that all its fabrics show, from `laboratory`.
         simulators: Kept from fabric to fabric.
         progress: Called to tell what is being done, and the share that is over.
 
@@ -106,52 +129,67 @@ def diagnose(
         The diagnosis.
 
     Raises:
-        DiagnosisError: Another geometry than the atlas', or no usable drape.
+        Refused: Another geometry than the atlas', one sample only, or a cloth beyond the atlas.
+        DiagnosisError: No usable drape.
     """
-    calibrated, chosen = calibration or Calibration(), options or Options()
+    chosen = options or Options()
     generator = np.random.default_rng([_SEED, chosen.seed])
-    progress("statistics, base model, evidence", 0.0)
-    evidence = fabric_evidence(captures, emulator, calibrated.inflation, generator, without=chosen.without)
-    samples, residual, grids, p = evidence.samples, evidence.residual, evidence.grids, evidence.causes.p
-    notes = list(evidence.notes)
-    probability = evidence.causes.probability(calibrated.tempering)
-    single = single_causes(probability)
-    best = sorted(evidence.causes.best.values(), key=lambda one: -probability[one.hypothesis.name])
-    verdict, leading = verdict_of(p, probability)
-    cause = named_cause(leading, best, evidence.causes.together, single)
-    drifting = any(acts_later(one.hypothesis.effect) for one in cause)
+    progress("statistics, base model, sets of effects", 0.0)
+    evidence = fabric_evidence(
+        captures, emulator, calibration or Calibration(), generator, without=chosen.without, shared=shared
+    )
+    found, sets, notes = evidence.finding, evidence.sets, list(evidence.notes)
+    drifting = [one for one in evidence.causes if acts_later(one.hypothesis.effect)]
     if drifting:
-        notes.append("the gap compares drapes, not their drift from picture to picture: for creep no closure is given")
-    selected = tuple(forward_selection(residual.white, grids)) if p <= ALPHA else ()
-    simulated: list[Closure] = []
-    if chosen.samples and (cause or chosen.always):
-        alternatives = [() if drifting else cause]
-        if chosen.always and len(selected) > len(cause):
-            alternatives.append(tuple(step.candidate for step in selected))
+        notes.append("the gap compares drapes, not their drift from picture to picture: creep takes no part in closure")
+    simulated = None
+    if chosen.samples and (evidence.causes or chosen.always):
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
         simulated = closures(
-            emulator, samples, residual, alternatives, draping, progress=lambda share: progress("simulating", share)
-        )
+            emulator, evidence.samples, sets.residual, [evidence.causes], draping,
+            progress=lambda share: progress("simulating", share),
+        )[0]  # fmt: skip
     progress("done", 1.0)
     return Diagnosis(
         fabric=captures.fabric,
-        verdict=verdict,
-        p=p,
-        probability=probability,
-        set90=set90(single),
-        best=tuple(best),
-        cause=cause,
-        place=place(cause[0] if len(cause) == 1 else None, residual.white, grids),
-        advice=advise(single),
-        residual=residual,
+        verdict=found.verdict,
+        p=evidence.p,
+        probability=found.leading,
+        acting={**dict.fromkeys([one.hypothesis.name for one in shared], 1.0), **sets.posterior.effects},
+        sets=sets.posterior.sets,
+        set90=found.set90,
+        effects=found.effects,
+        groups=found.groups,
+        causes=evidence.causes,
+        intervals=parameter_intervals(sets.model.points, sets.posterior),
+        best=evidence.best,
+        shared=tuple(one.hypothesis.name for one in shared),
+        budget=evidence.budget,
+        novelty=evidence.novelty,
+        misfit=sets.posterior.misfit,
+        place=_place(evidence),
+        advice=advise(found.leading),
+        plain=evidence.plain,
+        residual=sets.residual,
         features=evidence.features,
-        baselines=_baselines(emulator, evidence.features, samples, residual, grids),
+        baselines=_baselines(
+            emulator, evidence.features, evidence.samples, evidence.plain, evidence.data.grids(evidence.plain)
+        ),
         notes=tuple(notes),
         without=chosen.without,
-        steps=selected,
-        simulated=simulated[0] if simulated else None,
-        together=simulated[1] if len(simulated) > 1 else None,
+        simulated=simulated,
     )
+
+
+def _place(evidence: FabricEvidence) -> Place:
+    """Where the named cause with a place acts, what the others do being taken off."""
+    data, at = evidence.data, evidence.sets.residual
+    named = [one for one in evidence.causes if one.hypothesis.name in evidence.finding.effects]
+    local = [one for one in named if one.hypothesis.effect.located in ("patch", "ring")]
+    one = next(iter([*local, *named]), None)
+    others = [other for other in evidence.causes if other is not one]
+    left = at.white - at.whiten(data.shift(others, at)[None])[0]
+    return place(one, left, data.grids(at))
 
 
 def _baselines(

@@ -7,12 +7,22 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from cusick_bench.diagnosis.document.answer import Answer, Location, NextMeasurement, StatedCause
+from cusick_bench.diagnosis.document.answer import (
+    Answer,
+    BudgetShare,
+    Closure,
+    Location,
+    NextMeasurement,
+    StatedCause,
+    Unexplained,
+)
 from cusick_bench.diagnosis.document.model import (
     BaseParameters,
     Cause,
     DataCounts,
     DiagnosisDocument,
+    EffectSet,
+    Fit,
     Gap,
     GroupGap,
     ParameterValue,
@@ -20,8 +30,6 @@ from cusick_bench.diagnosis.document.model import (
     Profiles,
     Provenance,
     StatisticRow,
-    StepCause,
-    Steps,
 )
 from cusick_bench.diagnosis.errors import DiagnosisError
 
@@ -35,15 +43,21 @@ FULL = DiagnosisDocument(
             effect="creep",
             stage="history",
             probability=0.9,
-            parameters={"loss": ParameterValue(value=0.4, unit="1")},
+            acting=0.95,
+            parameters={"loss": ParameterValue(value=0.4, unit="1", ci90=(0.3, 0.5))},
             summary="The cloth sinks.",
-            pair_with=None,
+            named=True,
         ),
     ),
     set90=("creep",),
     where=Location(stage={"history": 0.9}, map=((1 / 64,) * 16,) * 4, angle_deg=(22.5, 405.0), localisable=True),
     next=(NextMeasurement(name="weigh", what="Weigh it.", bits=0.3, about=("creep",)),),
-    steps=Steps(causes=(StepCause(effect="creep", parameters={"loss": 0.4}, log_evidence=7.5, misfit_left=1.1),)),
+    effects=("creep",),
+    budget=(BudgetShare(effect="creep", share=0.7, ci90=(0.6, 0.8)),),
+    unexplained=Unexplained(share=0.3, ci90=(0.2, 0.4)),
+    sets=(EffectSet(effects=("creep",), probability=0.9),),
+    fit=Fit(base=3.1, novelty_p=0.4, misfit=0.7),
+    with_effect=("creep:loss=0.4",),
     base=BaseParameters(bending=-7.1),
     data=DataCounts(samples=3, captures=6, up=3, down=3, later=0, areal_density_kg_m2=0.2),
     statistics=(StatisticRow(name="mean_radius", group="size", unit="m", up=0.13, base=0.12, z=4.0),),
@@ -74,7 +88,9 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 def test_keys_of_the_file() -> None:
     """Files of earlier versions, and programs that read them, rely on these."""
     content = FULL.content()
-    assert list(content["causes"][0]) == ["effect", "class", "probability", "parameters", "summary", "pair_with"]
+    assert list(content["causes"][0]) == [
+        "effect", "class", "probability", "acting", "parameters", "summary", "named",
+    ]  # fmt: skip
     assert content["made"]["command"] == "cusick-bench diagnose"
     assert content["gap"]["base"] == 0.1 + 0.2  # to the last digit
     assert content["where"]["angle_deg"] == [22.5, 405.0]
@@ -93,7 +109,11 @@ def test_what_is_missing_is_unknown() -> None:
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        (("verdict",), "maybe", r"verdict: .*'none', 'effect', 'ambiguous' or 'unknown', got 'maybe'"),
+        (
+            ("verdict",),
+            "maybe",
+            r"verdict: .*'several', 'ambiguous', 'unknown' or 'refused', got 'maybe'",
+        ),
         (("causes", 0, "probability"), "high", r"causes\[0\]\.probability: .*number, got 'high'"),
         (("causes", 0, "probability"), 1.2, r"causes\[0\]\.probability: .*less than or equal to 1"),
         (("causes", 0, "effect"), None, r"causes\[0\]\.effect: .*string, got None"),
@@ -155,3 +175,10 @@ def test_an_answer_holds_what_was_given() -> None:
     expected = {"verdict": "unknown", "causes": [{"effect": "unknown", "probability": 1.0}], "refused": "no samples"}
     assert answer.content() == expected
     assert Answer.parse(json.dumps(expected), "here") == answer
+
+
+@pytest.mark.parametrize(
+    ("written", "read"), [(None, ()), ("creep", ("creep",)), (["creep", "cut-size"], ("creep", "cut-size"))]
+)
+def test_closures_of_earlier_files_name_one_effect(written: Any, read: tuple[str, ...]) -> None:
+    assert Closure.parse(json.dumps({"effect": written, "fraction": 0.5}), "here").effect == read

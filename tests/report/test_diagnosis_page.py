@@ -60,7 +60,7 @@ def causes(**probability: float) -> list[dict]:
         known = registered().get(name := name.replace("_", "-"))
         parameters = {p.name: {"value": p.typical or 40.0, "unit": p.unit} for p in known.parameters} if known else {}
         made.append({"effect": name, "class": known.kind if known else "", "probability": share})
-        made[-1] |= {"parameters": parameters, "summary": known.summary if known else "", "pair_with": None}
+        made[-1] |= {"parameters": parameters, "summary": known.summary if known else ""}
     return made
 
 
@@ -658,23 +658,14 @@ def test_scores_point_the_way_the_data_lie():
     assert (rows[1].up, rows[1].unit) == ("120", "mm")
 
 
-def test_a_pair_is_named_with_both(tmp_path):
-    made = _small()
-    made["causes"][0]["pair_with"] = "creep"
+def test_causes_that_act_together_are_named_together(tmp_path):
+    made = _small() | {"verdict": "several", "effects": ["local-stiff-patch", "creep"]}
+    made["closure"]["effect"] = ["local-stiff-patch", "creep"]
     text = page(made, tmp_path).text
-    assert text.index("Two causes found") < text.index("Does simulation differ")
+    assert text.index("Several causes found") < text.index("Does simulation differ")
     assert "One cause found" not in text
-    assert "acts together with creep" in text
     assert "local-stiff-patch + creep close 31" in text
-    assert "with both causes" in text
-
-
-def test_a_pair_is_noticed_where_the_closure_names_its_other_half(tmp_path):
-    made = _small()
-    made["closure"]["effect"] = "creep"  # the probability stands with local-stiff-patch
-    text = page(made, tmp_path).text
-    assert "Two causes found" in text
-    assert "creep + local-stiff-patch close 31" in text
+    assert "with all causes" in text
 
 
 def test_a_cause_is_one_without_simulations_and_where_several_are_possible(tmp_path):
@@ -687,24 +678,26 @@ def test_a_cause_is_one_without_simulations_and_where_several_are_possible(tmp_p
     assert "local-mass-patch closes 31" in text
 
 
-def test_causes_that_are_needed_one_after_the_other(tmp_path):
+def test_budget_of_the_gap(tmp_path):
     made = _small()
-    assert "What else the fabric needs" not in page(made, tmp_path).text
-    made["steps"] = {
-        "causes": [
-            {"effect": "plate-tilt", "parameters": {"angle": 2.5, "direction": 30.0}, "misfit_left": 1.8},
-            {"effect": "creep", "parameters": {}, "misfit_left": 1.2},
-        ],
-        "misfit": 3.4,
-        "closure": 0.6,
-        "ci90": [0.5, 0.7],
-    }
-    text = page(made, tmp_path).text
-    assert "needs 2 causes" in text
-    assert "All together close 60 % (50 % to 70 %) of the gap" in text.replace("\u00a0", " ")
-    assert "base model 3.4 plate-tilt angle 2.5°, direction 30° 1.8 creep 1.2" in text
-    made["steps"]["causes"].pop()
-    assert "What else the fabric needs" not in page(made, tmp_path).text
+    assert "Budget of the gap" not in page(made, tmp_path).text
+    made["budget"] = [
+        {"effect": "plate-tilt", "share": 0.5, "ci90": [0.4, 0.6]}, {"effect": "creep", "share": 0.2, "ci90": None},
+    ]  # fmt: skip
+    made |= {"unexplained": {"share": 0.3, "ci90": [0.2, 0.4]}, "groups": [["creep", "bending-friction"]]}
+    made["causes"][0] |= {"acting": 0.93, "shared": True}
+    text = page(made, tmp_path).text.replace("\u00a0", " ")
+    assert "plate-tilt 50 % 40 % to 60 % creep 20 % unexplained 30 % 20 % to 40 %" in text
+    assert "Creep stands for one of creep, bending-friction." in text
+    assert "acts with probability 93 %" in text
+    assert "shown by all fabrics of this laboratory" in text
+
+
+def test_what_is_refused_is_said(tmp_path):
+    text = page(
+        EMPTY | {"verdict": "refused", "refused": "one sample", "headline": "Not diagnosed: one sample."}, tmp_path
+    ).text
+    assert "Not diagnosed: one sample." in text
 
 
 def test_a_gap_that_no_cause_explains_is_not_denied(tmp_path):

@@ -18,6 +18,7 @@ from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
 
 if TYPE_CHECKING:
+    from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument
     from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
 
 
@@ -48,10 +49,15 @@ def diagnose_data(
     as_json: Json = False,
 ) -> None:
     """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
+    import numpy as np
+
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.diagnose import diagnose
-    from cusick_bench.diagnosis.document.build import document
+    from cusick_bench.diagnosis.document.build import document, refused_document
+    from cusick_bench.diagnosis.document.laboratory import laboratory_document
+    from cusick_bench.diagnosis.errors import Refused
+    from cusick_bench.diagnosis.inference.laboratory import laboratory_of
     from cusick_bench.diagnosis.measure.captures import read_captures
     from cusick_bench.runner.environment import version_text
     from cusick_bench.runner.numerics import diagnosis_numerics
@@ -67,24 +73,48 @@ def diagnose_data(
     simulators, written = Simulators(most=20), []
     version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
-    with progress_bar("reading data", len(chosen)) as bar, kept:
+    shared: LaboratoryDocument | None = None
+    with progress_bar("reading data", len(chosen) + 1) as bar, kept:
+        captures = {name: read_captures(dataset, name, force=force) for name in chosen}
+
+        def tell(what: str, share: float) -> None:
+            bar.say(what)
+            bar.show(share)
+
+        found = laboratory_of(
+            list(captures.values()), emulator, calibration, np.random.default_rng(seed), without=options.without,
+            progress=tell,
+        )  # fmt: skip
+        if found is not None:
+            shared = laboratory_document(found)
+            shared.write(out / "laboratory.json")
         for number, name in enumerate(chosen):
-            captures = read_captures(dataset, name, force=force)
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
                 bar.say(f"{name}: {what}")
-                bar.show(number + share)
+                bar.show(number + 1 + share)
 
-            result = diagnose(captures, emulator, calibration, options, simulators=simulators, progress=step)
             command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
             command += " --force" if force else ""
-            one = document(result, captures, emulator, command=command, version=version)
+            try:
+                result = diagnose(
+                    captures[name], emulator, calibration, options, shared=found.named if found else (),
+                    simulators=simulators, progress=step,
+                )  # fmt: skip
+                one = document(result, captures[name], emulator, command=command, version=version)
+            except Refused as refusal:
+                if len(chosen) == 1:
+                    raise
+                one = refused_document(name, str(refusal), command=command, version=version)
             written.append(_write(one, out))
     if summary is not None:
         _summarise([one.document for one in written], summary)
     if as_json:
-        print_json({"fabrics": [one.content() for one in written]})
+        laboratory = {} if shared is None else {"laboratory": shared.content()}
+        print_json({**laboratory, "fabrics": [one.content() for one in written]})
         return
+    if shared is not None:
+        _print_laboratory(shared)
     for one in written:
         _print(one)
 
@@ -128,8 +158,8 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
     rows = []
     for one in documents:
         low, high = one.closure.ci90 or (None, None)
-        steps_low, steps_high = one.steps.ci90 or (None, None)
-        leading = next((cause for cause in one.causes if cause.effect not in ("none", "unknown")), None)
+        left_low, left_high = one.unexplained.ci90 or (None, None)
+        named = [cause for cause in one.causes if cause.named]
         rows.append(
             {
                 "fabric": one.fabric,
@@ -137,20 +167,23 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
                 "captures": one.data.captures,
                 "verdict": one.verdict,
                 "p": one.gap.p,
-                "cause": leading.effect if leading else "",
-                "probability": leading.probability if leading else None,
-                "parameters": "; ".join(_parameters(leading)) if leading else "",
+                "effects": " + ".join(one.effects),
+                "one_of": " + ".join("|".join(group) for group in one.groups),
+                "probability": " ".join(f"{cause.acting or 0:.2f}" for cause in named),
+                "parameters": "; ".join(f"{cause.effect}: {', '.join(_parameters(cause))}" for cause in named),
+                "budget": " ".join(f"{share.effect}={share.share:.2f}" for share in one.budget),
+                "unexplained": one.unexplained.share,
+                "unexplained_low": left_low,
+                "unexplained_high": left_high,
+                "novelty_p": one.fit.novelty_p,
                 "set90": " ".join(one.set90),
                 "gap_base": one.gap.base,
                 "gap_floor": one.gap.floor,
-                "gap_with_cause": one.gap.effect,
+                "gap_with_effects": one.gap.effect,
                 "closure": one.closure.fraction,
                 "closure_low": low,
                 "closure_high": high,
-                "needs": " + ".join(step.effect for step in one.steps.causes),
-                "needs_closure": one.steps.closure,
-                "needs_closure_low": steps_low,
-                "needs_closure_high": steps_high,
+                "refused": one.refused or "",
                 "command": one.provenance.command,
                 "code": one.provenance.version,
             }
@@ -168,22 +201,41 @@ def _shown(parameter: ParameterValue) -> str:
     return "unknown" if parameter.value is None else f"{parameter.value:.3g} {parameter.unit}".strip()
 
 
+def _print_laboratory(shared: LaboratoryDocument) -> None:
+    """What all fabrics share, before any of them."""
+    output.print(f"\nlaboratory of {len(shared.fabrics)} fabrics: effects that all may share", style="bold")
+    table = Table("effect", "class", "probability", "parameters", "evidence by fabric [nat]")
+    for one in shared.effects:
+        parameters = ", ".join(f"{name} {_shown(value)}" for name, value in one.parameters.items())
+        evidence = ", ".join(f"{name} {value:.1f}" for name, value in one.evidence.items())
+        table.add_row(one.effect, one.stage, f"{one.probability:.2f}", parameters, evidence)
+    output.print(table)
+
+
 def _print(written: _Written) -> None:
     one = written.document
     output.print(f"\n{one.fabric}: {one.headline}", style="bold")
     if one.gap.base is not None and one.gap.floor is not None:
         output.print(f"gap {one.gap.base:.3f} (floor {one.gap.floor:.3f}), p = {one.gap.p:.3g}")
-    causes = Table("cause", "class", "probability", "parameters")
-    for cause in one.causes[:_MOST_CAUSES]:
-        causes.add_row(cause.effect, cause.stage, f"{cause.probability:.2f}", ", ".join(_parameters(cause)))
-    output.print(causes)
+    if one.causes:
+        causes = Table("cause", "class", "acts", "leads", "parameters", "share of the gap")
+        shares = {share.effect: _span(share.share, share.ci90) for share in one.budget}
+        for cause in one.causes[:_MOST_CAUSES]:
+            acts = "" if cause.acting is None else f"{cause.acting:.2f}"
+            name = f"{cause.effect} *" if cause.named else cause.effect
+            cells = (f"{cause.probability:.2f}", ", ".join(_parameters(cause)), shares.get(cause.effect, ""))
+            causes.add_row(name, cause.stage, acts, *cells)
+        output.print(causes)
+    if one.unexplained.share is not None:
+        output.print(f"unexplained of the gap on unseen samples: {_span(one.unexplained.share, one.unexplained.ci90)}")
     if one.closure.fraction is not None and one.closure.ci90 is not None:
         low, high = one.closure.ci90
         output.print(
-            f"with {one.closure.effect} the gap on unseen samples shrinks by {one.closure.fraction:.0%} "
+            f"with {' + '.join(one.closure.effect)} the gap on unseen samples shrinks by {one.closure.fraction:.0%} "
             f"(90 %: {low:.0%} to {high:.0%})"
         )
-    _print_steps(one)
+    for argument in one.with_effect:
+        output.print(f"simulate with: --with-effect {argument}")
     for measurement in one.next:
         output.print(f"next: {measurement.name} ({measurement.bits:.2f} bits). {measurement.what}")
     for note in one.notes:
@@ -191,11 +243,8 @@ def _print(written: _Written) -> None:
     output.print(f"page: {written.page}")
 
 
-def _print_steps(one: DiagnosisDocument) -> None:
-    """The causes that were taken off one after the other, where there are several."""
-    if len(one.steps.causes) > 1:
-        names = ", ".join(step.effect for step in one.steps.causes)
-        left = one.steps.causes[-1].misfit_left
-        closure = one.steps.closure
-        closed = "" if closure is None else f"; together they close {closure:.0%} of the gap"
-        output.print(f"one after the other: {names} (misfit {one.steps.misfit:.1f} -> {left:.1f}){closed}")
+def _span(share: float, interval: tuple[float, float] | None) -> str:
+    """A share with its interval."""
+    if interval is None:
+        return f"{share:.0%}"
+    return f"{share:.0%} ({interval[0]:.0%} to {interval[1]:.0%})"

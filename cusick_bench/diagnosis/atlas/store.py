@@ -5,7 +5,8 @@ save(path, fit(*read_points(folder)), Calibration())
 """
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,19 @@ from cusick_bench.diagnosis.measure.features import SPREADS
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
+from cusick_bench.sim.effects import registered
 
 _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
 _SUMS = ("base", "base_spread", "log_sd")
 _MOST_FITS = 9  # that one function is the sum of
 _MOST = 1000  # of inflation and tempering
+
+
+LAW_MISMATCH = (0.3, 0.15)
+"""Along an effect's shift and across it, as shares of its size, where nothing was learned."""
+PICTURE_MISMATCH = (0.1, 0.05)
+"""The same for effects of the camera: geometry has one law, only the drape that it is applied to is another."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +44,42 @@ class Calibration:
         inflation: Standard deviation of the whitened residual where no effect acts; 1 in theory.
         tempering: Power of the evidences that makes probabilities come true; 1 in theory.
         cases: How many cases that rests on; 0 for theory.
+        law_mismatch: How far other laws for the same effect differ from the atlas', by effect: along its shift and
+            across it, as shares of the shift's size; `LAW_MISMATCH` or `PICTURE_MISMATCH` for effects that it lacks.
     """
 
     inflation: float = 1.0
     tempering: float = 1.0
     cases: int = 0
+    law_mismatch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def mismatch(self, effect: str) -> tuple[float, float]:
+        """How far other laws for an effect may differ.
+
+        Args:
+            effect: Name of the effect.
+
+        Returns:
+            Along its shift and across it, as shares of the shift's size.
+        """
+        known = registered().get(effect)
+        picture = known is not None and known.kind == "imaging"
+        return self.law_mismatch.get(effect, PICTURE_MISMATCH if picture else LAW_MISMATCH)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "law_mismatch", {name: _shares(name, one) for name, one in self.law_mismatch.items()})
         for name in ("inflation", "tempering"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MOST:
                 raise ValueError(f"{name} of the calibration must be a number > 0, got {value!r}")
+
+
+def _shares(name: str, given: Any) -> tuple[float, float]:
+    """Two shares that are no error, or one."""
+    known = isinstance(given, list | tuple) and len(given) == 2
+    if not known or not all(isinstance(one, int | float) and 0 <= one <= _MOST for one in given):
+        raise ValueError(f"law_mismatch of {name} must be two numbers >= 0, along and across, got {given!r}")
+    return float(given[0]), float(given[1])
 
 
 def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:

@@ -1,11 +1,18 @@
 """The answer to a withheld case: the part of a diagnosis that can be judged against a label."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from cusick_bench.diagnosis.document.part import Interval, Map, Part, Probability
 from cusick_bench.diagnosis.inference.verdict import Verdict
+
+
+def _names(value: Any) -> Any:
+    """Files of earlier versions hold one name, or null."""
+    if value is None:
+        return ()
+    return (value,) if isinstance(value, str) else value
 
 
 class StatedCause(Part):
@@ -15,13 +22,15 @@ class StatedCause(Part):
         effect: Name of a registered effect, `none` or `unknown`.
         stage: Class of the effect: material, history, boundary, contact or imaging; "" for `none` and `unknown`. The
             file's key is `class`.
-        probability: That this is the cause.
+        probability: That it accounts for most; those of all causes add up to 1.
+        acting: That it acts, alone or with others; None for `none` and `unknown`.
         parameters: Best estimates by name, in the units of the effect's registered parameters.
     """
 
     effect: str
     stage: str = Field(default="", validation_alias="class", serialization_alias="class")
     probability: Probability
+    acting: Probability | None = None
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
@@ -62,16 +71,42 @@ class Location(Part):
 
 
 class Closure(Part):
-    """How far the named cause closes the gap on samples that were not fitted.
+    """How far the named effects close the gap on samples that were not fitted.
 
     Attributes:
-        effect: Name of the simulated cause; of a pair the likelier half.
-        fraction: (gap of the base model - gap with the cause) / (gap of the base model - floor).
+        effect: Names of the effects that were simulated together.
+        fraction: (gap of the base model - gap with them) / (gap of the base model - floor).
         ci90: Its 90 % interval over samples.
     """
 
-    effect: str | None = None
+    effect: Annotated[tuple[str, ...], BeforeValidator(_names)] = ()
     fraction: float | None = None
+    ci90: Interval | None = None
+
+
+class BudgetShare(Part):
+    """Share of the gap that an effect takes, on samples that its severity was not fitted to.
+
+    Attributes:
+        effect: Its name.
+        share: The share; below 0 where unseen samples fit worse with it.
+        ci90: Its 90 % interval over halves of the samples.
+    """
+
+    effect: str
+    share: float
+    ci90: Interval | None = None
+
+
+class Unexplained(Part):
+    """Share of the gap that no effect of the budget takes.
+
+    Attributes:
+        share: The share; None where there is no gap to share.
+        ci90: Its 90 % interval over halves of the samples.
+    """
+
+    share: float | None = None
     ci90: Interval | None = None
 
 
@@ -109,12 +144,16 @@ class Answer(Part):
     """The answer to a withheld case.
 
     Attributes:
-        verdict: What is found: no effect, one, one of several, or something that is not on the list.
+        verdict: What is found: no effect, one, several, one of some, or something that is not on the list.
+        effects: The named set, the likeliest first.
+        groups: Look-alikes of which one acts beside the named set.
+        budget: Which share of the gap each effect takes: the named ones, and the likeliest of each group.
+        unexplained: What they leave.
         gap: How far the simulation is from the data.
         causes: The likeliest first; of those above 0.5 %.
         set90: The fewest causes that hold 90 % of the probability.
         where: Where the cause acts.
-        closure: How far the named cause closes the gap.
+        closure: How far the named effects close the gap.
         next: What to measure next, the most informative first.
         baselines: Answers of simpler methods, by their names.
         without: Effects that were not considered.
@@ -122,6 +161,10 @@ class Answer(Part):
     """
 
     verdict: Verdict
+    effects: tuple[str, ...] = ()
+    groups: tuple[tuple[str, ...], ...] = ()
+    budget: tuple[BudgetShare, ...] = ()
+    unexplained: Unexplained = Unexplained()
     gap: StatedGap = StatedGap()
     causes: tuple[StatedCause, ...] = ()
     set90: tuple[str, ...] = ()

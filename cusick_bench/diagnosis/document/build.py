@@ -6,6 +6,7 @@ from math import isfinite
 import numpy as np
 
 from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document import answer as stated
@@ -17,7 +18,6 @@ from cusick_bench.diagnosis.document.part import Interval
 from cusick_bench.diagnosis.document.statistic_rows import finite, statistic_rows
 from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
-from cusick_bench.diagnosis.inference.verdict import single_causes
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.samples import Simulated
@@ -25,7 +25,8 @@ from cusick_bench.sim.constants import CLOTH_RADIUS
 from cusick_bench.sim.effects import registered
 
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
-_LEAST = 0.005  # probability from which a cause is listed
+_LEAST = 0.005  # probability from which a cause, or a set, is listed
+_LEAST_ACTING = 0.02  # probability that it acts, likewise
 _MOST_OF_BASELINE = 5  # causes that a simpler method's answer lists
 
 
@@ -49,6 +50,10 @@ def document(
         fabric=diagnosis.fabric,
         headline=headline(diagnosis),
         verdict=answered.verdict,
+        effects=answered.effects,
+        groups=answered.groups,
+        budget=answered.budget,
+        unexplained=answered.unexplained,
         gap=_gap(diagnosis),
         causes=tuple(_cause(diagnosis, name, p) for name, p in _ranked(diagnosis)),
         set90=answered.set90,
@@ -56,7 +61,13 @@ def document(
         closure=answered.closure,
         next=answered.next,
         baselines=answered.baselines,
-        steps=_steps(diagnosis),
+        sets=tuple(model.EffectSet(effects=names, probability=p) for names, p in diagnosis.sets.items() if p >= _LEAST),
+        fit=model.Fit(
+            base=finite(diagnosis.plain.misfit / len(diagnosis.plain.white)),
+            novelty_p=diagnosis.novelty.p,
+            misfit=finite(diagnosis.misfit),
+        ),
+        with_effect=tuple(with_effect(one) for one in diagnosis.causes),
         base=_base(diagnosis),
         data=_counts(captures),
         statistics=statistic_rows(diagnosis, emulator),
@@ -76,6 +87,28 @@ def document(
     )
 
 
+def refused_document(fabric: str, reason: str, *, command: str, version: str) -> DiagnosisDocument:
+    """The document of a fabric about which no diagnosis can say anything.
+
+    Args:
+        fabric: Its name.
+        reason: Why.
+        command: Command that made it.
+        version: Version of the code.
+
+    Returns:
+        The document.
+    """
+    return DiagnosisDocument(
+        fabric=fabric,
+        headline=f"Not diagnosed: {reason}.",
+        verdict="refused",
+        where=stated.Location(localisable=False, why_not=reason),
+        refused=reason,
+        provenance=model.Provenance(version=version, command=command),
+    )
+
+
 def answer(diagnosis: Diagnosis) -> Answer:
     """The part that answers a withheld case.
 
@@ -88,19 +121,29 @@ def answer(diagnosis: Diagnosis) -> Answer:
     gap = diagnosis.gap
     return Answer(
         verdict=diagnosis.verdict,
+        effects=diagnosis.effects,
+        groups=diagnosis.groups,
+        budget=_budget(diagnosis),
+        unexplained=_unexplained(diagnosis),
         gap=stated.StatedGap(
             base=None if gap is None else finite(gap.base),
             floor=None if gap is None else finite(gap.floor),
             p=diagnosis.p,
         ),
         causes=tuple(
-            stated.StatedCause(effect=name, stage=_stage(name), probability=p, parameters=_values(diagnosis, name))
+            stated.StatedCause(
+                effect=name,
+                stage=_stage(name),
+                probability=p,
+                acting=_acting(diagnosis, name),
+                parameters=_values(diagnosis, name),
+            )
             for name, p in _ranked(diagnosis)
         ),
         set90=diagnosis.set90,
         where=_location(diagnosis),
         closure=stated.Closure(
-            effect=diagnosis.cause[0].hypothesis.name if diagnosis.cause and gap is not None else None,
+            effect=tuple(one.hypothesis.name for one in diagnosis.causes) if gap is not None else (),
             fraction=None if gap is None else finite(gap.closure),
             ci90=_interval(gap),
         ),
@@ -134,7 +177,7 @@ def _interval(gap: Gap | None) -> Interval | None:
 
 def _location(diagnosis: Diagnosis) -> stated.Location:
     stage = dict.fromkeys(STAGES, 0.0)
-    for name, p in single_causes(diagnosis.probability).items():
+    for name, p in diagnosis.probability.items():
         stage[_stage(name) or name] += p
     place = diagnosis.place
     return stated.Location(
@@ -148,23 +191,37 @@ def _location(diagnosis: Diagnosis) -> stated.Location:
     )
 
 
-def _steps(diagnosis: Diagnosis) -> model.Steps:
-    """Causes taken off one after the other, and how far all of them together close the gap."""
-    gap = diagnosis.together.gap if diagnosis.together else None
-    return model.Steps(
-        causes=tuple(
-            model.StepCause(
-                effect=step.candidate.hypothesis.name,
-                parameters=step.candidate.value,
-                log_evidence=finite(step.candidate.log_evidence),
-                misfit_left=finite(step.misfit),
-            )
-            for step in diagnosis.steps
-        ),
-        misfit=finite(diagnosis.residual.misfit / len(diagnosis.residual.white)),
-        closure=None if gap is None else finite(gap.closure),
-        ci90=_interval(gap),
+def _budget(diagnosis: Diagnosis) -> tuple[stated.BudgetShare, ...]:
+    """Shares of the gap, the largest first."""
+    shares = {} if diagnosis.budget is None else diagnosis.budget.effects
+    return tuple(
+        stated.BudgetShare(effect=name, share=one.value, ci90=one.interval)
+        for name, one in sorted(shares.items(), key=lambda item: -item[1].value)
     )
+
+
+def _unexplained(diagnosis: Diagnosis) -> stated.Unexplained:
+    if diagnosis.budget is None:
+        return stated.Unexplained(share=None, ci90=None)
+    left = diagnosis.budget.unexplained
+    return stated.Unexplained(share=left.value, ci90=left.interval)
+
+
+def with_effect(one: Candidate) -> str:
+    """Argument of `--with-effect` that adds a cause to simulations.
+
+    Args:
+        one: The cause; captures in the other order are no effect of the cloth, so a loss counts as it is.
+
+    Returns:
+        Such as "camera-offset:shift=0.0027,direction=120".
+    """
+    severity = one.hypothesis.effect.severity
+    value = dict(one.value)
+    if acts_later(one.hypothesis.effect):
+        value[severity.name] = abs(value[severity.name])
+    listed = ",".join(f"{name}={number:.6g}" for name, number in value.items())
+    return f"{one.hypothesis.name}:{listed}"
 
 
 def _base(diagnosis: Diagnosis) -> model.BaseParameters:
@@ -174,36 +231,36 @@ def _base(diagnosis: Diagnosis) -> model.BaseParameters:
 
 def _ranked(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     """Causes that are named or likely enough to be listed, with their probability, the likeliest first."""
-    single = single_causes(diagnosis.probability)
-    named = {one.hypothesis.name for one in diagnosis.cause}
-    return [(n, p) for n, p in sorted(single.items(), key=lambda item: -item[1]) if p >= _LEAST or n in named]
+    listed = {*diagnosis.effects, *(n for n, p in diagnosis.acting.items() if p >= _LEAST_ACTING)}
+    ranked = sorted(diagnosis.probability.items(), key=lambda item: -item[1])
+    return [(n, p) for n, p in ranked if p >= _LEAST or n in listed]
 
 
-def _best(diagnosis: Diagnosis, name: str) -> Candidate | None:
-    chosen = [*diagnosis.cause, *diagnosis.best]
-    return next((one for one in chosen if one.hypothesis.name == name), None)
+def _acting(diagnosis: Diagnosis, name: str) -> float | None:
+    return diagnosis.acting.get(name)
 
 
 def _values(diagnosis: Diagnosis, name: str) -> dict[str, float]:
-    best = _best(diagnosis, name)
+    best = diagnosis.best.get(name)
     return {} if best is None else dict(best.value)
 
 
 def _cause(diagnosis: Diagnosis, name: str, probability: float) -> model.Cause:
     effect = registered().get(name)
     units = {} if effect is None else {p.name: p.unit for p in effect.parameters}
-    pair = [one.hypothesis.name for one in diagnosis.cause if one.hypothesis.name != name]
-    leads = bool(diagnosis.cause) and diagnosis.cause[0].hypothesis.name == name
+    intervals = diagnosis.intervals.get(name, {})
     return model.Cause(
         effect=name,
         stage=_stage(name),
         probability=probability,
+        acting=_acting(diagnosis, name),
         parameters={
-            key: model.ParameterValue(value=value, unit=units.get(key, ""))
+            key: model.ParameterValue(value=value, unit=units.get(key, ""), ci90=intervals.get(key))
             for key, value in _values(diagnosis, name).items()
         },
         summary="" if effect is None else effect.summary,
-        pair_with=pair[0] if leads and pair else None,
+        named=name in diagnosis.effects,
+        shared=name in diagnosis.shared,
     )
 
 

@@ -7,11 +7,19 @@ keys that no field has are passed over.
 
 import json
 from pathlib import Path
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from cusick_bench.diagnosis.document.answer import Baseline, Closure, Location, NextMeasurement, StatedGap
+from cusick_bench.diagnosis.document.answer import (
+    Baseline,
+    BudgetShare,
+    Closure,
+    Location,
+    NextMeasurement,
+    StatedGap,
+    Unexplained,
+)
 from cusick_bench.diagnosis.document.part import Interval, Part, Probability
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.verdict import Verdict
@@ -28,10 +36,12 @@ class ParameterValue(Part):
     Attributes:
         value: Best estimate, in `unit`.
         unit: Its unit; "" for a pure number.
+        ci90: Its 90 % interval, given that the effect acts; of a direction the upper end may exceed 360.
     """
 
     value: float | None = None
     unit: str = ""
+    ci90: Interval | None = None
 
 
 class Cause(Part):
@@ -41,18 +51,22 @@ class Cause(Part):
         effect: Name of a registered effect, `none` or `unknown`.
         stage: Class of the effect: material, history, boundary, contact or imaging; "" for `none` and `unknown`. The
             file's key is `class`.
-        probability: That this is the cause; that of a pair stands with its likelier half.
+        probability: That it accounts for most; those of all causes add up to 1.
+        acting: That it acts, alone or with others; None for `none` and `unknown`.
         parameters: Best estimates by name.
         summary: What the effect does, in a sentence.
-        pair_with: The other half, where two causes are named together.
+        named: Whether it is in the named set.
+        shared: Whether it is the laboratory's, shown by all fabrics of the data set.
     """
 
     effect: str
     stage: str = Field(default="", validation_alias="class", serialization_alias="class")
     probability: Probability
+    acting: Probability | None = None
     parameters: dict[str, ParameterValue] = Field(default_factory=dict)
     summary: str = ""
-    pair_with: str | None = None
+    named: bool = False
+    shared: bool = False
 
 
 class GroupGap(Part):
@@ -71,7 +85,7 @@ class Gap(StatedGap):
     """The gap as the document describes it.
 
     Attributes:
-        effect: Between data and base model with the named cause [1]; None without one.
+        effect: Between data and base model with the named effects [1]; None without one.
         groups: The gap by group of statistics.
     """
 
@@ -79,36 +93,31 @@ class Gap(StatedGap):
     groups: dict[str, GroupGap] = Field(default_factory=dict)
 
 
-class StepCause(Part):
-    """A cause that was taken off the difference between data and base model.
+class EffectSet(Part):
+    """A set of effects that may act together.
 
     Attributes:
-        effect: Its name.
-        parameters: Best estimates by name, in the units of the effect's registered parameters.
-        log_evidence: ln of its evidence over that of no further cause.
-        misfit_left: Mean square of the whitened difference that is left; 1 where all is explained.
+        effects: Their names.
+        probability: That these act and no others.
     """
 
-    effect: str
-    parameters: dict[str, float] = Field(default_factory=dict)
-    log_evidence: float | None = None
-    misfit_left: float | None = None
+    effects: tuple[str, ...] = ()
+    probability: Probability
 
 
-class Steps(Part):
-    """Causes taken off one after the other until no further one shows.
+class Fit(Part):
+    """How well base model and effects fit, in units of noise.
 
     Attributes:
-        causes: In the order in which they were taken off.
-        misfit: Mean square of the whitened difference before the first one.
-        closure: Share of the gap that all of them together close; None where that was not simulated.
-        ci90: Its 90 % interval over samples.
+        base: Mean square of the whitened difference between data and base model; 1 where the base model holds.
+        novelty_p: Probability that the likeliest set leaves so much, in statistics that no base model may get wrong,
+            where nothing else acts.
+        misfit: Size of what the base model gets wrong in the others [standard deviations of noise].
     """
 
-    causes: tuple[StepCause, ...] = ()
+    base: float | None = None
+    novelty_p: Annotated[float, Field(ge=0, le=1)] | None = None
     misfit: float | None = None
-    closure: float | None = None
-    ci90: Interval | None = None
 
 
 class BaseParameters(Part):
@@ -169,7 +178,7 @@ class StatisticRow(Part):
         up: Mean over the data's samples, upper face.
         down: The same, lower face.
         base: Mean of the base model.
-        effect: Mean of the base model with the named cause.
+        effect: Mean of the base model with the named effects.
         z: Difference between data and base model in standard errors, of the face that differs more.
     """
 
@@ -203,7 +212,7 @@ class Profiles(Part):
     Attributes:
         data: Profiles of the data.
         base: Profiles of simulated drapes of the base model.
-        effect: The same with the named cause.
+        effect: The same with the named effects.
     """
 
     data: tuple[Profile, ...] = ()
@@ -243,15 +252,21 @@ class DiagnosisDocument(Part):
     Attributes:
         fabric: Name of the fabric.
         headline: The verdict in a sentence.
-        verdict: What is found: no effect, one, one of several, or something that is not on the list.
+        verdict: What is found: no effect, one, several, one of some, or something that is not on the list.
+        effects: The named set, the likeliest first.
+        groups: Look-alikes of which one acts beside the named set.
+        budget: Which share of the gap each effect takes: the named ones, and the likeliest of each group.
+        unexplained: What they leave.
         gap: How far the simulation is from the data.
         causes: The likeliest first; of those above 0.5 %.
         set90: The fewest causes that hold 90 % of the probability.
         where: Where the cause acts.
-        closure: How far the named cause closes the gap.
+        closure: How far the named effects close the gap.
         next: What to measure next, the most informative first.
         baselines: Answers of simpler methods, by their names.
-        steps: Causes taken off one after the other.
+        sets: Sets of effects, the likeliest first; of those above 0.5 %.
+        fit: How well base model and effects fit.
+        with_effect: Arguments of `--with-effect` that simulate the causes together.
         base: The best base model.
         data: How much data there is.
         statistics: Statistics of data and models.
@@ -259,12 +274,17 @@ class DiagnosisDocument(Part):
         indistinguishable: Likely causes that no silhouette tells apart.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
+        refused: Why there is no diagnosis, where there is none.
         provenance: What made the document. The file's key is `made`.
     """
 
     fabric: str
     headline: str = ""
     verdict: Verdict
+    effects: tuple[str, ...] = ()
+    groups: tuple[tuple[str, ...], ...] = ()
+    budget: tuple[BudgetShare, ...] = ()
+    unexplained: Unexplained = Unexplained()
     gap: Gap = Gap()
     causes: tuple[Cause, ...] = ()
     set90: tuple[str, ...] = ()
@@ -272,7 +292,9 @@ class DiagnosisDocument(Part):
     closure: Closure = Closure()
     next: tuple[NextMeasurement, ...] = ()
     baselines: dict[str, Baseline] = Field(default_factory=dict)
-    steps: Steps = Steps()
+    sets: tuple[EffectSet, ...] = ()
+    fit: Fit = Fit()
+    with_effect: tuple[str, ...] = ()
     base: BaseParameters = BaseParameters()
     data: DataCounts = DataCounts()
     statistics: tuple[StatisticRow, ...] = ()
@@ -280,6 +302,7 @@ class DiagnosisDocument(Part):
     indistinguishable: tuple[Indistinguishable, ...] = ()
     notes: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
+    refused: str | None = None
     provenance: Provenance = Field(default=Provenance(), validation_alias="made", serialization_alias="made")
 
     def write(self, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every statistic of data, base model and base model with the named cause, side by side."""
+"""Every statistic of data, base model and base model with the named effects, side by side."""
 
 from math import isfinite
 
@@ -80,8 +80,8 @@ def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, 
         return base, changed, int(np.isfinite(drapes.base.specimens[..., 0]).sum())
     residual = diagnosis.residual
     base, moved = emulator.mean(residual.theta), np.full(len(NAMES), np.nan)
-    if len(diagnosis.cause) == 1:
-        one = diagnosis.cause[0]
+    if len(diagnosis.causes) == 1:
+        one = diagnosis.causes[0]
         point = {name: np.array([value]) for name, value in one.value.items()}
         row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).features[0]
         moved = row[FACE_EVEN] * residual.sd

@@ -63,7 +63,7 @@ def lasso_without_projection(
     columns, names = [], []
     for grid, moved in zip(grids, shifts, strict=True):
         small = np.abs(grid.hypothesis.severity()) < 2.5
-        leading = np.linalg.svd(moved[small], full_matrices=False)[2][:2]
+        leading = np.linalg.eigh(moved[small].T @ moved[small])[1][:, :-3:-1].T
         columns += list(leading)
         names += [grid.hypothesis.name] * len(leading)
     matrix = np.array(columns).T

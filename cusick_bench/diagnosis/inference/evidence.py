@@ -1,26 +1,18 @@
-"""How well each cause explains what the base model leaves: marginal likelihoods, and the probability that none acts.
+"""How well each effect alone explains what the base model leaves, point by point of its grid.
 
 With w white noise where the base model holds, and d the shift of w by an effect at one point of its grid,
 
     log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ],   v_k = 1 + e^2 d_k^2 + u
 
 where e is how far another law for the same effect may differ from ours, where it acts, and u the atlas' own
-uncertainty. The evidence of a cause is the mean over its grid, which charges it for freedom that it does not need. Only
-points with |d| of at least `LEAST_SIZE` belong to it: half of what can be detected. A weaker effect is none to whoever
-looks at this fabric, and a cause without such a point is undetectable here and takes no part.
-
-Two causes compete that claim nothing in particular: `none`, d = 0, and `unknown`, w ~ N(0, I + s^2 M) over a range of
-sizes s. M, of trace 1, is for the most part the mean of the unit shifts' outer products over all effects: what is not
-in the list will move the same statistics together as what is, but in other proportions; a small part of it is any
-direction. The detection test compares the best evidence with that of white noise, so its level holds over all causes
-together.
+uncertainty. Only points with |d| of at least `LEAST_SIZE` have a prior: half of what can be detected. A weaker effect
+is none to whoever looks at this fabric, and a cause without such a point is undetectable here and takes no part.
 
 References:
     MacKay. Information theory, inference, and learning algorithms, 2003, Chapter 28 (Occam's razor in the evidence).
-    Kass, Raftery. Bayes factors. JASA 90(430), 1995.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,18 +23,13 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.inference.residual import Residual
-from cusick_bench.sim.effects import registered
 
 NONE: Final = "none"
 UNKNOWN: Final = "unknown"
-DENSITY_BIAS = "density-bias"
 LAW_DIFFERENCE = 0.3
 LEAST_SIZE = 2.2
-_UNKNOWN_SIZES = np.geomspace(LEAST_SIZE, 40, 10)
-_ANY_DIRECTION = 0.1  # share of M
-_UNKNOWN_SHARE = 0.1  # of the detection statistic
-PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_PAIR = 0.5, 0.08, 0.02
-"""The rest is shared evenly by all effects; those that are undetectable in a fabric leave theirs to `none`."""
+_USUAL = 4.0  # typical severities; larger ones are met less and less often
+_TOO_WEAK = 0.15  # of its grid: the part that no fabric shows; an effect that only its extremes show is less likely
 
 
 def log_sum(values: Float[ndarray, "terms"] | Sequence[float]) -> float:
@@ -157,8 +144,22 @@ def grid_at(emulator: Emulator, hypothesis: Hypothesis, residual: Residual, *, l
     moved = shifts(emulator, hypothesis, residual.theta, residual.sd, residual.drift)
     shift = residual.whiten(moved.features)
     strong = np.linalg.norm(shift, axis=1) >= least
-    log_prior = np.where(strong, np.log(hypothesis.prior / max(int(strong.sum()), 1)), -np.inf)
+    weight = severity_weight(hypothesis)
+    total = weight[strong].sum() + _TOO_WEAK * weight.sum()
+    log_prior = np.where(strong, np.log(hypothesis.prior * weight / total), -np.inf)
     return Grid(hypothesis, shift, moved.variance, log_prior)
+
+
+def severity_weight(hypothesis: Hypothesis) -> Float[ndarray, "points"]:
+    """How likely the severities of a grid are: alike in their logarithm, but for unusual ones.
+
+    Args:
+        hypothesis: The effect and its frame.
+
+    Returns:
+        Weight of every point, at most 1.
+    """
+    return np.minimum(1.0, (_USUAL / np.maximum(np.abs(hypothesis.severity()), 1e-9)) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +176,9 @@ class Candidate:
 
     hypothesis: Hypothesis
     value: dict[str, float]
-    log_likelihood: float
-    log_evidence: float
-    size: float
+    log_likelihood: float = 0.0
+    log_evidence: float = 0.0
+    size: float = 0.0
 
 
 def candidates(
@@ -203,117 +204,3 @@ def candidates(
         size = float(np.linalg.norm(grid.shift[best]))
         best_points.append(Candidate(grid.hypothesis, value, float(likelihood[best]), evidence, size))
     return sorted(best_points, key=lambda one: -one.log_evidence)
-
-
-def unknown_evidence(white: Float[ndarray, "kept"], grids: Sequence[Grid]) -> float:
-    """Log evidence of a shift that no effect makes, less that of no shift (see the module).
-
-    Args:
-        white: What the base model leaves.
-        grids: All hypotheses.
-
-    Returns:
-        The log evidence.
-    """
-    return float(_free(white[None], grids)[0])
-
-
-def _free(white: Float[ndarray, "fabrics kept"], grids: Sequence[Grid]) -> Float[ndarray, "fabrics"]:
-    """Log evidence of `unknown` for one or many residuals, less that of no shift."""
-    count = white.shape[1]
-    mean = np.zeros((count, count))
-    for grid in grids:
-        strong = np.isfinite(grid.log_prior)
-        unit = grid.shift[strong] / np.linalg.norm(grid.shift[strong], axis=1, keepdims=True)
-        mean += (unit * np.exp(grid.log_prior[strong])[:, None]).T @ unit
-    share = (1 - _ANY_DIRECTION) / np.trace(mean) if grids else 0.0
-    value, vector = np.linalg.eigh(share * mean)
-    scale = np.maximum(value, 0) + (_ANY_DIRECTION if grids else 1.0) / count
-    squares = (white @ vector) ** 2
-    terms = [
-        -0.5 * (squares @ (1 / (1 + size**2 * scale) - 1) + np.log1p(size**2 * scale).sum()) for size in _UNKNOWN_SIZES
-    ]
-    return np.logaddexp.reduce(terms, axis=0) - np.log(len(terms))
-
-
-def by_effect(singles: Sequence[Candidate]) -> dict[str, float]:
-    """Log evidence of every effect, its frames added up.
-
-    Args:
-        singles: Every hypothesis.
-
-    Returns:
-        By effect.
-    """
-    names = dict.fromkeys(one.hypothesis.name for one in singles)
-    return {name: log_sum([c.log_evidence for c in singles if c.hypothesis.name == name]) for name in names}
-
-
-def posterior(
-    effects: Mapping[str, float], unknown: float, *, tempering: float = 1.0, extra: Mapping[str, float] | None = None
-) -> dict[str, float]:
-    """Probabilities of all causes.
-
-    A wrong density changes nothing but the unit of stiffness: its evidence is that of no effect.
-
-    Args:
-        effects: Log evidence by effect.
-        unknown: Log evidence of an unknown shift.
-        tempering: Power of the likelihoods, from calibration.
-        extra: Log evidence of pairs.
-
-    Returns:
-        Of `none`, every effect (and pair, named with a plus sign) and `unknown`; they add up to 1.
-    """
-    share = (1 - PRIOR_NONE - PRIOR_UNKNOWN - PRIOR_PAIR) / len(registered())
-    none = 1 - PRIOR_UNKNOWN - PRIOR_PAIR - share * (len(effects) + 1)
-    log = {NONE: np.log(none), UNKNOWN: np.log(PRIOR_UNKNOWN) + tempering * unknown}
-    log |= {name: np.log(share) + tempering * value for name, value in effects.items()}
-    log[DENSITY_BIAS] = np.log(share)
-    pairs = extra or {}
-    log |= {name: np.log(PRIOR_PAIR / len(pairs)) + tempering * value for name, value in pairs.items()}
-    total = log_sum(list(log.values()))
-    return {name: float(np.exp(value - total)) for name, value in log.items()}
-
-
-def detection_statistic(white: Float[ndarray, "fabrics kept"], grids: Sequence[Grid]) -> Float[ndarray, "fabrics"]:
-    """Log of the prior-weighted evidence of anything against nothing.
-
-    Args:
-        white: One or many whitened residuals.
-        grids: All hypotheses.
-
-    Returns:
-        The statistic of each.
-    """
-    squared, logs = (white**2).sum(1), []
-    for grid in grids:
-        v = _variance(grid.shift, grid.variance)
-        fixed = (grid.shift**2 / v + np.log(v)).sum(1)
-        terms = -0.5 * (white**2 @ (1 / v).T - 2 * white @ (grid.shift / v).T + fixed) + 0.5 * squared[:, None]
-        logs.append(np.logaddexp.reduce(terms + grid.log_prior, axis=1))
-    causes = np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(grids)) if grids else np.full(len(white), -np.inf)
-    return np.logaddexp(causes, _free(white, grids) + np.log(_UNKNOWN_SHARE))
-
-
-def detection_p_value(
-    residual: Residual,
-    grids: Sequence[Grid],
-    generator: np.random.Generator,
-    *,
-    draws: int = 400,
-) -> float:
-    """Probability of so much evidence for anything where the base model holds, by parametric bootstrap of w.
-
-    Args:
-        residual: What the base model leaves of the fabric.
-        grids: All hypotheses.
-        generator: Generator of the bootstrap.
-        draws: Number of draws.
-
-    Returns:
-        The p-value; never 0.
-    """
-    observed = detection_statistic(residual.white[None], grids)[0]
-    null = detection_statistic(generator.standard_normal((draws, len(residual.white))), grids)
-    return float((1 + (null >= observed).sum()) / (1 + draws))

@@ -2,7 +2,8 @@
 
 A `Hypothesis` is an effect in a frame. At the base parameters of a fabric it is a table of shifts of the features, one
 row a value of its parameters, with prior weights: severities log-uniform from a twentieth of the typical one to ten
-times it, either sign where that means something, directions uniform, patches anywhere on the hanging part.
+times it, either sign where that means something, directions uniform, patches anywhere on the hanging part. An effect
+that acts with time has a sign too: negative where the captures were taken, or numbered, in the other order.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.effect_timing import in_lab
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import scaled_place
 from cusick_bench.diagnosis.inference.feature_rows import in_rows
@@ -60,9 +61,10 @@ class Hypothesis:
         axes = []
         for p in self.effect.parameters:
             if p.role == "severity":
-                signs = (1.0, -1.0) if self.effect.signed else (1.0,)
+                backwards = acts_later(self.effect)
+                signs = (1.0, -1.0) if self.effect.signed or backwards else (1.0,)
                 size = [s for s in p.typical * _SEVERITIES if s <= p.high] or [p.high]
-                axes.append([sign * s for sign in signs for s in size if p.low <= sign * s])
+                axes.append([sign * s for sign in signs for s in size if backwards or p.low <= sign * s])
             elif p.role == "direction":
                 turn = 180.0 if self._axial else 360.0
                 axes.append(np.arange(DIRECTIONS) * turn / DIRECTIONS)
@@ -155,6 +157,8 @@ def shifts(
         turned = turned / sd
         return Shifts(in_rows(turned, turned, spreads, orders), np.zeros(len(severity)))
     response = emulator.responses[hypothesis.name]
+    backwards = (severity < 0) & response.later
+    severity = np.where(backwards, -severity, severity)
     at = np.tile(theta, (len(severity), 1))
     place = scaled_place(effect, given)
     scatter = emulator.sd(theta)
@@ -170,7 +174,9 @@ def shifts(
     orders = np.zeros((len(severity), len(ORDERS)))
     if response.later:
         orders = (faces[0] + faces[1])[:, list(ORDERS)] / 2 if drift > 0 else orders
-        faces, spreads = [face * drift for face in faces], spreads * drift
+        orders[backwards] *= -1
+        share = np.where(backwards, 1 - drift, drift)[:, None]  # of captures on which it has acted
+        faces, spreads = [face * share for face in faces], spreads * share
     up, down = faces
     return Shifts(in_rows(up, down, spreads, orders), variance)
 

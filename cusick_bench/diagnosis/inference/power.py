@@ -15,7 +15,9 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.inference.evidence import detectable_grids, detection_statistic
+from cusick_bench.diagnosis.atlas.store import Calibration
+from cusick_bench.diagnosis.inference.detection import detection_statistic
+from cusick_bench.diagnosis.inference.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.inference.residual import Residual, against_base
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
@@ -116,20 +118,22 @@ def needed(
         By effect.
     """
     theta = PRIOR_MEAN.copy()
-    residual = against_base(emulator, expected_features(emulator, theta, 12), start=theta, fixed=True)
-    grids = detectable_grids(emulator, residual)
+    expected = expected_features(emulator, theta, 12)
+    fabric = FabricData(emulator, Calibration(), expected, None, 0.5)
+    residual = fabric.against(start=theta, fixed=True)
+    model = fabric.model(residual)
     noise = generator.standard_normal((draws, len(residual.white)))
-    limit = float(np.quantile(detection_statistic(noise, grids), 0.95))
+    limit = float(np.quantile(detection_statistic(model, noise), 0.95))
     sizes = np.arange(3.0, 8.5, 0.5)
     sizes_needed: dict[str, float] = {}
-    for grid in grids:
+    for grid in fabric.grids(residual):
         if grid.hypothesis.prior < 0.5:
             continue
         shares = []
         for size in sizes:
-            rows = grid.shift[generator.integers(len(grid.shift), size=draws)]
+            rows = model.misfit.turned(grid.shift[generator.integers(len(grid.shift), size=draws)])
             unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-9)
-            shares.append(float((detection_statistic(noise + size * unit, grids) > limit).mean()))
+            shares.append(float((detection_statistic(model, noise + size * unit) > limit).mean()))
         sizes_needed[grid.hypothesis.name] = float(np.interp(power, np.maximum.accumulate(shares), sizes))
     return sizes_needed
 

@@ -1,40 +1,51 @@
-"""From probabilities of causes to a verdict: none, one effect or a pair, one of several, or something else."""
+"""From the posterior over sets to a verdict: none, one effect, several, one of several, or something else."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
-from cusick_bench.diagnosis.inference.equivalents import partners
-from cusick_bench.diagnosis.inference.evidence import DENSITY_BIAS, NONE, UNKNOWN, Candidate
-from cusick_bench.diagnosis.inference.fabric_evidence import ALPHA
+from cusick_bench.diagnosis.inference.detection import ALPHA
+from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN
+from cusick_bench.diagnosis.inference.novelty import Novelty
+from cusick_bench.diagnosis.inference.set_sampler import SetPosterior
 
-Verdict = Literal["none", "effect", "ambiguous", "unknown"]
-"""No effect, one (or a pair), one of several, or something that is not on the list."""
+Verdict = Literal["none", "effect", "several", "ambiguous", "unknown", "refused"]
+"""No effect, one, several together, one of some, something that is not on the list, or no diagnosis at all."""
 SET_LEVEL = 0.9
-NAMED = 0.6  # from this probability on one effect is named, below several
+NAMED = 0.6
+"""Probability from which an effect is named, or a group of look-alikes out of which one acts."""
+_TOGETHER = 0.5  # probability of two look-alikes together, at most, over that of independent effects
+_LIKELY = 0.05  # probability from which an effect can be a member of a group
+_CARRIES = 0.5  # share of what no base model explains that a set takes at least where something unlisted acts too
+_LEAST_UNKNOWN = 0.6  # probability of `unknown` where that is the verdict
 
 
-def single_causes(probability: Mapping[str, float]) -> dict[str, float]:
-    """Probabilities of single causes: a pair's is given to its likelier half, so that all still add up to 1.
+@dataclass(frozen=True)
+class Finding:
+    """What a posterior amounts to.
 
-    Args:
-        probability: Probability of `none`, every effect, pairs (`a + b`) and `unknown`.
-
-    Returns:
-        Of `none`, every effect and `unknown`.
+    Attributes:
+        verdict: The verdict.
+        effects: The named set, the likeliest first.
+        groups: Look-alikes of which one acts, beside the named set.
+        set90: The fewest causes that hold 90 % of the probability, and the named ones.
+        leading: Probability that each effect, `none` or `unknown` accounts for most; they add up to 1.
+        notes: What else is to be said.
     """
-    single = {name: value for name, value in probability.items() if " + " not in name}
-    for name, value in probability.items():
-        if " + " in name:
-            leading = max(name.split(" + "), key=lambda part: single.get(part, 0.0))
-            single[leading] = single.get(leading, 0.0) + value
-    return single
+
+    verdict: Verdict
+    effects: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    set90: tuple[str, ...]
+    leading: Mapping[str, float]
+    notes: tuple[str, ...] = ()
 
 
 def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
     """The fewest causes that hold 90 % of the probability.
 
     Args:
-        probability: Probability of single causes.
+        probability: Probabilities that add up to 1.
 
     Returns:
         Their names, the likeliest first.
@@ -47,51 +58,93 @@ def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def verdict_of(p: float, probability: Mapping[str, float]) -> tuple[Verdict, str]:
-    """The verdict, and what it names.
-
-    No cause is named while the 90 % set also holds one that no silhouette tells from it.
+def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[str] = ()) -> Finding:
+    """The verdict.
 
     Args:
         p: p-value of the base model.
-        probability: Probability of `none`, every effect, pairs (`a + b`) and `unknown`.
+        posterior: Posterior over sets.
+        test: Whether the likeliest set is all that acts.
+        shared: Effects of the laboratory that all its fabrics show; they are named in each.
 
     Returns:
-        The verdict; the name of the leading cause or pair, "" if there is none.
+        What is found.
     """
-    if p > ALPHA:
-        return NONE, ""
-    causes = {name: value for name, value in probability.items() if name not in (NONE, DENSITY_BIAS)}
-    single = single_causes(causes)
-    total = sum(causes.values())
-    if causes[UNKNOWN] >= 0.5 * total or len(causes) == 1:
-        return UNKNOWN, ""
-    top = max((name for name in single if name != UNKNOWN), key=lambda name: single[name])
-    if single[top] < NAMED * total or partners(top, set90(single_causes(probability))):
-        return "ambiguous", top
-    with_top = [top, *(name for name in causes if top in name.split(" + ") and name != top)]
-    return "effect", max(with_top, key=lambda name: causes[name])
+    leading = _with_shared(posterior.leading, shared)
+    if p > ALPHA and not shared:
+        return Finding(NONE, (), (), set90(leading), leading)
+    acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
+    named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
+    groups = look_alikes(posterior, named)
+    unlisted = test.rejected
+    if unlisted and (not named or test.explained < _CARRIES):
+        leading = _raised(leading, UNKNOWN, _LEAST_UNKNOWN)
+        return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
+    members = _members(leading, (*named, UNKNOWN) if unlisted else named)
+    notes = (f"something that is not on the list acts too (p = {test.p:.2g})",) if unlisted else ()
+    notes += tuple(f"beside the named effects one of {', '.join(group)} acts" for group in groups if named)
+    if not named:
+        return Finding("ambiguous", (), groups, members, leading, notes)
+    verdict: Verdict = "several" if len(named) + len(groups) > 1 else "effect"
+    return Finding(verdict, named, groups, members, leading, notes)
 
 
-def named_cause(
-    name: str,
-    best: Sequence[Candidate],
-    together: Mapping[str, tuple[Candidate, Candidate]],
-    single: Mapping[str, float],
-) -> tuple[Candidate, ...]:
-    """The named cause at its best parameters.
+def look_alikes(posterior: SetPosterior, named: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Groups of effects of which one acts, though it cannot be told which.
 
     Args:
-        name: Name of a cause or pair, as `verdict_of` gives it.
-        best: Every effect at its best.
-        together: Every pair at its best.
-        single: Probabilities of single causes.
+        posterior: Posterior over sets.
+        named: Effects that are named.
 
     Returns:
-        The cause; of a pair the half first that its probability is given to; nothing where none is named.
+        The groups, each with a probability of at least `NAMED` that one of it acts.
     """
-    if not name:
-        return ()
-    if name in together:
-        return tuple(sorted(together[name], key=lambda one: -single.get(one.hypothesis.name, 0.0)))
-    return tuple(one for one in best if one.hypothesis.name == name)[:1]
+    left = [n for n, p in sorted(posterior.effects.items(), key=lambda i: -i[1]) if n not in named and p >= _LIKELY]
+    groups = []
+    while left:
+        group = [left.pop(0)]
+        for name in list(left):
+            if all(_exclude(posterior, name, other) for other in group):
+                group.append(name)
+                left.remove(name)
+        if len(group) > 1 and _any_of(posterior, group) >= NAMED:
+            groups.append(tuple(group))
+        elif len(group) > 1:
+            left = group[1:] + left
+    return tuple(groups)
+
+
+def _exclude(posterior: SetPosterior, first: str, second: str) -> bool:
+    """Whether two effects hardly ever act together, though each may act: they stand for the same thing."""
+    both = sum(share for names, share in posterior.sets.items() if first in names and second in names)
+    return both <= _TOGETHER * posterior.effects[first] * posterior.effects[second]
+
+
+def _any_of(posterior: SetPosterior, group: Sequence[str]) -> float:
+    return sum(share for names, share in posterior.sets.items() if set(group) & set(names))
+
+
+def _with_shared(leading: Mapping[str, float], shared: Sequence[str]) -> dict[str, float]:
+    """Where the fabric itself shows nothing, what its laboratory shows accounts for most."""
+    if not shared:
+        return dict(leading)
+    changed = {name: value for name, value in leading.items() if name != NONE}
+    return {**changed, shared[0]: leading[NONE], NONE: 0.0}
+
+
+def _raised(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
+    """Probabilities with one of them at least so large."""
+    if leading[name] >= least:
+        return dict(leading)
+    scale = (1 - least) / (1 - leading[name])
+    return {other: least if other == name else value * scale for other, value in leading.items()}
+
+
+def _members(leading: Mapping[str, float], named: Sequence[str]) -> tuple[str, ...]:
+    """The 90 % set, with what is named."""
+    return tuple(dict.fromkeys((*set90(leading), *named)))
+
+
+def _mimics(named: Sequence[str]) -> tuple[str, ...]:
+    """What an unlisted cause looks like."""
+    return (f"an unlisted cause is taken for it in part by {', '.join(named)}",) if named else ()

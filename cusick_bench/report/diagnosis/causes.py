@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument
+from cusick_bench.diagnosis.document.answer import BudgetShare
+from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
 from cusick_bench.report.diagnosis.effect_words import claim, parameter_meaning, physics, signature
-from cusick_bench.report.diagnosis.named_causes import are_two, named_causes, ranked_causes
+from cusick_bench.report.diagnosis.named_causes import are_several, named_causes, ranked_causes
 from cusick_bench.report.diagnosis.number_format import measure, percent
 from cusick_bench.report.diagnosis.words import STAGES
 
@@ -106,20 +107,35 @@ def _card(cause: Cause, document: DiagnosisDocument) -> CauseCard:
 
 def _remarks(cause: Cause, document: DiagnosisDocument) -> list[str]:
     remarks = ["in the 90 % set"] if cause.effect in document.set90 else []
-    if cause.pair_with:
-        remarks.append(f"acts together with {cause.pair_with}")
+    if cause.acting is not None:
+        remarks.append(f"acts with probability {percent(cause.acting)}")
+    if cause.shared:
+        remarks.append("shown by all fabrics of this laboratory")
+    remarks += [_share_in_words(one) for one in document.budget if one.effect == cause.effect]
     fraction, interval = document.closure.fraction, document.closure.ci90
     if fraction is not None and cause.effect in named_causes(document):
         span = f" ({percent(interval[0])} to {percent(interval[1])})" if interval else ""
-        remarks.append(f"{'they close' if are_two(document) else 'closes'} {percent(fraction)} of the gap{span}")
+        remarks.append(f"{'they close' if are_several(document) else 'closes'} {percent(fraction)} of the gap{span}")
     return remarks
+
+
+def _share_in_words(one: BudgetShare) -> str:
+    span = f" ({percent(one.ci90[0])} to {percent(one.ci90[1])})" if one.ci90 else ""
+    return f"takes {percent(one.share)}{span} of the misfit"
 
 
 def _parameters(cause: Cause) -> list[Parameter]:
     return [
-        Parameter(name, measure(one.value, one.unit), parameter_meaning(cause.effect, name))
+        Parameter(name, _with_interval(one), parameter_meaning(cause.effect, name))
         for name, one in cause.parameters.items()
     ]
+
+
+def _with_interval(one: ParameterValue) -> str:
+    words = measure(one.value, one.unit)
+    if one.ci90 is None:
+        return words
+    return f"{words} ({measure(one.ci90[0], one.unit)} to {measure(one.ci90[1], one.unit)})"
 
 
 def _rest_in_words(rest: list[Cause], document: DiagnosisDocument) -> str:

@@ -6,7 +6,7 @@ from markupsafe import Markup
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.report.diagnosis.bars import Bar, closure_graph, gap_graph
-from cusick_bench.report.diagnosis.named_causes import are_two, model_with_cause, named_cause
+from cusick_bench.report.diagnosis.named_causes import are_several, model_with_cause, named_cause
 from cusick_bench.report.diagnosis.number_format import percent
 from cusick_bench.report.diagnosis.words import chance, gap_in_words
 from cusick_bench.report.drawing.inline_svg import inline_svg
@@ -15,8 +15,10 @@ from cusick_bench.report.drawing.palette import CAUSE, FLOOR, MODEL
 _NO_CLOSURE = {
     "none": "There is no gap to close.",
     "effect": "Not given: the cause was not simulated, or there is no gap above the floor.",
+    "several": "Not given: the causes were not simulated, or there is no gap above the floor.",
     "ambiguous": "Not given: no single cause was named that could be simulated.",
     "unknown": "Not given: no known cause was named that could be simulated.",
+    "refused": "Not given: nothing was simulated.",
 }
 
 
@@ -62,7 +64,7 @@ def gap_section(document: DiagnosisDocument) -> GapSection:
         What the page shows.
     """
     gap = document.gap
-    words = gap_in_words(gap.base, gap.floor, gap.effect, two_causes=are_two(document))
+    words = gap_in_words(gap.base, gap.floor, gap.effect, several=are_several(document))
     bars = [Bar("base model", gap.base, MODEL)]
     if gap.effect is not None:
         bars.append(Bar(model_with_cause(document), gap.effect, CAUSE))
@@ -85,7 +87,7 @@ def closure_section(document: DiagnosisDocument) -> ClosureSection:
     fraction, interval = document.closure.fraction, document.closure.ci90
     if fraction is None:
         return ClosureSection(_why_no_closure(document))
-    both = are_two(document)
+    both = are_several(document)
     cause, closes = named_cause(document) or "the cause", "close" if both else "closes"
     words = f"On samples that were not fitted, {cause} {closes} {percent(fraction)} of the gap"
     if interval is not None:

@@ -1,9 +1,8 @@
-"""Names of the causes that a diagnosis singles out: none, one, or two that act together."""
+"""Names of the causes that a diagnosis singles out: none, one, or several that act together."""
 
 from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument
 from cusick_bench.sim.effects import registered
 
-_CARRIES = 0.5  # probability above which the likeliest cause is the named one
 _HEADING = 26  # letters of a name that a heading has room for
 
 
@@ -20,9 +19,7 @@ def ranked_causes(document: DiagnosisDocument) -> list[Cause]:
 
 
 def named_causes(document: DiagnosisDocument) -> list[str]:
-    """The registered effects that were simulated: none, one, or two that act together.
-
-    A pair's probability stands with its likelier half, which need not be the half that the closure names.
+    """The registered effects that were simulated together or, where none was, the named set.
 
     Args:
         document: The diagnosis.
@@ -30,21 +27,18 @@ def named_causes(document: DiagnosisDocument) -> list[str]:
     Returns:
         Their names.
     """
-    simulated, ranked = document.closure.effect, ranked_causes(document)
-    carries = document.verdict == "effect" and bool(ranked) and ranked[0].probability > _CARRIES
-    leading = [cause for cause in ranked if cause.effect == simulated or (carries and cause is ranked[0])]
-    names = [simulated, *(name for cause in leading for name in (cause.effect, cause.pair_with))]
-    return [name for name in dict.fromkeys(names) if name is not None and name in registered()]
+    simulated = document.closure.effect or document.effects
+    return [name for name in dict.fromkeys(simulated) if name in registered()]
 
 
-def are_two(document: DiagnosisDocument) -> bool:
-    """Whether two causes that act together are named.
+def are_several(document: DiagnosisDocument) -> bool:
+    """Whether several causes that act together are named.
 
     Args:
         document: The diagnosis.
 
     Returns:
-        True for a pair.
+        True for two and more.
     """
     return len(named_causes(document)) > 1
 
@@ -68,9 +62,9 @@ def model_with_cause(document: DiagnosisDocument) -> str:
         document: The diagnosis.
 
     Returns:
-        Such as "with creep" or "with both causes".
+        Such as "with creep" or "with all causes".
     """
     name = named_cause(document)
     if name and len(name) <= _HEADING:
         return f"with {name}"
-    return "with both causes" if are_two(document) else "with the cause"
+    return "with all causes" if are_several(document) else "with the cause"

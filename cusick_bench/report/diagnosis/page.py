@@ -5,12 +5,12 @@ from pathlib import Path
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.report.diagnosis.before_after import ProfileSection, profile_section
+from cusick_bench.report.diagnosis.budget import BudgetTable, budget_table
 from cusick_bench.report.diagnosis.causes import CauseSection, cause_section
 from cusick_bench.report.diagnosis.gap import ClosureSection, GapSection, closure_section, gap_section
 from cusick_bench.report.diagnosis.next_steps import NextSection, next_section
 from cusick_bench.report.diagnosis.place import PlaceSection, place_section
 from cusick_bench.report.diagnosis.statistics import StatisticTable, statistic_table
-from cusick_bench.report.diagnosis.steps import StepTable, step_table
 from cusick_bench.report.diagnosis.verdict import VerdictBox, verdict_box
 from cusick_bench.report.diagnosis.words import cloth_in_words
 from cusick_bench.report.page_template import render_page
@@ -30,8 +30,8 @@ class DiagnosisPage:
         causes: What may cause it.
         statistics: The statistics that differ most.
         profiles: Drapes of data and models.
-        closure: How far the named cause closes the gap.
-        steps: Causes taken off one after the other.
+        closure: How far the named effects close the gap.
+        budget: Which share of the gap each effect takes.
         next: What to measure next, and what no measurement here can tell.
         cloth: Parameters of the base model: name, value, meaning.
         provenance: Name and value of what made the document.
@@ -45,7 +45,7 @@ class DiagnosisPage:
     statistics: StatisticTable
     profiles: ProfileSection
     closure: ClosureSection
-    steps: StepTable | None
+    budget: BudgetTable | None
     next: NextSection
     cloth: list[tuple[str, str, str]]
     provenance: list[tuple[str, str]]
@@ -87,7 +87,7 @@ def diagnosis_page(document: DiagnosisDocument) -> DiagnosisPage:
         statistics=statistic_table(document),
         profiles=profile_section(document),
         closure=closure_section(document),
-        steps=step_table(document),
+        budget=budget_table(document),
         next=next_section(document),
         cloth=cloth_in_words(document.base, document.data),
         provenance=[(name, getattr(made, key)) for key, name in _PROVENANCE.items() if getattr(made, key)],

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.report.diagnosis.causes import CauseSection
-from cusick_bench.report.diagnosis.named_causes import are_two, named_causes
+from cusick_bench.report.diagnosis.named_causes import are_several
 from cusick_bench.report.diagnosis.number_format import percent, plain
-from cusick_bench.report.diagnosis.words import STAGES, TWO_CAUSES, VERDICTS, data_in_words, times_floor
+from cusick_bench.report.diagnosis.words import STAGES, VERDICTS, data_in_words, times_floor
 
 Fact = tuple[str, str, str]
 """Name, value, and what the value is to be read with."""
@@ -41,8 +41,7 @@ def verdict_box(document: DiagnosisDocument, causes: CauseSection) -> VerdictBox
     Returns:
         What the page shows.
     """
-    both = document.verdict == "effect" and len(named_causes(document)) > 1
-    name, sentence = TWO_CAUSES if both else VERDICTS[document.verdict]
+    name, sentence = VERDICTS[document.verdict]
     facts = [*_gap_fact(document), *_cause_facts(document, causes)]
     if document.next:
         facts.append(("measure next", document.next[0].name, ""))
@@ -68,6 +67,8 @@ def _cause_facts(document: DiagnosisDocument, causes: CauseSection) -> list[Fact
     if document.verdict == "ambiguous":
         facts.append(("possible", f"{len(document.set90)} causes", "in the 90 % set"))
     if document.closure.fraction is not None:
-        name = "both close" if are_two(document) else "cause closes"
+        name = "causes close" if are_several(document) else "cause closes"
         facts.append((name, percent(document.closure.fraction), "of the gap"))
+    if document.unexplained.share is not None:
+        facts.append(("unexplained", percent(max(document.unexplained.share, 0.0)), "of the gap"))
     return facts

@@ -11,12 +11,12 @@ from cusick_bench.report.diagnosis.number_format import measure, plain
 VERDICTS: Mapping[str, tuple[str, str]] = {
     "none": ("No unmodelled effect", "The base model explains these drapes within their natural spread."),
     "effect": ("One cause found", "The base model does not explain these drapes; one cause does."),
+    "several": ("Several causes found", "The base model does not explain these drapes; several causes together do."),
     "ambiguous": ("Several causes possible", "Something is missing in the base model; these data cannot say which of "
                   "several causes it is."),
     "unknown": ("Unknown cause", "Something is missing in the base model that no effect on the list explains."),
+    "refused": ("Not diagnosed", "Nothing can be said about these data."),
 }  # fmt: skip
-TWO_CAUSES = ("Two causes found", "The base model does not explain these drapes; two causes together do.")
-"""In the place of `effect`, where the cause that is named acts together with another."""
 
 STAGES: Mapping[str, str] = {
     "material": "material",
@@ -118,14 +118,14 @@ def times_floor(base: float, floor: float) -> float | None:
     return base / floor if floor > _LEAST_FLOOR * base else None
 
 
-def gap_in_words(base: float | None, floor: float | None, effect: float | None, *, two_causes: bool) -> str:
+def gap_in_words(base: float | None, floor: float | None, effect: float | None, *, several: bool) -> str:
     """How the gap compares with its floor, and with what the named cause leaves of it.
 
     Args:
         base: Gap of the base model, None if unknown.
         floor: Its floor, None if unknown.
         effect: Gap of the base model with the cause, None if unknown.
-        two_causes: Whether the cause is a pair.
+        several: Whether several causes act together.
 
     Returns:
         A sentence.
@@ -141,8 +141,8 @@ def gap_in_words(base: float | None, floor: float | None, effect: float | None, 
     if effect is None:
         return first + "."
     if ratio is None:
-        return f"{first}; {'both causes leave' if two_causes else 'a cause leaves'} less."
-    return f"{first}; with {'both causes' if two_causes else 'the cause'} {plain(effect / floor)} times."
+        return f"{first}; {'all causes together leave' if several else 'a cause leaves'} less."
+    return f"{first}; with {'all causes' if several else 'the cause'} {plain(effect / floor)} times."
 
 
 def worth(bits: float | None, entropy: float) -> str:

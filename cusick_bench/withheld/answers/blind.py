@@ -2,7 +2,7 @@
 
 Each case is a folder in the public layout. It is read by the same loader as any data, and nothing else: no label, no
 other case. Answers are kept one file a case, so that a crash loses one; a case that cannot be diagnosed is answered
-`unknown` with the reason, never with a guess.
+`refused` with the reason, never with a guess.
 """
 
 import hashlib
@@ -20,7 +20,6 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document.build import answer
-from cusick_bench.diagnosis.inference.evidence import UNKNOWN
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.labels import numerics_text
@@ -142,7 +141,7 @@ def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
 
 
 def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> Answer:
-    """Answers one case; the answer is `unknown`, with the reason, where the case cannot be used.
+    """Answers one case; the answer is `refused`, with the reason, where the case cannot be used.
 
     Args:
         folder: Folder of the case, in the public layout.
@@ -167,10 +166,10 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
 def _refused(reason: str) -> stated.Answer:
     """The answer to a case that cannot be diagnosed."""
     return stated.Answer(
-        verdict="unknown",
+        verdict="refused",
         gap=stated.StatedGap(base=None, floor=None, p=None),
-        causes=(stated.StatedCause(effect=UNKNOWN, stage="", probability=1.0, parameters={}),),
-        set90=(UNKNOWN,),
+        causes=(),
+        set90=(),
         where=stated.Location(localisable=False, why_not=reason),
         closure=stated.Closure(),
         next=(),

@@ -29,10 +29,10 @@ from pydantic.dataclasses import dataclass
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.evidence import grid_at
-from cusick_bench.diagnosis.inference.fabric_evidence import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
 from cusick_bench.diagnosis.inference.power import NEEDED
 from cusick_bench.diagnosis.inference.residual import Residual, against_base, feature_vector, inflated, scatter_of
+from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld.answers.blind import case_captures

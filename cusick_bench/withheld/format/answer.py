@@ -28,7 +28,7 @@ from cusick_bench.withheld.format.fields import (
 from cusick_bench.withheld.format.location import Region
 from cusick_bench.withheld.format.place import Place
 
-VERDICTS = ("none", "effect", "ambiguous", "unknown")
+VERDICTS = ("none", "effect", "several", "ambiguous", "unknown", "refused")
 SET_LEVEL = 0.9
 LEAVE_OUT = "leave_out"
 """Key of a document of leave-one-effect-out answers: from which severity on effects were left out."""
@@ -154,7 +154,7 @@ class BaselineAnswer(Document):
         total = sum(cause.probability for cause in self.stated)
         if total > 1 + 1e-3:
             raise broken_rule(f"probabilities must sum to at most 1, got {total:.4g}; rescale")
-        if self.verdict in ("effect", "ambiguous") and not names:
+        if self.verdict in ("effect", "several", "ambiguous") and not names:
             raise broken_rule(f"a verdict of {self.verdict} must name causes, got none; answer none or unknown")
         return self
 

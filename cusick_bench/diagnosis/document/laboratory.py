@@ -1,0 +1,86 @@
+"""The document of a laboratory: effects that all fabrics of a data set share."""
+
+import json
+from pathlib import Path
+
+from pydantic import Field
+
+from cusick_bench.diagnosis.document.model import ParameterValue
+from cusick_bench.diagnosis.document.part import Part, Probability
+from cusick_bench.diagnosis.inference.laboratory import Laboratory
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.effects import registered
+
+_LEAST = 0.01  # probability from which an effect is listed
+
+
+class SharedCause(Part):
+    """An effect that all fabrics may share.
+
+    Attributes:
+        effect: Its name.
+        stage: Its class. The file's key is `class`.
+        probability: That all fabrics show it, with one severity and direction.
+        named: Whether it is taken to act in every fabric.
+        parameters: Shared parameters by name.
+        evidence: By fabric, ln of its likelihood with the effect over that without [nat].
+    """
+
+    effect: str
+    stage: str = Field(default="", validation_alias="class", serialization_alias="class")
+    probability: Probability
+    named: bool
+    parameters: dict[str, ParameterValue]
+    evidence: dict[str, float]
+
+
+class LaboratoryDocument(Part):
+    """The content of `laboratory.json`.
+
+    Attributes:
+        fabrics: Fabrics that were looked at together.
+        effects: Effects that they may share, the likeliest first.
+    """
+
+    fabrics: tuple[str, ...]
+    effects: tuple[SharedCause, ...]
+
+    def write(self, path: Path) -> None:
+        """Writes the document as a JSON file, which appears whole or not at all.
+
+        Args:
+            path: The file; its folder must be there.
+        """
+        write_atomically(path, json.dumps(self.content(), allow_nan=False).encode())
+
+
+def laboratory_document(found: Laboratory) -> LaboratoryDocument:
+    """Everything about one laboratory.
+
+    Args:
+        found: What its fabrics share.
+
+    Returns:
+        The document.
+    """
+    named = {one.hypothesis.name for one in found.named}
+    causes = []
+    for one in found.effects:
+        effect = registered()[one.name]
+        units = {p.name: p.unit for p in effect.parameters}
+        if one.probability < _LEAST:
+            continue
+        causes.append(
+            SharedCause(
+                effect=one.name,
+                stage=effect.kind,
+                probability=one.probability,
+                named=one.name in named,
+                parameters={
+                    name: ParameterValue(value=value, unit=units[name], ci90=one.intervals[name])
+                    for name, value in one.cause.value.items()
+                },
+                evidence=dict(one.evidence),
+            )
+        )
+    return LaboratoryDocument(fabrics=found.fabrics, effects=tuple(causes))

@@ -1,0 +1,111 @@
+"""Points of all effects' grids in the turned rows of the misfit, with the variance that another law adds.
+
+Another law for the same effect moves the same statistics, but not as far and not in quite the same proportions: its
+shift differs from ours by e d_k in row k (along) and by f |d| / sqrt(K) in any (across), with e and f by effect.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from cusick_bench.diagnosis.inference.evidence import Grid
+from cusick_bench.diagnosis.inference.misfit import Misfit
+
+_MOST_DOUBT = 0.1
+"""Share of a shift's square that the atlas' own doubt may add: an effect that stands for noise explains nothing."""
+Mismatch = Callable[[str], tuple[float, float]]
+"""Along and across, by an effect's name."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffectPoints:
+    """Points of grids, one after the other.
+
+    Attributes:
+        names: Effects, each once.
+        grids: Their grids, by hypothesis.
+        effect: Effect of each point, as a place in `names`.
+        grid: Grid of each point, as a place in `grids`.
+        row: Row of each point in its grid.
+        shift: Shift of the turned rows.
+        variance: What another law and the atlas' own doubt add to the variance of each row.
+        log_prior: Log prior of each point within its effect.
+    """
+
+    names: tuple[str, ...]
+    grids: tuple[Grid, ...]
+    effect: Int[ndarray, "points"]
+    grid: Int[ndarray, "points"]
+    row: Int[ndarray, "points"]
+    shift: Float[ndarray, "points kept"]
+    variance: Float[ndarray, "points kept"]
+    log_prior: Float[ndarray, "points"]
+
+    def __len__(self) -> int:
+        return len(self.effect)
+
+    def value(self, point: int) -> dict[str, float]:
+        """Parameters at a point.
+
+        Args:
+            point: Index of the point.
+
+        Returns:
+            Values by name.
+        """
+        values = self.grids[self.grid[point]].hypothesis.values
+        return {name: float(column[self.row[point]]) for name, column in values.items()}
+
+    def name(self, point: int) -> str:
+        """Effect of a point.
+
+        Args:
+            point: Index of the point.
+
+        Returns:
+            Its name.
+        """
+        return self.names[self.effect[point]]
+
+    def size(self) -> Float[ndarray, "points"]:
+        """|d| of every point."""
+        return np.linalg.norm(self.shift, axis=1)
+
+
+def effect_points(grids: Sequence[Grid], misfit: Misfit, mismatch: Mismatch, *, weak: bool = False) -> EffectPoints:
+    """Points of several grids.
+
+    Args:
+        grids: All hypotheses.
+        misfit: Rows in which they are compared.
+        mismatch: How far other laws may differ.
+        weak: Keep points that are too weak to detect, too.
+
+    Returns:
+        Their points; without `weak` those that have a prior.
+    """
+    names = tuple(dict.fromkeys(grid.hypothesis.name for grid in grids))
+    rows = [np.arange(len(g.shift)) if weak else np.flatnonzero(np.isfinite(g.log_prior)) for g in grids]
+    kept = len(misfit.rotation)
+    shift, variance = [np.zeros((0, kept))], [np.zeros((0, kept))]
+    for grid, chosen in zip(grids, rows, strict=True):
+        along, across = mismatch(grid.hypothesis.name)
+        turned = misfit.turned(grid.shift[chosen])
+        square = (turned**2).mean(1)
+        spread = across**2 * square + np.minimum(grid.variance[chosen], _MOST_DOUBT * square)
+        shift.append(turned)
+        variance.append(along**2 * turned**2 + spread[:, None])
+    counts = [len(one) for one in rows]
+    return EffectPoints(
+        names,
+        tuple(grids),
+        np.repeat([names.index(grid.hypothesis.name) for grid in grids], counts).astype(int),
+        np.repeat(np.arange(len(grids)), counts),
+        np.concatenate([np.zeros(0, dtype=int), *rows]),
+        np.concatenate(shift),
+        np.concatenate(variance),
+        np.concatenate([np.zeros(0), *(grid.log_prior[chosen] for grid, chosen in zip(grids, rows, strict=True))]),
+    )

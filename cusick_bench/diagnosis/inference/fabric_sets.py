@@ -1,0 +1,155 @@
+"""Posterior over sets of effects of one fabric, with base parameters that are fitted together with the set.
+
+Strong effects pull the base parameters away from the truth, where the effects' own shifts are others. So the likeliest
+set is selected, the base parameters are fitted again with its shift taken off, and all is linearised there anew, until
+they stay; the posterior is sampled at that point, where the base parameters are integrated out.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cusick_bench.diagnosis.inference.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.evidence import Candidate
+from cusick_bench.diagnosis.inference.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.residual import Residual
+from cusick_bench.diagnosis.inference.set_model import SetModel, SharedShift
+from cusick_bench.diagnosis.inference.set_sampler import STEPS, SetPosterior, forward_selection, sample_sets
+
+_REFITS = 2
+_STAYS = 0.3  # posterior standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class FabricSets:
+    """Sets of effects of one fabric.
+
+    Attributes:
+        residual: What the base model leaves, linearised at the joint optimum with the likeliest set.
+        model: Joint probability of sets there.
+        posterior: Posterior over sets of the fabric's own effects.
+        shared: Effects of the laboratory that are taken as known.
+        more: Their shift.
+    """
+
+    residual: Residual
+    model: SetModel
+    posterior: SetPosterior
+    shared: tuple[Candidate, ...] = ()
+    more: SharedShift | None = None
+
+
+def fabric_sets(
+    fabric: FabricData,
+    plain: Residual,
+    generator: np.random.Generator,
+    *,
+    shared: tuple[Candidate, ...] = (),
+    steps: int = STEPS,
+    progress: Callable[[float], None] = lambda share: None,
+) -> FabricSets:
+    """Weighs sets of effects for one fabric.
+
+    Args:
+        fabric: The fabric.
+        plain: What the best base model without effects leaves.
+        generator: Generator of the sampler.
+        shared: Effects of the laboratory that are taken as known.
+        steps: Of each chain.
+        progress: Called with the share of the fits that is over.
+
+    Returns:
+        The sets.
+    """
+    known = [one.hypothesis.name for one in shared]
+    residual = plain
+    for refit in range(_REFITS):
+        model = fabric.model(residual, without=known)
+        more = fabric.shared_shift(shared, residual, model.misfit)
+        selected = [candidate_at(model.points, point) for point in forward_selection(model, more)]
+        total = fabric.shift([*shared, *selected], residual)
+        joint = fabric.against(start=residual.theta, shift=total)
+        far = np.abs(joint.theta - residual.theta) / np.sqrt(np.diag(residual.theta_covariance))
+        progress((refit + 1) / (_REFITS + 2))
+        if far.max() < _STAYS:
+            break
+        residual = fabric.against(start=joint.theta, fixed=True)
+    model = fabric.model(residual, without=known)
+    more = fabric.shared_shift(shared, residual, model.misfit)
+    return FabricSets(residual, model, sample_sets(model, generator, steps=steps, more=more), shared, more)
+
+
+def candidate_at(points: EffectPoints, point: int) -> Candidate:
+    """A point as a cause.
+
+    Args:
+        points: All points.
+        point: Index of one.
+
+    Returns:
+        The cause.
+    """
+    hypothesis = points.grids[points.grid[point]].hypothesis
+    return Candidate(hypothesis, points.value(point), size=float(np.linalg.norm(points.shift[point])))
+
+
+def named_causes(fabric: FabricData, sets: FabricSets, names: Sequence[str]) -> tuple[Candidate, ...]:
+    """Effects at their likeliest parameters, all of them acting.
+
+    Args:
+        fabric: The fabric.
+        sets: Its sets.
+        names: Effects that are named; those of the laboratory are as they are.
+
+    Returns:
+        The causes, the largest shift first.
+    """
+    own = [name for name in names if name in sets.model.points.names]
+    chosen = _likeliest_points(sets, own)
+    causes = [*(one for one in sets.shared if one.hypothesis.name in names)]
+    causes += [candidate_at(sets.model.points, point) for point in chosen]
+    causes = _with_sizes(fabric, sets, causes)
+    return tuple(sorted(causes, key=lambda one: -one.size))
+
+
+def likeliest_candidates(sets: FabricSets) -> dict[str, Candidate]:
+    """Every effect at its likeliest point.
+
+    Args:
+        sets: Sets of effects of a fabric.
+
+    Returns:
+        By name of the effect.
+    """
+    points = sets.model.points
+    found = {one.hypothesis.name: one for one in sets.shared}
+    for number, name in enumerate(points.names):
+        own = np.flatnonzero(points.effect == number)
+        found[name] = candidate_at(points, int(own[np.argmax(sets.posterior.weight[own])]))
+    return found
+
+
+def _likeliest_points(sets: FabricSets, names: Sequence[str]) -> list[int]:
+    """A point for each effect: the likeliest one, then settled given the others."""
+    points, model = sets.model.points, sets.model
+    chosen = []
+    for name in names:
+        own = np.flatnonzero(points.effect == points.names.index(name))
+        chosen.append(int(own[np.argmax(sets.posterior.weight[own])]))
+    for _ in range(2 if len(chosen) > 1 else 1):
+        for place, point in enumerate(chosen):
+            others = chosen[:place] + chosen[place + 1 :]
+            total = model.likelihoods(others, more=sets.more).total[:-1] + points.log_prior
+            total[points.effect != points.effect[point]] = -np.inf
+            chosen[place] = int(np.argmax(total))
+    return chosen
+
+
+def _with_sizes(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate]) -> list[Candidate]:
+    """Causes with |d| where they now are."""
+    sized = []
+    for one in causes:
+        shift = sets.residual.whiten(fabric.shift([one], sets.residual)[None])[0]
+        sized.append(replace(one, size=float(np.linalg.norm(shift))))
+    return sized

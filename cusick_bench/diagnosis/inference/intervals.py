@@ -1,0 +1,75 @@
+"""Intervals of effects' parameters, from the posterior probability of the points of their grids."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from cusick_bench.diagnosis.inference.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.set_sampler import SetPosterior
+
+_LEVEL = 0.9
+_LEAST = 0.01  # probability of an effect from which its parameters are worth an interval
+ParameterInterval = tuple[float, float]
+"""Lower and upper end; of a direction [deg], the upper may exceed 360."""
+
+
+def parameter_intervals(
+    points: EffectPoints, posterior: SetPosterior
+) -> dict[str, Mapping[str, ParameterInterval]]:  # fmt: skip
+    """90 % intervals of the parameters of every effect that may act, given that it does.
+
+    Args:
+        points: Points of the effects' grids.
+        posterior: Their posterior.
+
+    Returns:
+        By effect and parameter.
+    """
+    intervals: dict[str, Mapping[str, ParameterInterval]] = {}
+    for number, name in enumerate(points.names):
+        own = np.flatnonzero(points.effect == number)
+        weight = posterior.weight[own]
+        if weight.sum() < _LEAST:
+            continue
+        intervals[name] = point_intervals(points, own, weight)
+    return intervals
+
+
+def point_intervals(
+    points: EffectPoints, own: Int[ndarray, "chosen"], weight: Float[ndarray, "chosen"]
+) -> dict[str, ParameterInterval]:
+    """90 % intervals of the parameters of one effect, given that it acts.
+
+    Args:
+        points: Points of grids.
+        own: Which of them are the effect's.
+        weight: Their probabilities.
+
+    Returns:
+        By parameter.
+    """
+    values = [points.value(int(point)) for point in own]
+    effect = points.grids[points.grid[own[0]]].hypothesis.effect
+    share = weight / max(float(weight.sum()), 1e-300)
+    return {
+        p.name: _interval(np.array([v[p.name] for v in values]), share, p.role == "direction")
+        for p in effect.parameters
+    }
+
+
+def _interval(values: Float[ndarray, "points"], weight: Float[ndarray, "points"], turns: bool) -> ParameterInterval:
+    """From the 5 % to the 95 % quantile; of a direction about its mean."""
+    middle = 0.0
+    if turns:
+        middle = float(np.rad2deg(np.angle(np.sum(weight * np.exp(1j * np.deg2rad(values))))))
+        values = (values - middle + 180) % 360 - 180
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    low, high = (
+        values[order][min(int(np.searchsorted(total, q)), len(values) - 1)]
+        for q in ((1 - _LEVEL) / 2, (1 + _LEVEL) / 2)
+    )
+    start = (middle + low) % 360 if turns else low
+    return start, start + high - low

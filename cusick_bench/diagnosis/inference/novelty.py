@@ -1,0 +1,85 @@
+"""Whether something acts that is not on the list: goodness of fit of the named set, against a bootstrap of itself.
+
+What the set leaves, r = V^-1/2 (w - sum_e d_e) with V the variance of noise, laws and the misfit that symmetry allows,
+is projected off the set's own parameters: draws of the fitted model, fitted again, leave N(0, I) so projected. Only
+rows count that no base model may get wrong. Two statistics are looked at together, |r|^2 over all of these rows, and
+over the few directions in which effects move them most; the larger excess over the draws' is held against theirs.
+
+References:
+    Davison, Hinkley. Bootstrap methods and their application, 1997, Section 4.4 (parametric tests).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.inference.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.refined import NamedSet
+
+LEVEL = 0.1
+"""Share of fabrics with listed effects only for which an unlisted one is claimed."""
+_DIRECTIONS = 10
+_DRAWS = 1000
+
+
+@dataclass(frozen=True)
+class Novelty:
+    """Goodness of fit of the named set.
+
+    Attributes:
+        p: Probability that so much is left where the set is all that acts.
+        explained: Share of the excess of squares, in rows that no base model may get wrong, that the set takes.
+    """
+
+    p: float
+    explained: float
+
+    @property
+    def rejected(self) -> bool:
+        """Whether something acts that is not on the list."""
+        return self.p <= LEVEL
+
+
+def novelty(sets: FabricSets, named: NamedSet, generator: np.random.Generator) -> Novelty:
+    """Tests whether a set of effects is all that acts.
+
+    Args:
+        sets: The fabric.
+        named: The effects that are named, fitted.
+        generator: Generator of the bootstrap.
+
+    Returns:
+        The test.
+    """
+    model = sets.model
+    split = model.misfit.forbidden
+    scale = np.sqrt(model.misfit.variance(sets.posterior.misfit, 0.0) + named.variance)
+    own = np.linalg.qr((named.tangent / scale).T)[0] if len(named.tangent) else np.zeros((len(scale), 0))
+    directions = _leading_directions(model.points, split)
+
+    def statistics(left: Float[ndarray, "draws kept"]) -> Float[ndarray, "draws 2"]:
+        rest = (left - (left @ own) @ own.T)[:, :split]
+        return np.stack([(rest**2).sum(1), ((rest @ directions) ** 2).sum(1)], axis=1)
+
+    null = statistics(generator.standard_normal((_DRAWS, len(scale))))
+    observed = statistics((named.left / scale)[None])[0]
+    mean, sd = null.mean(0), null.std(0)
+    excess, limit = ((observed - mean) / sd).max(), ((null - mean) / sd).max(1)
+    p = (1 + int((limit >= excess).sum())) / (1 + _DRAWS)
+    before, after = (float((one[:split] ** 2).sum()) - split for one in (model.white, named.left))
+    return Novelty(p, 1 - max(after, 0.0) / before if before > 0 else 0.0)
+
+
+def _leading_directions(points: EffectPoints, split: int) -> Float[ndarray, "rows directions"]:
+    """Directions in which effects move the forbidden rows most, every effect counting alike."""
+    mean = np.zeros((split, split))
+    for number in range(len(points.names)):
+        shift = points.shift[points.effect == number, :split]
+        size = np.linalg.norm(shift, axis=1, keepdims=True)
+        unit = shift / np.maximum(size, 1e-9)
+        mean += unit.T @ unit / max(len(unit), 1)
+    vectors = np.linalg.eigh(mean)[1]
+    return vectors[:, ::-1][:, :_DIRECTIONS]

@@ -1,0 +1,153 @@
+"""Parameters of named causes between the points of their grids, and how the shift changes with each of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.optimize import minimize
+
+from cusick_bench.diagnosis.inference.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.evidence import Candidate
+from cusick_bench.diagnosis.inference.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.set_model import likelihoods_of
+
+_STEPS = {"direction": 5.0, "radius": 0.006}
+"""First steps, [deg] and [m]; a fifth of itself for a severity."""
+_RANGE = 2.0  # factor on a severity, either way
+_EVALUATIONS = 60  # for each cause and sweep
+_SWEEPS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class NamedSet:
+    """Causes that are named together, at their best parameters.
+
+    Attributes:
+        causes: The causes.
+        shifts: Shift by each in the turned rows.
+        variance: What other laws for them add to the variance of each row.
+        left: What they leave of w.
+        tangent: Change of the shift with each free parameter, one a row.
+    """
+
+    causes: tuple[Candidate, ...]
+    shifts: Float[ndarray, "causes kept"]
+    variance: Float[ndarray, "kept"]
+    left: Float[ndarray, "kept"]
+    tangent: Float[ndarray, "parameters kept"]
+
+
+def named_set(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate]) -> NamedSet:
+    """Fits the parameters of causes together.
+
+    Args:
+        fabric: The fabric.
+        sets: Its sets.
+        causes: The causes at points of their grids; those of the laboratory are kept as they are.
+
+    Returns:
+        The causes, refined.
+    """
+    fit = _Fit(fabric, sets)
+    known = {one.hypothesis.name for one in sets.shared}
+    fitted = list(causes)
+    for _ in range(_SWEEPS):
+        for place, one in enumerate(fitted):
+            if one.hypothesis.name not in known:
+                fitted[place] = fit.best(one, fitted[:place] + fitted[place + 1 :])
+    shifts = np.stack([fit.shift(one) for one in fitted]) if fitted else np.zeros((0, len(sets.model.white)))
+    sized = tuple(replace(one, size=float(np.linalg.norm(d))) for one, d in zip(fitted, shifts, strict=True))
+    tangent = [row for one in fitted if one.hypothesis.name not in known for row in fit.tangent(one)]
+    return NamedSet(
+        sized,
+        shifts,
+        fit.variance(sized, shifts),
+        sets.model.white - shifts.sum(0),
+        np.array(tangent).reshape(len(tangent), shifts.shape[1]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A fabric at the joint optimum, for the parameters of its causes."""
+
+    fabric: FabricData
+    sets: FabricSets
+
+    def shift(self, one: Candidate) -> Float[ndarray, "kept"]:
+        """Shift of the turned rows."""
+        at = self.sets.residual
+        return self.sets.model.misfit.turned(at.whiten(self.fabric.shift([one], at)[None]))[0]
+
+    def variance(self, causes: Sequence[Candidate], shifts: ndarray) -> Float[ndarray, "kept"]:
+        """What other laws add."""
+        total = np.zeros(shifts.shape[1])
+        for one, shift in zip(causes, shifts, strict=True):
+            along, across = self.fabric.calibration.mismatch(one.hypothesis.name)
+            total += along**2 * shift**2 + across**2 * float((shift**2).mean())
+        return total
+
+    def best(self, one: Candidate, others: Sequence[Candidate]) -> Candidate:
+        """A cause at its likeliest parameters, given the others."""
+        model = self.sets.model
+        shifts = np.array([self.shift(other) for other in others]).reshape(len(others), len(model.white))
+        left, variance = model.white - shifts.sum(0), 1 + self.variance(others, shifts)
+        free = _free(one)
+
+        def loss(x: ndarray) -> float:
+            shift = self.shift(_moved(one, free, x))[None]
+            own = self.variance([one], shift)[None]
+            return -float(likelihoods_of(model.misfit, left, variance, _point(shift, own)).total[0])
+
+        simplex = np.vstack([np.zeros(len(free)), np.eye(len(free))])
+        options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01}
+        return _moved(one, free, minimize(loss, simplex[0], method="Nelder-Mead", options=options).x)
+
+    def tangent(self, one: Candidate) -> list[Float[ndarray, "kept"]]:
+        """Change of the shift with each free parameter, by differences."""
+        free, step = _free(one), 0.2
+        rows = []
+        for place in range(len(free)):
+            x = np.zeros(len(free))
+            x[place] = step
+            rows.append((self.shift(_moved(one, free, x)) - self.shift(_moved(one, free, -x))) / (2 * step))
+        return rows
+
+
+def _free(one: Candidate) -> Mapping[str, float]:
+    """Free parameters with their first steps."""
+    steps = {}
+    for p in one.hypothesis.effect.parameters:
+        if p.role == "severity":
+            steps[p.name] = 0.2 * abs(one.value[p.name])
+        elif p.role in _STEPS:
+            steps[p.name] = _STEPS[p.role]
+    return steps
+
+
+def _moved(one: Candidate, free: Mapping[str, float], x: ndarray) -> Candidate:
+    """A cause with other parameters, within their bounds."""
+    value = dict(one.value)
+    for (name, step), amount in zip(free.items(), x, strict=True):
+        p = next(p for p in one.hypothesis.effect.parameters if p.name == name)
+        moved = one.value[name] + step * float(amount)
+        if p.role == "severity":
+            size = abs(one.value[name])
+            least, most = size / _RANGE, min(size * _RANGE, max(abs(p.low), abs(p.high)))
+            moved = float(np.copysign(np.clip(moved * np.sign(one.value[name]), least, most), one.value[name]))
+        value[name] = moved % 360 if p.role == "direction" else float(np.clip(moved, *_bounds(one, p.low, p.high)))
+    return replace(one, value=value)
+
+
+def _bounds(one: Candidate, low: float, high: float) -> tuple[float, float]:
+    """Bounds of a parameter; a loss may be negative, where captures were taken in the other order."""
+    backwards = one.value[one.hypothesis.effect.severity.name] < 0 <= low
+    return (-high, high) if backwards else (low, high)
+
+
+def _point(shift: ndarray, variance: ndarray) -> EffectPoints:
+    nothing = np.zeros(len(shift), dtype=int)
+    return EffectPoints((), (), nothing, nothing, nothing, shift, variance, np.zeros(len(shift)))

@@ -1,0 +1,111 @@
+"""What data cannot be diagnosed, and what they can be diagnosed for only in part, in words."""
+
+import numpy as np
+
+from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, NAMES
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.inference.residual import Residual
+from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.diagnosis.measure.features import Features
+from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
+
+LEAST_SAMPLES = 2
+_FEW = 4
+_WORDS = {"bending": "bending stiffness", "shear": "shear stiffness"}
+_BEYOND = 4.0  # standard deviations between samples by which the mean drape coefficient misses the atlas
+
+
+def require_enough(captures: Captures) -> None:
+    """Makes sure that there is more than one sample.
+
+    Args:
+        captures: Silhouettes of a fabric.
+
+    Raises:
+        Refused: One sample only.
+    """
+    count = len(np.unique(captures.sample))
+    if count < LEAST_SAMPLES:
+        raise Refused(
+            f"a diagnosis needs at least {LEAST_SAMPLES} samples, {captures.fabric} has {count}: how folds vary from "
+            "sample to sample cannot be told from an effect; drape more samples of it"
+        )
+
+
+def doubts(captures: Captures, features: Features) -> list[str]:
+    """What the data cannot show.
+
+    Args:
+        captures: Silhouettes of a fabric.
+        features: Their features.
+
+    Returns:
+        A note for each reason why the answer is in part only.
+    """
+    notes = []
+    number = int(features.samples.max())
+    if number < _FEW:
+        notes.append(f"only {number} samples: natural variability is the model's, and only strong effects show")
+    if features.both == 0:
+        notes.append(
+            "answered in part: one face only, so what belongs to the cloth and what to the laboratory cannot be told "
+            "apart"
+        )
+    elif features.samples.min() < features.samples.max():
+        notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
+    counts = _capture_counts(captures)
+    if not np.isfinite(features.order).any():
+        notes.append("answered in part: no repeated captures, so creep cannot be seen")
+    elif counts.min() != counts.max():
+        notes.append(
+            f"answered in part: captures are unequal, {counts.min()} to {counts.max()} of a sample and face; drift "
+            "from capture to capture is that of those with several"
+        )
+    return notes
+
+
+def domain_doubts(emulator: Emulator, features: Features, at: Residual) -> list[str]:
+    """Whether the cloth lies within the atlas.
+
+    Args:
+        emulator: The atlas.
+        features: Features of the fabric.
+        at: What its best base parameters leave, with the effects that act.
+
+    Returns:
+        A note for each parameter at the end of its range.
+
+    Raises:
+        Refused: A cloth limper or stiffer than any of the atlas.
+    """
+    theta, notes = at.theta, []
+    for name, words in _WORDS.items():
+        place = NAMES.index(name)
+        low, high = theta[place] <= LOW[place] + 1e-6, theta[place] >= HIGH[place] - 1e-6
+        if not (low or high):
+            continue
+        end = LOW[place] if low else HIGH[place]
+        if name == "bending" and _beyond(emulator, features, at):
+            raise Refused(
+                f"this cloth is {'limper' if low else 'stiffer'} than any of the atlas, whose ln B/(rho g R^3) "
+                f"{'begins' if low else 'ends'} at {end:g}: what it differs by is no effect; use another sample size"
+            )
+        notes.append(
+            f"answered in part: the {words} lies at the {'lower' if low else 'upper'} end of the atlas ({end:g}), and "
+            "what the cloth needs beyond it may show as an effect"
+        )
+    return notes
+
+
+def _beyond(emulator: Emulator, features: Features, at: Residual) -> bool:
+    """Whether the atlas misses the drape coefficient at the end of its range, by far."""
+    area = STATISTICS.index("area_dc")
+    missed = np.nanmean(features.mean[:, area]) - emulator.mean(at.theta)[area]
+    return abs(float(missed)) > _BEYOND * float(at.sd[area])
+
+
+def _capture_counts(captures: Captures) -> np.ndarray:
+    """Number of captures of every sample and face."""
+    drapes = list(zip(captures.sample.tolist(), captures.side.tolist(), strict=True))
+    return np.array([drapes.count(one) for one in sorted(set(drapes))])

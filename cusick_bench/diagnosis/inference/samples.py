@@ -1,0 +1,104 @@
+"""Statistics of a fabric's samples, in the atlas' lengths: what inference starts from."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.measure.captures import Captures
+from cusick_bench.diagnosis.measure.features import Features
+from cusick_bench.diagnosis.measure.features import features as features_of
+from cusick_bench.diagnosis.measure.statistics import specimen_statistics
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+
+_RATIO_TOLERANCE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class SampleStatistics:
+    """Statistics of a fabric's samples.
+
+    Attributes:
+        specimens: Means over the captures of each sample and side; NaN where there is none.
+        drift: Last minus first capture of each sample.
+        later: Share of captures that are not the first of their drape.
+    """
+
+    specimens: Float[ndarray, "samples 2 statistics"]
+    drift: Float[ndarray, "samples statistics"]
+    later: float
+
+    def features(self, chosen: ndarray | None = None) -> Features:
+        """Features of all samples, or of some.
+
+        Args:
+            chosen: Indices of the samples.
+
+        Returns:
+            Their features.
+        """
+        if chosen is None:
+            return features_of(self.specimens, self.drift)
+        return features_of(self.specimens[chosen], self.drift[chosen])
+
+
+def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
+    """Captures with lengths in units of the atlas' cloth.
+
+    Args:
+        captures: Silhouettes of a fabric.
+
+    Returns:
+        The captures, scaled; their notes.
+
+    Raises:
+        Refused: Plate and cloth are not in the atlas' ratio.
+    """
+    protocol = captures.protocol
+    ratio, nominal_ratio = protocol.plate_radius_m / protocol.cloth_radius_m, PLATE_RADIUS / CLOTH_RADIUS
+    if abs(ratio / nominal_ratio - 1) > _RATIO_TOLERANCE:
+        raise Refused(
+            f"the atlas is for plate over cloth = {nominal_ratio:g}, this protocol has {protocol.plate_radius_m:g} m "
+            f"over {protocol.cloth_radius_m:g} m = {ratio:.3g}; drape samples of "
+            f"{2 * protocol.plate_radius_m / nominal_ratio:.3g} m, or correct protocol.json"
+        )
+    factor, notes = CLOTH_RADIUS / protocol.cloth_radius_m, list(captures.notes)
+    if factor != 1:
+        notes.append(
+            f"lengths are those of the atlas' cloth of {1e3 * CLOTH_RADIUS:g} mm radius; for this one, of "
+            f"{1e3 * protocol.cloth_radius_m:g} mm, multiply them by {1 / factor:.4g}"
+        )
+    if protocol.projection == "pinhole":
+        notes.append(
+            "radii are corrected for the pinhole camera of protocol.json as those of straight generators from the "
+            "plate's edge to the rim: what is left of perspective may show as an effect of the camera"
+        )
+    nominal = replace(
+        protocol,
+        cloth_radius_m=CLOTH_RADIUS,
+        plate_radius_m=PLATE_RADIUS,
+        px_per_m=protocol.px_per_m / factor,
+        camera_height_m=protocol.camera_height_m * factor,
+    )
+    scaled = replace(captures, radii=captures.radii * factor, area=captures.area * factor**2, protocol=nominal)
+    return scaled, notes
+
+
+def sample_statistics(captures: Captures) -> SampleStatistics:
+    """Statistics of a fabric's samples; a face that is not known counts as the upper one, where that is missing.
+
+    Args:
+        captures: Its silhouettes, in the atlas' lengths.
+
+    Returns:
+        The statistics.
+    """
+    table = specimen_statistics(captures)
+    mean = table.mean.copy()
+    unknown = np.isfinite(mean[:, 2, 0]) & ~np.isfinite(mean[:, 0, 0])
+    mean[unknown, 0] = mean[unknown, 2]
+    several = np.maximum(table.count.max(1), 1)
+    later = float(np.mean((several - 1) / several))
+    return SampleStatistics(mean[:, :2], table.order_odd, later)

@@ -1,0 +1,277 @@
+"""Sets of effects: what is planted together is named together, by the atlas' own statistics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import LAW_MISMATCH, PICTURE_MISMATCH, Calibration, load
+from cusick_bench.diagnosis.inference.budget import Budget, budget
+from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.inference.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, fabric_sets, named_causes
+from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.intervals import parameter_intervals
+from cusick_bench.diagnosis.inference.laboratory import LaboratoryFabric, laboratory
+from cusick_bench.diagnosis.inference.misfit import misfit_of
+from cusick_bench.diagnosis.inference.novelty import Novelty, novelty
+from cusick_bench.diagnosis.inference.power import expected_features
+from cusick_bench.diagnosis.inference.refined import named_set
+from cusick_bench.diagnosis.inference.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.set_sampler import SetPosterior, conditional
+from cusick_bench.diagnosis.inference.verdict import finding, look_alikes, set90
+from cusick_bench.diagnosis.measure.features import Features
+from cusick_bench.diagnosis.measure.statistics import NAMES
+
+SIZES = {"camera-offset": (3e-3, 120.0), "face-asymmetry": (0.35, None), "creep": (0.15, None)}
+
+
+@pytest.fixture(scope="module")
+def emulator() -> Emulator:
+    return load()[0]
+
+
+def planted(emulator: Emulator, names: tuple[str, ...], bending: float = -6.0) -> tuple[FabricData, list[Candidate]]:
+    """A fabric whose features are the base model's mean with effects added."""
+    theta = PRIOR_MEAN.copy()
+    theta[0] = bending
+    sd, causes = emulator.sd(theta), []
+    total = np.zeros(len(expected_vector(expected_features(emulator, theta, 12), sd)))
+    for name in names:
+        hypothesis = next(one for one in hypotheses(emulator) if one.name == name and one.prior > 0.5)
+        value = {p.name: p.default for p in hypothesis.effect.parameters}
+        severity, direction = SIZES[name]
+        value[hypothesis.effect.severity.name] = severity
+        value |= {p.name: direction for p in hypothesis.effect.parameters if p.role == "direction"}
+        causes.append(Candidate(hypothesis, value))
+        point = {key: np.array([number]) for key, number in value.items()}
+        total += shifts(emulator, hypothesis, theta, sd, 0.5, point).features[0]
+    expected = expected_features(emulator, theta, 12)
+    return FabricData(emulator, Calibration(), moved(expected, total, sd), None, 0.5), causes
+
+
+def expected_vector(features: Features, sd: np.ndarray) -> np.ndarray:
+    return np.concatenate([features.mean.ravel(), features.spread, features.order])
+
+
+def moved(features: Features, shift: np.ndarray, sd: np.ndarray) -> Features:
+    """Features with a shift of the vector, in sd."""
+    means, spreads = 2 * len(NAMES), len(features.spread)
+    orders = sd[list(orders_of())]
+    return replace(
+        features,
+        mean=features.mean + shift[:means].reshape(2, -1) * sd,
+        spread=features.spread + shift[means : means + spreads],
+        order=features.order + shift[means + spreads :] * orders,
+    )
+
+
+def orders_of() -> tuple[int, ...]:
+    from cusick_bench.diagnosis.measure.features import ORDERS
+
+    return ORDERS
+
+
+def weighed(fabric: FabricData, seed: int = 0) -> FabricSets:
+    return fabric_sets(fabric, fabric.against(), np.random.default_rng(seed), steps=40)
+
+
+@pytest.fixture(scope="module")
+def three(emulator: Emulator) -> tuple[FabricData, FabricSets]:
+    fabric, _ = planted(emulator, tuple(SIZES))
+    return fabric, weighed(fabric)
+
+
+def test_a_set_is_found_whole(three: tuple[FabricData, FabricSets]) -> None:
+    fabric, sets = three
+    acting = sets.posterior.effects
+    assert acting["face-asymmetry"] > 0.9
+    assert acting["creep"] > 0.9
+    place = {"camera-offset", "camera-tilt", "plate-tilt", "off-centre"}
+    assert sum(acting.get(name, 0.0) for name in place) > 0.9
+    assert sum(value for name, value in acting.items() if name not in place) < 3.0
+    causes = named_set(fabric, sets, named_causes(fabric, sets, ["creep", "face-asymmetry"])).causes
+    values = {one.hypothesis.name: one.value for one in causes}
+    assert values["creep"]["loss"] == pytest.approx(SIZES["creep"][0], rel=0.3)
+    assert values["face-asymmetry"]["asymmetry"] == pytest.approx(SIZES["face-asymmetry"][0], rel=0.4)
+    low, high = parameter_intervals(sets.model.points, sets.posterior)["creep"]["loss"]
+    assert low <= values["creep"]["loss"] * 1.3
+    assert high >= values["creep"]["loss"] / 1.3
+
+
+def test_the_same_seed_gives_the_same_posterior(three: tuple[FabricData, FabricSets]) -> None:
+    fabric, sets = three
+    assert weighed(fabric).posterior.effects == sets.posterior.effects
+
+
+def test_a_fabric_without_effects_has_none(emulator: Emulator) -> None:
+    fabric, _ = planted(emulator, ())
+    posterior = weighed(fabric).posterior
+    assert posterior.leading[NONE] > 0.8
+    assert sum(posterior.leading.values()) == pytest.approx(1)
+    assert max(posterior.effects.values()) < 0.1
+
+
+def test_a_misfit_that_symmetry_allows_hides_no_effect_with_a_signature(emulator: Emulator) -> None:
+    """Fold statistics of both faces are wrong by several standard deviations, and the outlines are shifted."""
+    fabric, _ = planted(emulator, ("camera-offset",))
+    sd, folds = emulator.sd(PRIOR_MEAN), NAMES.index("fold_depth")
+    mean = fabric.features.mean.copy()
+    mean[:, folds] += 2.5 * sd[folds]
+    spoilt = replace(fabric, features=replace(fabric.features, mean=mean))
+    sets = weighed(spoilt)
+    place = {"camera-offset", "camera-tilt", "plate-tilt", "off-centre"}
+    assert sum(sets.posterior.effects.get(name, 0.0) for name in place) > 0.9
+    assert sets.posterior.misfit > 0.5
+    named = named_set(spoilt, sets, named_causes(spoilt, sets, next(iter(sets.posterior.sets))))
+    assert not novelty(sets, named, np.random.default_rng(0)).rejected
+
+
+def test_captures_in_the_other_order_are_creep_of_the_other_sign(emulator: Emulator) -> None:
+    fabric, _ = planted(emulator, ("creep",))
+    features = fabric.features
+    swapped = replace(fabric, features=replace(features, order=-features.order))
+    for one, sign in ((fabric, 1), (swapped, -1)):
+        sets = weighed(one)
+        assert sets.posterior.effects["creep"] > 0.9
+        (cause,) = named_causes(one, sets, ["creep"])
+        assert np.sign(cause.value["loss"]) == sign
+
+
+def test_allowed_and_forbidden_rows_are_told_apart(emulator: Emulator) -> None:
+    """A change of both faces alike lies in the allowed rows alone, a contrast between faces in the others."""
+    fabric, _ = planted(emulator, ())
+    residual = fabric.against()
+    misfit = misfit_of(emulator, residual)
+    np.testing.assert_allclose(misfit.rotation @ misfit.rotation.T, np.eye(len(residual.white)), atol=1e-9)
+    alike, contrast = np.zeros((2, len(residual.kept)))
+    depth = NAMES.index("fold_depth")
+    alike[[depth, len(NAMES) + depth]] = 1.0
+    contrast[[depth, len(NAMES) + depth]] = 1.0, -1.0
+    turned = misfit.turned(residual.whiten(np.stack([alike, contrast])))
+    assert np.abs(turned[0, : misfit.forbidden]).max() < 1e-9
+    assert np.linalg.norm(turned[1, : misfit.forbidden]) > 0.9 * np.linalg.norm(turned[1])
+
+
+def test_a_shift_outside_of_the_list_is_novel(three: tuple[FabricData, FabricSets]) -> None:
+    _, sets = three
+    model = sets.model
+    nothing = named_set(three[0], sets, ())
+    odd = np.random.default_rng(3).standard_normal(model.misfit.forbidden)
+    for size, rejected in ((0.0, False), (12.0, True)):
+        left = np.random.default_rng(4).standard_normal(len(model.white))
+        left[: model.misfit.forbidden] += size * odd / np.linalg.norm(odd)
+        test = novelty(sets, replace(nothing, left=left), np.random.default_rng(5))
+        assert test.rejected == rejected
+
+
+def test_one_place_of_a_set_keeps_its_others(three: tuple[FabricData, FabricSets]) -> None:
+    _, sets = three
+    point = sets.posterior.best[0]
+    given = conditional(sets.model, [point], sets.more)
+    assert given.options.sum() == pytest.approx(1)
+    assert given.leading.sum() == pytest.approx(1)
+    effect = sets.model.points.effect
+    assert given.effects[effect[point]] == 1
+    assert given.options[:-1][effect == effect[point]].sum() == 0
+
+
+def test_what_one_fabric_cannot_decide_several_may(emulator: Emulator) -> None:
+    """One camera for three fabrics: its place is shared, their own effects are not."""
+    fabrics = []
+    for number, (names, bending) in enumerate(
+        ((("camera-offset",), -6.0), (("camera-offset", "face-asymmetry"), -5.4), (("camera-offset",), -6.6))
+    ):
+        fabric, _ = planted(emulator, names, bending)
+        fabrics.append(LaboratoryFabric(f"fabric {number}", fabric, weighed(fabric)))
+    found = laboratory(fabrics, np.random.default_rng(0), steps=24)
+    assert found is not None
+    first = found.effects[0]
+    assert first.name == "camera-offset"
+    assert first.probability > 0.9
+    assert first.cause.value["shift"] == pytest.approx(3e-3, rel=0.3)
+    assert first.cause.value["direction"] == pytest.approx(120, abs=16)
+    assert all(value > 3 for value in first.evidence.values())
+    assert [one.hypothesis.name for one in found.named] == ["camera-offset"]
+    assert laboratory(fabrics[:1], np.random.default_rng(0)) is None
+    one = fabrics[1]
+    known = fabric_sets(one.data, one.data.against(), np.random.default_rng(0), shared=found.named, steps=40)
+    assert "camera-offset" not in known.posterior.effects
+    assert known.posterior.effects["face-asymmetry"] > 0.9
+    assert "camera-offset" in finding(0.01, known.posterior, Novelty(0.5, 0.9), ("camera-offset",)).effects
+
+
+def test_shares_of_the_budget_add_up(emulator: Emulator, three: tuple[FabricData, FabricSets]) -> None:
+    fabric, sets = three
+    root, sd = np.linalg.cholesky(emulator.correlation), emulator.sd(sets.residual.theta)
+    scatter = (np.random.default_rng(0).standard_normal((12, len(root))) @ root.T).reshape(12, 2, -1) * sd
+    drift = 0.2 * np.random.default_rng(1).standard_normal((12, len(NAMES))) * sd
+    drift[:, list(orders_of())] += fabric.features.order
+    samples = SampleStatistics(fabric.features.mean + scatter - scatter.mean(0), drift - drift.mean(0) + 0, 0.5)
+    causes = named_causes(fabric, sets, ["face-asymmetry", "creep"])
+    found = budget(fabric, sets, samples, causes, np.random.default_rng(2))
+    assert isinstance(found, Budget)
+    assert set(found.effects) == {"face-asymmetry", "creep"}
+    assert found.effects["face-asymmetry"].value > 0.1
+    total = sum(one.value for one in found.effects.values()) + found.unexplained.value
+    assert total == pytest.approx(1)
+    assert found.unexplained.interval[0] <= found.unexplained.value <= found.unexplained.interval[1]
+
+
+def posterior(effects: dict[str, float], sets: dict[tuple[str, ...], float], leading: dict[str, float]) -> SetPosterior:
+    return SetPosterior(effects, leading, sets, (), (), np.zeros(0), 0.0, 0.0)
+
+
+FITS, FAILS = Novelty(0.5, 0.9), Novelty(0.01, 0.2)
+NOTHING = {NONE: 0.02, UNKNOWN: 0.02}
+
+
+def test_verdicts() -> None:
+    sure = posterior({"creep": 0.95}, {("creep",): 0.95, (): 0.05}, {"creep": 0.96} | NOTHING)
+    assert finding(0.2, sure, FITS).verdict == NONE
+    assert finding(0.01, sure, FITS).verdict == "effect"
+    assert finding(0.01, sure, FITS).effects == ("creep",)
+    both = posterior(
+        {"creep": 0.95, "threshold": 0.9}, {("creep", "threshold"): 0.9, ("creep",): 0.1},
+        {"creep": 0.6, "threshold": 0.36} | NOTHING,
+    )  # fmt: skip
+    assert finding(0.01, both, FITS).verdict == "several"
+    novel = finding(0.01, both, FAILS)
+    assert novel.verdict == UNKNOWN
+    assert UNKNOWN in novel.set90
+    assert novel.effects == ("creep", "threshold")
+    assert novel.leading[UNKNOWN] >= 0.6
+    assert sum(novel.leading.values()) == pytest.approx(1)
+    carries = finding(0.01, both, Novelty(0.01, 0.9))
+    assert carries.verdict == "several"
+    assert UNKNOWN in carries.set90
+    assert any("not on the list" in note for note in carries.notes)
+
+
+def test_look_alikes_share_their_probability() -> None:
+    shared = posterior(
+        {"camera-offset": 0.5, "plate-tilt": 0.45, "creep": 0.9},
+        {("camera-offset", "creep"): 0.5, ("creep", "plate-tilt"): 0.4, ("plate-tilt",): 0.05, (): 0.05},
+        {"camera-offset": 0.5, "plate-tilt": 0.46} | NOTHING,
+    )
+    assert look_alikes(shared, ["creep"]) == (("camera-offset", "plate-tilt"),)
+    found = finding(0.01, shared, FITS)
+    assert (found.verdict, found.effects) == ("several", ("creep",))
+    assert found.groups == (("camera-offset", "plate-tilt"),)
+    alone = posterior(
+        {"camera-offset": 0.5, "plate-tilt": 0.45}, {("camera-offset",): 0.5, ("plate-tilt",): 0.45, (): 0.05},
+        {"camera-offset": 0.5, "plate-tilt": 0.46} | NOTHING,
+    )  # fmt: skip
+    assert finding(0.01, alone, FITS).verdict == "ambiguous"
+    assert set90({"a": 0.5, "b": 0.45, "c": 0.05}) == ("a", "b")
+
+
+def test_mismatch_of_laws_is_kept_by_effect() -> None:
+    learned = Calibration(law_mismatch={"creep": (0.5, 0.2)})
+    assert learned.mismatch("creep") == (0.5, 0.2)
+    assert learned.mismatch("cut-size") == LAW_MISMATCH
+    assert learned.mismatch("camera-offset") == PICTURE_MISMATCH
+    with pytest.raises(ValueError, match="law_mismatch of creep must be two numbers"):
+        Calibration(law_mismatch={"creep": (-1.0, 0.2)})
