@@ -131,6 +131,8 @@ class BaseParameters(Part):
         shear: ln of shear stiffness / (rho g R).
         laying: ln of the height in which the cloth is laid down, standard deviation over 1 mm.
         rest: ln of the rest shape's height over 0.3 mm.
+        length: ln of the length of the waves in which the cloth is laid down over 20 mm.
+        between: ln of the standard deviation of ln B between samples over 0.1.
     """
 
     bending: float | None = None
@@ -140,6 +142,8 @@ class BaseParameters(Part):
     shear: float | None = None
     laying: float | None = None
     rest: float | None = None
+    length: float | None = None
+    between: float | None = None
 
 
 class DataCounts(Part):

@@ -31,7 +31,7 @@ class Novelty:
 
     Attributes:
         p: Probability that so much is left where the set is all that acts.
-        explained: Share of the excess of squares, in rows that no base model may get wrong, that the set takes.
+        explained: Squares that the set takes, over these and what it leaves in rows that no base model may get wrong.
     """
 
     p: float
@@ -69,8 +69,9 @@ def novelty(sets: FabricSets, named: NamedSet, generator: np.random.Generator) -
     mean, sd = null.mean(0), null.std(0)
     excess, limit = ((observed - mean) / sd).max(), ((null - mean) / sd).max(1)
     p = (1 + int((limit >= excess).sum())) / (1 + _DRAWS)
-    before, after = (float((one[:split] ** 2).sum()) - split for one in (model.white, named.left))
-    return Novelty(p, 1 - max(after, 0.0) / before if before > 0 else 0.0)
+    taken = float(model.white @ model.white) - float(named.left @ named.left)
+    beyond = max(float((named.left[:split] ** 2).sum()) - split, 0.0)
+    return Novelty(p, max(taken, 0.0) / max(taken + beyond, 1e-9) if taken > 0 else 0.0)
 
 
 def _leading_directions(points: EffectPoints, split: int) -> Float[ndarray, "rows directions"]:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from math import exp, log2
 
-from cusick_bench.diagnosis.atlas.base_model import LAYING_HEIGHT, REST_HEIGHT
+from cusick_bench.diagnosis.atlas.base_model import LAYING_HEIGHT, LAYING_LENGTH, REST_HEIGHT
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.report.diagnosis.number_format import measure, plain
 
@@ -246,6 +246,7 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
         rows.append(("shear stiffness", f"{plain(value)} ρgR", "in multiples of weight times radius"))
     for level, words, unit, meaning in (
         (base.laying, "laid unevenly", LAYING_HEIGHT, "height of undulations when it is laid down"),
+        (base.length, "", LAYING_LENGTH, "their length"),
         (base.rest, "waves of its own", REST_HEIGHT, "height of undulations of the cloth at rest"),
     ):
         if (value := _exponential(level)) is not None:
