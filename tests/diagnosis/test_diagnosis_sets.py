@@ -7,11 +7,12 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import LAW_MISMATCH, PICTURE_MISMATCH, Calibration, load
+from cusick_bench.diagnosis.atlas.store import GEOMETRY_MISMATCH, LAW_MISMATCH, Calibration, load
 from cusick_bench.diagnosis.inference.budget import Budget, budget
 from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
 from cusick_bench.diagnosis.inference.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, fabric_sets, named_causes
+from cusick_bench.diagnosis.inference.feature_rows import DRIFT, FACE_EVEN, FACE_ODD, ROWS, SPREAD, faces_of
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.intervals import parameter_intervals
 from cusick_bench.diagnosis.inference.laboratory import LaboratoryFabric, laboratory
@@ -22,7 +23,7 @@ from cusick_bench.diagnosis.inference.refined import named_set
 from cusick_bench.diagnosis.inference.samples import SampleStatistics
 from cusick_bench.diagnosis.inference.set_sampler import SetPosterior, conditional
 from cusick_bench.diagnosis.inference.verdict import finding, look_alikes, set90
-from cusick_bench.diagnosis.measure.features import Features
+from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 
 SIZES = {"camera-offset": (3e-3, 120.0), "face-asymmetry": (0.35, None), "creep": (0.15, None)}
@@ -37,8 +38,7 @@ def planted(emulator: Emulator, names: tuple[str, ...], bending: float = -6.0) -
     """A fabric whose features are the base model's mean with effects added."""
     theta = PRIOR_MEAN.copy()
     theta[0] = bending
-    sd, causes = emulator.sd(theta), []
-    total = np.zeros(len(expected_vector(expected_features(emulator, theta, 12), sd)))
+    sd, causes, total = emulator.sd(theta), [], np.zeros(ROWS)
     for name in names:
         hypothesis = next(one for one in hypotheses(emulator) if one.name == name and one.prior > 0.5)
         value = {p.name: p.default for p in hypothesis.effect.parameters}
@@ -52,26 +52,16 @@ def planted(emulator: Emulator, names: tuple[str, ...], bending: float = -6.0) -
     return FabricData(emulator, Calibration(), moved(expected, total, sd), None, 0.5), causes
 
 
-def expected_vector(features: Features, sd: np.ndarray) -> np.ndarray:
-    return np.concatenate([features.mean.ravel(), features.spread, features.order])
-
-
 def moved(features: Features, shift: np.ndarray, sd: np.ndarray) -> Features:
-    """Features with a shift of the vector, in sd."""
-    means, spreads = 2 * len(NAMES), len(features.spread)
-    orders = sd[list(orders_of())]
+    """Features with a shift of the rows, in sd."""
+    even, odd = shift[FACE_EVEN] * sd, shift[FACE_ODD] * sd
     return replace(
         features,
-        mean=features.mean + shift[:means].reshape(2, -1) * sd,
-        spread=features.spread + shift[means : means + spreads],
-        order=features.order + shift[means + spreads :] * orders,
+        mean=features.mean + faces_of(shift) * sd,
+        contrast=features.contrast + np.stack([even, odd]),
+        spread=features.spread + shift[SPREAD],
+        order=features.order + shift[DRIFT] * sd[list(ORDERS)],
     )
-
-
-def orders_of() -> tuple[int, ...]:
-    from cusick_bench.diagnosis.measure.features import ORDERS
-
-    return ORDERS
 
 
 def weighed(fabric: FabricData, seed: int = 0) -> FabricSets:
@@ -118,9 +108,9 @@ def test_a_misfit_that_symmetry_allows_hides_no_effect_with_a_signature(emulator
     """Fold statistics of both faces are wrong by several standard deviations, and the outlines are shifted."""
     fabric, _ = planted(emulator, ("camera-offset",))
     sd, folds = emulator.sd(PRIOR_MEAN), NAMES.index("fold_depth")
-    mean = fabric.features.mean.copy()
-    mean[:, folds] += 2.5 * sd[folds]
-    spoilt = replace(fabric, features=replace(fabric.features, mean=mean))
+    wrong = np.zeros(ROWS)
+    wrong[folds] = 2.5  # of the even means, which come first
+    spoilt = replace(fabric, features=moved(fabric.features, wrong, sd))
     sets = weighed(spoilt)
     place = {"camera-offset", "camera-tilt", "plate-tilt", "off-centre"}
     assert sum(sets.posterior.effects.get(name, 0.0) for name in place) > 0.9
@@ -146,10 +136,10 @@ def test_allowed_and_forbidden_rows_are_told_apart(emulator: Emulator) -> None:
     residual = fabric.against()
     misfit = misfit_of(emulator, residual)
     np.testing.assert_allclose(misfit.rotation @ misfit.rotation.T, np.eye(len(residual.white)), atol=1e-9)
-    alike, contrast = np.zeros((2, len(residual.kept)))
+    alike, contrast = np.zeros((2, ROWS))
     depth = NAMES.index("fold_depth")
-    alike[[depth, len(NAMES) + depth]] = 1.0
-    contrast[[depth, len(NAMES) + depth]] = 1.0, -1.0
+    alike[depth] = 1.0
+    contrast[FACE_ODD.start + depth] = 1.0
     turned = misfit.turned(residual.whiten(np.stack([alike, contrast])))
     assert np.abs(turned[0, : misfit.forbidden]).max() < 1e-9
     assert np.linalg.norm(turned[1, : misfit.forbidden]) > 0.9 * np.linalg.norm(turned[1])
@@ -208,7 +198,7 @@ def test_shares_of_the_budget_add_up(emulator: Emulator, three: tuple[FabricData
     root, sd = np.linalg.cholesky(emulator.correlation), emulator.sd(sets.residual.theta)
     scatter = (np.random.default_rng(0).standard_normal((12, len(root))) @ root.T).reshape(12, 2, -1) * sd
     drift = 0.2 * np.random.default_rng(1).standard_normal((12, len(NAMES))) * sd
-    drift[:, list(orders_of())] += fabric.features.order
+    drift[:, list(ORDERS)] += fabric.features.order
     samples = SampleStatistics(fabric.features.mean + scatter - scatter.mean(0), drift - drift.mean(0) + 0, 0.5)
     causes = named_causes(fabric, sets, ["face-asymmetry", "creep"])
     found = budget(fabric, sets, samples, causes, np.random.default_rng(2))
@@ -271,7 +261,7 @@ def test_look_alikes_share_their_probability() -> None:
 def test_mismatch_of_laws_is_kept_by_effect() -> None:
     learned = Calibration(law_mismatch={"creep": (0.5, 0.2)})
     assert learned.mismatch("creep") == (0.5, 0.2)
-    assert learned.mismatch("cut-size") == LAW_MISMATCH
-    assert learned.mismatch("camera-offset") == PICTURE_MISMATCH
+    assert learned.mismatch("shear-friction") == LAW_MISMATCH
+    assert learned.mismatch("camera-offset") == GEOMETRY_MISMATCH["imaging"]
     with pytest.raises(ValueError, match="law_mismatch of creep must be two numbers"):
         Calibration(law_mismatch={"creep": (-1.0, 0.2)})

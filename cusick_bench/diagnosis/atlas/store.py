@@ -32,8 +32,8 @@ _MOST = 1000  # of inflation and tempering
 
 LAW_MISMATCH = (0.3, 0.15)
 """Along an effect's shift and across it, as shares of its size, where nothing was learned."""
-PICTURE_MISMATCH = (0.1, 0.05)
-"""The same for effects of the camera: geometry has one law, only the drape that it is applied to is another."""
+GEOMETRY_MISMATCH = {"imaging": (0.1, 0.05), "boundary": (0.15, 0.08)}
+"""The same for effects of camera and plate: geometry has one law, only the drape that it is applied to is another."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Calibration:
         tempering: Power of the evidences that makes probabilities come true; 1 in theory.
         cases: How many cases that rests on; 0 for theory.
         law_mismatch: How far other laws for the same effect differ from the atlas', by effect: along its shift and
-            across it, as shares of the shift's size; `LAW_MISMATCH` or `PICTURE_MISMATCH` for effects that it lacks.
+            across it, as shares of the shift's size; defaults for effects that it lacks.
     """
 
     inflation: float = 1.0
@@ -63,8 +63,8 @@ class Calibration:
             Along its shift and across it, as shares of the shift's size.
         """
         known = registered().get(effect)
-        picture = known is not None and known.kind == "imaging"
-        return self.law_mismatch.get(effect, PICTURE_MISMATCH if picture else LAW_MISMATCH)
+        default = LAW_MISMATCH if known is None else GEOMETRY_MISMATCH.get(known.kind, LAW_MISMATCH)
+        return self.law_mismatch.get(effect, default)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law_mismatch", {name: _shares(name, one) for name, one in self.law_mismatch.items()})

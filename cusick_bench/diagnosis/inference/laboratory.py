@@ -20,7 +20,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import Refused
 from cusick_bench.diagnosis.inference.effect_points import EffectPoints, effect_points
-from cusick_bench.diagnosis.inference.evidence import LEAST_SIZE, Candidate, grid_at, severity_weight
+from cusick_bench.diagnosis.inference.evidence import LEAST_SIZE, Candidate, grid_at
 from cusick_bench.diagnosis.inference.fabric_data import FabricData, fabric_data
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, candidate_at, fabric_sets
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses
@@ -40,6 +40,7 @@ _COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])
 STEPS: Final = 60
 _OWN_STEPS = 30  # of each fabric's own chains before, which give a start only
 _LEAST_FABRICS = 2
+_SPREAD = 1.0  # of ln severity about the typical one, in laboratories that work with care
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +281,7 @@ def _log_prior(points: Sequence[EffectPoints]) -> Float[ndarray, "points"]:
     first = points[0]
     strong = np.max([one.size() for one in points], axis=0) >= LEAST_SIZE
     prior = np.full(len(first), -np.inf)
-    by_grid = [severity_weight(grid.hypothesis) for grid in first.grids]
+    by_grid = [np.exp(-0.5 * (np.log(np.abs(g.hypothesis.severity())) / _SPREAD) ** 2) for g in first.grids]
     weight = np.array([by_grid[grid][row] for grid, row in zip(first.grid, first.row, strict=True)])
     for number in range(len(first.names)):
         own = np.logical_and(first.effect == number, strong)

@@ -2,10 +2,11 @@
 
     w = sum_e d_e + delta + noise,   noise ~ N(0, I),   delta = delta_sym + delta_any
 
-delta_sym is what a base model without any effect may get wrong: means that both faces share and that are symmetric
-about warp and weft (`allowed_directions`), and spreads. It is N(0, s^2 A), A the pattern of what meshes and laws change
-in the atlas with a share of any such direction. delta_any is N(0, t^2 I) in all other rows, which no base model without
-effect may get wrong: something that is not on the list. Both sizes are integrated over a grid that begins with 0.
+delta_sym is what a base model without any effect may get wrong (`feature_rows.MAY_BE_WRONG`): means that both faces
+share and that are symmetric about warp and weft, and spreads. It is N(0, s^2 A), A the pattern of what meshes and laws
+change in the atlas with a share of any such direction. delta_any is N(0, t^2 I) in all other rows, which no base model
+without effect may get wrong: something that is not on the list. Both sizes are integrated over a grid that begins with
+0.
 
 Rows are turned so that forbidden ones come first and A is diagonal: both integrals are sums over rows.
 
@@ -22,11 +23,9 @@ from numpy import ndarray
 from scipy.linalg import solve_triangular
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.inference.feature_rows import FACE_EVEN, MAY_BE_WRONG, SPREAD
 from cusick_bench.diagnosis.inference.residual import Residual
-from cusick_bench.diagnosis.measure.features import SPREADS
-from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES
 
-_COUNT = len(NAMES)
 _ANY_DIRECTION = 0.5  # share of A that prefers no direction
 _SPREAD_MISFIT = 0.7  # standard deviation of ln sd beside one standard deviation of a mean's misfit
 MISFIT_SIZES: Final = np.array([0.0, 0.7, 1.4, 2.8, 5.6, 11.0])
@@ -85,64 +84,33 @@ def misfit_of(emulator: Emulator, residual: Residual) -> Misfit:
     Returns:
         Rows and pattern.
     """
-    allowed, contrasts = allowed_directions(residual.kept)
+    allowed = np.logical_and(MAY_BE_WRONG, residual.kept)
     covariance = _pattern(emulator, residual, allowed)
-    white = solve_triangular(residual.root, allowed, lower=True)
-    # contrasts c of the rows have c^T allowed = 0: L^T c is how the whitened residual holds them
-    forbidden = np.linalg.qr(residual.root.T @ contrasts)[0]
-    inside = np.linalg.qr(white)[0]
-    projected = inside.T @ white
+    inside = allowed[residual.kept]
+    unit = np.eye(len(inside))
+    white = solve_triangular(residual.root, unit[:, inside], lower=True)
+    # a row c that is 0 in all allowed directions is the functional L^T c of the whitened residual
+    forbidden = np.linalg.qr(residual.root.T @ unit[:, ~inside])[0]
+    basis = np.linalg.qr(white)[0]
+    projected = basis.T @ white
     value, vector = np.linalg.eigh(projected @ covariance @ projected.T)
     value = np.maximum(value, 0) + 1e-9
-    rotation = np.concatenate([forbidden.T, (inside @ vector).T])
+    rotation = np.concatenate([forbidden.T, (basis @ vector).T])
     return Misfit(rotation, forbidden.shape[1], value / value.mean())
 
 
-def allowed_directions(
-    kept: Bool[ndarray, "rows"],
-) -> tuple[Float[ndarray, "kept allowed"], Float[ndarray, "kept forbidden"]]:
-    """What a base model without effect may get wrong, and what it may not, as directions of the known features.
-
-    Args:
-        kept: Which entries of `feature_vector` are known.
-
-    Returns:
-        Orthonormal columns: symmetric means of both faces together and spreads; all that is orthogonal to them.
-    """
-    rows = len(kept)
-    shared = [(k, _COUNT + k) for k in (*FREE, *EVEN)]
-    spreads = [(2 * _COUNT + k,) for k in range(len(SPREADS))]
-    paired = [k for pair in shared for k in pair]
-    others = [(k,) for k in range(rows) if k not in paired and (k,) not in spreads]
-    allowed = [_direction(rows, one, kept) for one in (*shared, *spreads)]
-    contrasts = [_direction(rows, one, kept, -1.0) for one in shared if kept[list(one)].all()]
-    contrasts += [_direction(rows, one, kept) for one in others]
-    return _columns(allowed, kept), _columns(contrasts, kept)
-
-
-def _direction(rows: int, places: tuple[int, ...], kept: ndarray, last: float = 1.0) -> Float[ndarray, "rows"]:
-    """A direction of all rows: known places alike, or the last one against the first."""
-    column = np.zeros(rows)
-    column[list(places)] = 1.0
-    column[places[-1]] *= last
-    return column * kept
-
-
-def _columns(directions: list[ndarray], kept: ndarray) -> Float[ndarray, "kept columns"]:
-    """Unit columns of the known rows."""
-    known = np.stack(directions, axis=1)[kept]
-    size = np.linalg.norm(known, axis=0)
-    return known[:, size > 0] / size[size > 0]
-
-
-def _pattern(emulator: Emulator, residual: Residual, allowed: ndarray) -> Float[ndarray, "allowed allowed"]:
-    """A among the allowed directions [sd]."""
-    rows = np.zeros((len(residual.kept), allowed.shape[1]))
-    rows[residual.kept] = allowed
-    mean = rows[:_COUNT] + rows[_COUNT : 2 * _COUNT]
-    spread = np.abs(rows[2 * _COUNT : 2 * _COUNT + len(SPREADS)]).sum(0) > 0
+def _pattern(
+    emulator: Emulator, residual: Residual, allowed: Bool[ndarray, "rows"]
+) -> Float[ndarray, "allowed allowed"]:
+    """A among the allowed rows [sd]."""
+    rows = len(allowed)
+    covariance = np.zeros((rows, rows))
     ratio = emulator.sd(residual.theta) / residual.sd
-    wrong = mean.T @ (emulator.wrong(residual.theta) * np.outer(ratio, ratio)) @ mean
-    typical = max(float(np.trace(wrong)) / max(int((~spread).sum()), 1), 1e-12)
+    covariance[FACE_EVEN, FACE_EVEN] = emulator.wrong(residual.theta) * np.outer(ratio, ratio)
+    covariance = covariance[np.ix_(allowed, allowed)]
+    spread = np.zeros(rows, dtype=bool)
+    spread[SPREAD] = True
+    spread = spread[allowed]
+    typical = max(float(np.trace(covariance)) / max(int((~spread).sum()), 1), 1e-12)
     diagonal = np.where(spread, _SPREAD_MISFIT**2, _ANY_DIRECTION)
-    return (1 - _ANY_DIRECTION) * wrong / typical + np.diag(diagonal)
+    return (1 - _ANY_DIRECTION) * covariance / typical + np.diag(diagonal)
