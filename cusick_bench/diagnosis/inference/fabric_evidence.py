@@ -21,6 +21,7 @@ from cusick_bench.diagnosis.inference.fabric_sets import (
     fabric_sets,
     likeliest_candidates,
     named_causes,
+    refitted,
 )
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
 from cusick_bench.diagnosis.inference.novelty import Novelty, novelty
@@ -114,14 +115,16 @@ def fabric_evidence(
     notes += domain_doubts(emulator, data.features, sets.residual)
     likeliest = [*(one.hypothesis.name for one in shared), *next(iter(sets.posterior.sets))]
     best = named_set(data, sets, named_causes(data, sets, likeliest))
-    test = novelty(sets, best, generator)
+    together = refitted(data, sets, best.causes)
+    best = named_set(data, together, best.causes)
+    test = novelty(together, best, generator)
     found = finding(p, sets.posterior, test, tuple(one.hypothesis.name for one in shared))
     causes = best.causes
     stated = [*found.effects, *(group[0] for group in found.groups)]
     if stated and set(stated) != set(likeliest):
-        causes = named_set(data, sets, named_causes(data, sets, stated)).causes
+        causes = named_set(data, together, named_causes(data, sets, stated)).causes
     if found.verdict == NONE:
         causes = ()
-    taken = budget(data, sets, samples, causes, generator)
+    taken = budget(data, together, samples, causes, generator)
     every = {**likeliest_candidates(sets), **{one.hypothesis.name: one for one in causes}}
     return FabricEvidence(samples, data, plain, p, sets, test, found, causes, every, taken, (*notes, *found.notes))

@@ -80,6 +80,23 @@ def fabric_sets(
     return FabricSets(residual, model, sample_sets(model, generator, steps=steps, more=more), shared, more)
 
 
+def refitted(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate]) -> FabricSets:
+    """Sets of a fabric, linearised anew where base parameters and given causes fit together.
+
+    Args:
+        fabric: The fabric.
+        sets: Its sets.
+        causes: Effects at their best parameters.
+
+    Returns:
+        The sets, with the posterior as it was sampled.
+    """
+    joint = fabric.against(start=sets.residual.theta, shift=fabric.shift(causes, sets.residual))
+    residual = fabric.against(start=joint.theta, fixed=True)
+    model = fabric.model(residual, without=[one.hypothesis.name for one in sets.shared])
+    return replace(sets, residual=residual, model=model, more=fabric.shared_shift(sets.shared, residual, model.misfit))
+
+
 def candidate_at(points: EffectPoints, point: int) -> Candidate:
     """A point as a cause.
 

@@ -118,6 +118,7 @@ class BaselineAnswer(Document):
     Attributes:
         verdict: One of `VERDICTS`; where none is given, `effect` if any cause is named, else `none`.
         gap: The gap between data and simulation.
+        named: The set of effects that act together, where it is stated.
         stated: The causes as they stand in the document.
         stated_set: Names of the 90 % set as they stand there.
         where: Where the gap lies.
@@ -128,6 +129,9 @@ class BaselineAnswer(Document):
 
     verdict: Verdict
     gap: Annotated[Gap, BeforeValidator(_empty_for_null)] = Gap()
+    named: Annotated[tuple[OutcomeName, ...], BeforeValidator(lambda found: found or ())] = Field(
+        default=(), alias="effects"
+    )
     stated: Annotated[tuple[StatedCause, ...], BeforeValidator(lambda found: found or ())] = Field(
         default=(), alias="causes"
     )
@@ -208,8 +212,10 @@ class BaselineAnswer(Document):
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Named effects, the likeliest first."""
-        return tuple(name for name, _ in self.causes if name not in (causes.NONE, causes.UNKNOWN))
+        """Effects, those of the named set first, each part in the order of its probability."""
+        likely = [name for name, _ in self.causes if name not in (causes.NONE, causes.UNKNOWN)]
+        first = sorted(self.named, key=lambda name: likely.index(name) if name in likely else len(likely))
+        return tuple(dict.fromkeys((*first, *likely)))
 
     @property
     def leading(self) -> str:

@@ -11,6 +11,8 @@ from cusick_bench.withheld.format.location import FULL_TURN, angular_overlap
 from cusick_bench.withheld.scoring.calibration import brier_score, log_score
 
 CLOSURE_TOLERANCE = 0.1
+_NAMING = ("effect", "several", "ambiguous")  # verdicts that name effects
+_REFUSED = "refused"  # nothing is said to be there
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def judgement_of(case: str, answer: BaselineAnswer, label: Label) -> Judgement:
         verdict=answer.verdict,
         p=answer.p,
         none=answer.probability_of_none,
-        detected=float(answer.verdict != causes.NONE),
+        detected=float(answer.verdict not in (causes.NONE, _REFUSED)),
         **(_of_single(answer, label, equivalent) if label.kind == SINGLE else {}),
         **(_of_pair(answer, label) if label.kind == PAIR else _of_probabilities(answer, label)),
         **({"recalled": float(answer.verdict == causes.UNKNOWN)} if label.kind == OUTSIDE else {}),
@@ -148,7 +150,7 @@ def _of_single(answer: BaselineAnswer, label: Label, equivalent: bool) -> dict[s
 
 
 def _of_pair(answer: BaselineAnswer, label: Label) -> dict[str, float]:
-    first = answer.effects[: len(label.effects)] if answer.verdict in ("effect", "ambiguous") else ()
+    first = answer.effects[: len(label.effects)] if answer.verdict in _NAMING else ()
     share = sum(name in first for name in label.effects) / len(label.effects)
     return {"top_two": share, "both": float(share == 1)}
 
