@@ -63,16 +63,16 @@ def test_a_gain_is_corrected_to_that_of_another_law() -> None:
     """Shifts half as large again under the other law, and an eighth of their size in other directions."""
     found, generator = known(200), np.random.default_rng(2)
     fitted = response(effect("camera-scale"), found)
-    fine = found.of(np.arange(24))
+    cheap, fine = found.of(np.arange(24)), known(200).of(np.arange(24))
     size = np.linalg.norm(fine.shift, axis=2, keepdims=True)
     other = np.where(fine.noise > 0, generator.standard_normal(fine.shift.shape), 0.0)
     fine.shift[:] = 1.5 * fine.shift + 0.125 * size * other / np.linalg.norm(other, axis=2, keepdims=True)
-    better = corrected(fitted, fine)
+    better = corrected(fitted, cheap, fine)
     before, after = (one.shift(fine.theta, fine.severity[:, 0], fine.place)[0] for one in (fitted, better))
     assert np.linalg.norm(after, axis=1) == pytest.approx(1.5 * np.linalg.norm(before, axis=1), rel=0.1)
-    assert better.mismatch[0] < 0.2
-    assert better.mismatch[1] < 0.2
-    assert fitted.mismatch == (0.3, 0.3)
+    assert better.mismatch is not None
+    assert max(better.mismatch) < 0.2
+    assert fitted.mismatch is None
 
 
 def test_cheap_drapes_and_fewer_exact_ones_give_the_exact_mean() -> None:

@@ -112,7 +112,8 @@ def fit_atlas(
     design, points = read_points(folder)
     with progress_bar("fitting effects") as bar:
         emulator = fit(design, points, progress=bar.show)
-    save(out, emulator, Calibration())
+    mismatch = {name: one.mismatch for name, one in emulator.responses.items() if one.mismatch}
+    save(out, emulator, Calibration(law_mismatch=mismatch))
     counts = {name: len(found) for name, found in points.items()}
     shares: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}

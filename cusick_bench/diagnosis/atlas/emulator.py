@@ -277,8 +277,13 @@ def fit(
         progress(place, len(covered))
         fitted = response(effect, changes(effect, theta, base, points[name], sd))
         fine = points.get(at_fine(name), {})
-        if len(fine) >= _LEAST_FINE and points.get(FINE):
-            fitted = corrected(fitted, changes(effect, theta, points[FINE], fine, sd))
+        compared = _compared(base, points.get(FINE, {}), points[name], fine)
+        if len(compared) >= _LEAST_FINE:
+            cheap, exact = (
+                changes(effect, theta, plain, {n: acted[n] for n in compared}, sd)
+                for plain, acted in ((base, points[name]), (points[FINE], fine))
+            )
+            fitted = corrected(fitted, cheap, exact)
         responses[name] = fitted
     known = {}
     for name, (correction, columns) in corrections.items():
@@ -317,6 +322,12 @@ def level_of(
 
 def _usable(point: Point) -> bool:
     return bool(np.isfinite(point.statistics).all((1, 2)).sum() >= LEAST_SAMPLES)
+
+
+def _compared(*drapes: Mapping[int, Point]) -> list[int]:
+    """Fabrics all of whose drapes came out, under both models, with an effect and without."""
+    shared = set.intersection(*(set(one) for one in drapes))
+    return [n for n in sorted(shared) if all(np.isfinite(one[n].statistics).all() for one in drapes)]
 
 
 def _log_variances(points: Mapping[int, Point]) -> dict[int, ndarray]:

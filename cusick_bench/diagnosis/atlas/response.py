@@ -51,8 +51,8 @@ class Response:
         mean: Fit of every statistic's shift over sd and gain, in the frame of the effect's direction, face up.
         spread: Fit of the shift of `Features.spread`.
         later: Whether it acts on later captures, so that half of it is seen in the mean.
-        mismatch: How far the same effect in another law's world differs from it, as a share of its shift: along the
-            shift, and across it in all directions together.
+        mismatch: How far the shift differs between two laws of the cloth, as a share of it: along the shift, and across
+            it in all directions together; None where it was not compared.
     """
 
     effect: str
@@ -60,7 +60,7 @@ class Response:
     mean: Fit
     spread: Fit
     later: bool
-    mismatch: tuple[float, float] = (0.3, 0.3)
+    mismatch: tuple[float, float] | None = None
 
     def shift(
         self, theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: ndarray
@@ -210,21 +210,23 @@ def response(effect: Effect, measured: Changes) -> Response:
     return Response(effect.name, gain, mean, spread, acts_later(effect))
 
 
-def corrected(fitted: Response, fine: Changes) -> Response:
+def corrected(fitted: Response, cheap: Changes, fine: Changes) -> Response:
     """A response whose gain is that under the base model's own law and mesh, and how far shifts differ then.
 
-    The gain is corrected by a function of the bending level, shrunk towards none. What is left of the fine shifts
-    along the predicted ones and across them is how much an effect's shift depends on the law of the cloth.
+    The gain is corrected by a function of the bending level, shrunk towards none. How the factor scatters about it, and
+    how far the fine shifts point in other directions than the cheap ones, is how much an effect's shift depends on the
+    law of the cloth.
 
     Args:
         fitted: The response under the cheaper model.
-        fine: What the effect does under the base model's own law and mesh.
+        cheap: What the effect does under the cheaper model to the same fabrics as
+        fine: what it does under the base model's own law and mesh.
 
     Returns:
         The response, corrected.
     """
     predicted = np.stack([fitted.shift(fine.theta, severity, fine.place)[0] for severity in fine.severity.T], axis=1)
-    size, noise = (predicted**2).sum((1, 2)), (fine.noise * (predicted != 0)).sum((1, 2))
+    size = (predicted**2).sum((1, 2))
     along = (predicted * fine.shift).sum((1, 2)) / size
     doubt = _MISMATCHED**2 + (fine.noise * predicted**2).sum((1, 2)) / size**2
     terms = spread_terms(fine.theta)[:, :2]
@@ -237,8 +239,11 @@ def corrected(fitted: Response, fine: Changes) -> Response:
     gain = Fit(weights, fitted.gain.covariance, fitted.gain.residual)
     freedom = len(along)
     first = max(float(((along / ratio - 1) ** 2 - doubt + _MISMATCHED**2).mean()), _LEAST_MISMATCH**2)
-    left = ((fine.shift - (along[:, None, None] * predicted)) ** 2).sum((1, 2)) - noise
-    across = max(float((left / (ratio**2 * size)).mean()), _LEAST_MISMATCH**2)
+    factor = along[:, None, None]
+    noise = (fine.noise + factor**2 * cheap.noise).sum((1, 2))
+    left = ((fine.shift - factor * cheap.shift) ** 2).sum((1, 2)) - noise
+    weight = 1 / (1 + noise / (ratio**2 * size))
+    across = max(float(np.average(left / (ratio**2 * size), weights=weight)), _LEAST_MISMATCH**2)
     shrunk = [np.sqrt((freedom * one + _TYPICAL * _MISMATCHED**2) / (freedom + _TYPICAL)) for one in (first, across)]
     return replace(fitted, gain=gain, mismatch=(float(shrunk[0]), float(shrunk[1])))
 

@@ -104,7 +104,7 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
     about = {
         "statistics": list(NAMES),
         "spreads": [name for name, _ in SPREADS],
-        "responses": {name: [one.later, *one.mismatch] for name, one in emulator.responses.items()},
+        "responses": {name: [one.later, one.mismatch] for name, one in emulator.responses.items()},
         "calibration": asdict(calibration),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -152,9 +152,9 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
                 mean=fit(f"{name}/mean"),
                 spread=fit(f"{name}/spread"),
                 later=bool(later),
-                mismatch=(float(along), float(across)),
+                mismatch=None if mismatch is None else (float(mismatch[0]), float(mismatch[1])),
             )
-            for name, (later, along, across) in about["responses"].items()
+            for name, (later, mismatch) in about["responses"].items()
         }
         calibration = Calibration(**about["calibration"])
         _check_shapes(path, arrays)
