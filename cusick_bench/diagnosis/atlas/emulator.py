@@ -59,6 +59,7 @@ _LEAST_POINTS = 60
 _LEAST_FINE = 8  # fabrics for a correction to be fitted
 _EXCHANGED = np.array([-1 if name == "anisotropy" else 1 for name in PARAMETERS])
 _SHRINK = 0.1  # of correlations towards none
+_CHEAP_FREEDOM = 60.0  # degrees of freedom that correlations of the cheaper drapes count for
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,18 +143,34 @@ def _log_variance(points: Mapping[int, Point], numbers: list[int]) -> Float[ndar
 
 def _correlation(
     points: Mapping[int, Point], sd: Mapping[int, ndarray]
-) -> Float[ndarray, "faces_statistics faces_statistics"]:
-    """Between all statistics of both faces of a sample, pooled over fabrics; faces are exchangeable."""
-    total = np.zeros((2 * _COUNT, 2 * _COUNT))
+) -> tuple[Float[ndarray, "faces_statistics faces_statistics"], int]:
+    """Between all statistics of both faces of a sample, pooled over fabrics, and degrees of freedom.
+
+    Faces are exchangeable. Every fabric is in units of its own model's scatter: some would weigh most otherwise.
+    """
+    total, freedom = np.zeros((2 * _COUNT, 2 * _COUNT)), 0
     for number, scale in sd.items():
         statistics = points[number].statistics
         values = statistics[np.isfinite(statistics).all((1, 2))] / scale
         deviation = (values - values.mean(0)).reshape(len(values), -1)
         total += deviation.T @ deviation
+        freedom += len(values) - 1
     other = np.roll(np.arange(2 * _COUNT), _COUNT)
     total = total + total[np.ix_(other, other)]
     size = np.sqrt(np.diag(total))
-    return (1 - _SHRINK) * total / np.outer(size, size) + _SHRINK * np.eye(2 * _COUNT)
+    return total / np.outer(size, size), freedom
+
+
+def _shrunk_correlation(
+    points: Mapping[str, Mapping[int, Point]], base_sd: Mapping[int, ndarray], sd: Float[ndarray, "points statistics"]
+) -> Float[ndarray, "faces_statistics faces_statistics"]:
+    """Of the base model's own drapes, with the cheaper ones as what is expected: in these, meshes scatter faces too."""
+    correlation, _ = _correlation(points[BASE], base_sd)
+    fine = {n: sd[n] for n, point in points.get(FINE, {}).items() if _usable(point)}
+    if len(fine) >= _LEAST_FINE:
+        exact, freedom = _correlation(points[FINE], fine)
+        correlation = (freedom * exact + _CHEAP_FREEDOM * correlation) / (freedom + _CHEAP_FREEDOM)
+    return (1 - _SHRINK) * correlation + _SHRINK * np.eye(2 * _COUNT)
 
 
 def _discrepancy(
@@ -270,7 +287,8 @@ def fit(
         [_scatter_correction(scatter, spreads, fine_spreads)],
     )
     sd = np.maximum(np.exp(log_sd(scatter)), RESOLUTION)
-    correlation = _correlation(base, {n: sd[n] for n in numbers})
+    cheap_sd = np.maximum(np.exp(log_sd.fits[0](scatter)), RESOLUTION)
+    correlation = _shrunk_correlation(points, {n: cheap_sd[n] for n in numbers}, sd)
     covered = {name: one for name, one in registered().items() if len(points.get(name, {})) >= _LEAST_POINTS}
     responses = {}
     for place, (name, effect) in enumerate(covered.items()):
