@@ -188,6 +188,24 @@ def _discrepancy(
     return total + np.diag(_shared_asymmetry(points.get(ONE_MESH, {}), sd))
 
 
+def _lack_of_fit(points: Mapping[int, Point], theta: ndarray, sd: ndarray, fit: Fit, terms: ndarray) -> ndarray:
+    """Second moment of what the functions leave of the fabrics that they are fitted to, less what few samples make."""
+    total, freedom = np.zeros((2, _COUNT, _COUNT)), 1 - fit.weights.shape[0] / (2 * len(points))
+    predicted = fit(terms[:, : len(fit.weights)])
+    for end, weight in enumerate(_ends(theta[:, 0])):
+        mass = 0.0
+        for number, point in points.items():
+            values = point.statistics[np.isfinite(point.statistics).all((1, 2))].mean(1)
+            if len(values) < LEAST_SAMPLES:
+                continue
+            left = (values.mean(0) - predicted[number]) / sd[number]
+            scatter = np.cov((values / sd[number]).T) / len(values)
+            total[end] += weight[number] * (np.outer(left, left) / freedom - scatter)
+            mass += weight[number]
+        total[end] = _positive(_symmetric_only(total[end] / mass))
+    return total
+
+
 def _ends(bending: Float[ndarray, "*rows"]) -> tuple[Float[ndarray, "*rows"], Float[ndarray, "*rows"]]:
     """How near cloth is to the limp and to the stiff end of the atlas."""
     share = np.clip((bending - LOW[0]) / (HIGH[0] - LOW[0]), 0, 1)
@@ -209,8 +227,12 @@ def _changed(
         mass += weight[number]
     if not mass:
         return total
-    total = _symmetric_only(total / mass)
-    value, vector = np.linalg.eigh((total + total.T) / 2)
+    return _positive(_symmetric_only(total / mass))
+
+
+def _positive(covariance: ndarray) -> ndarray:
+    """The nearest covariance: noise that was taken off can leave negative variances."""
+    value, vector = np.linalg.eigh((covariance + covariance.T) / 2)
     return (vector * np.maximum(value, 0)) @ vector.T
 
 
@@ -307,6 +329,7 @@ def fit(
     for name, (correction, columns) in corrections.items():
         known[name] = dict(enumerate(correction(base_terms(theta)[:, columns])))
     discrepancy = _discrepancy(points, theta, sd, known)
+    discrepancy = discrepancy + _lack_of_fit(base, theta, sd, level.fits[0], base_terms(theta))
     return Emulator(level, spread, log_sd, correlation, discrepancy, responses)
 
 

@@ -1,6 +1,6 @@
 """Terms of the atlas' regressions: products of the base parameters, scaled to [-1, 1] over the atlas."""
 
-from itertools import combinations_with_replacement
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -24,29 +24,55 @@ def scaled(theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows p
     return np.clip((2 * theta - HIGH - LOW) / (HIGH - LOW), -1.3, 1.3)
 
 
+_COUNT = len(LOW)
+_OTHERS = range(1, _COUNT)
+
+
+def _products() -> list[dict[int, int]]:
+    """Powers of the z in each product; 0 is the bending level."""
+    found: list[dict[int, int]] = [{}, *({i: 1} for i in range(_COUNT)), *({0: power} for power in range(2, 7))]
+    found += [{i: 1, 0: power} for i in _OTHERS for power in (1, 2, 3)]
+    found += [{i: 2, 0: power} for i in _OTHERS for power in (0, 1, 2)]
+    return found + [{i: 1, j: 1, 0: power} for i, j in combinations(_OTHERS, 2) for power in (0, 1)]
+
+
+_PRODUCTS = _products()
+
+
 def base_terms(theta: Float[ndarray, "rows parameters"]) -> Float[ndarray, "rows terms"]:
-    """All products of up to two z, up to four of the bending level's with one other, and how limp a cloth is.
+    """Products of up to two z, each also with powers of the bending level, and how limp a cloth is.
+
+    The level decides how a drape answers to everything else, so each answer is a curve in it.
 
     Args:
         theta: Base parameters.
 
     Returns:
-        Terms of the means without effect, in the order of `CORRECTED` and `LIMP`.
+        Terms of the means without effect, 1 and all z first; `CORRECTED` and `LIMP` are among them.
     """
     z = scaled(theta)
-    pairs = [z[:, i] * z[:, j] for i, j in combinations_with_replacement(range(z.shape[1]), 2)]
-    level = z[:, 0]
-    more = [level**3, level**4, *(level**2 * z[:, i] for i in range(1, z.shape[1]))]
+    columns = []
+    for powers in _PRODUCTS:
+        column = np.ones(len(z))
+        for i, power in powers.items():
+            column = column * z[:, i] ** power
+        columns.append(column)
     limp = np.maximum(LIMPER_THAN - theta[:, 0], 0) / (LIMPER_THAN - LOW[0])
-    return np.stack([np.ones(len(z)), *z.T, *pairs, *more, limp, limp**2], axis=1)
+    return np.stack([*columns, limp, limp**2], axis=1)
 
 
-_COUNT = len(LOW)
-_PAIRS = _COUNT * (_COUNT + 1) // 2
-CORRECTED = np.array([*range(1 + _COUNT), *range(1 + _COUNT, 1 + 2 * _COUNT), 1 + _COUNT + _PAIRS])
+CORRECTED = np.array(
+    [
+        place
+        for place, powers in enumerate(_PRODUCTS)
+        if sum(powers.values()) < 2
+        or powers in ({0: 2}, {0: 3})
+        or (len(powers) == 2 and sum(powers.values()) == 2 and 0 in powers)
+    ]
+)
 """Of `base_terms`: 1, z, products of the bending level's z with each z, and its cube; what the cheaper model gets wrong
 is a function of these."""
-LIMP = 1 + _COUNT + _PAIRS + 2 + _COUNT - 1 + np.arange(2)
+LIMP = len(_PRODUCTS) + np.arange(2)
 """Of `base_terms`: how limp a cloth is, and its square; what the base model's own mesh gets wrong."""
 
 
