@@ -112,7 +112,7 @@ def _leading(model: SetModel, others: Sequence[int], options: ndarray, beyond: n
     first = max(others, key=lambda point: size[point], default=None)
     least = 0.0 if first is None else float(size[first])
     free = ANY_SIZES * np.sqrt(model.misfit.forbidden)
-    unknown = (beyond * (free > np.maximum(size, least)[:, None])).sum(1)
+    unknown = np.minimum((beyond * (free > np.maximum(size, least)[:, None])).sum(1), 1.0)
     rest = number if first is None else int(points.effect[first])  # `none` where the set is empty
     leader = np.append(np.where(size[:-1] > least, points.effect, rest), rest)
     leading = np.bincount(leader, options * (1 - unknown), minlength=number + 2)
