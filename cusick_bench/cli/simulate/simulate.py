@@ -80,6 +80,7 @@ class Outcome:
             "folds": fold_count(self.profile),
             "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
             "residual": self.drape.residual,
+            "halvings": self.drape.halvings,
             "seconds": self.drape.seconds,
             "mean_radius_m": float(self.profile.radii.mean()),
             "amplitudes_m": amplitude_spectrum(self.profile),
