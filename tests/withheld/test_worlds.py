@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, OUTSIDE, plan_suite
+from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, MULTIPLES, OUTSIDE, plan_suite
 from cusick_bench.withheld.world.photograph import PIXEL
 from cusick_bench.withheld.world.registry import DEFAULT, WORLDS, world_of
 from cusick_bench.withheld.world.true_case import TrueCase
@@ -22,10 +23,11 @@ SMALL = {"paper": (150, 30), "published": (200, 30), "polar": (72, 25)}
 
 
 @cache
-def pictures(world, *causes, seed=3, samples=1):
+def pictures(world, *causes, seed=3, count=2):
+    """The first pictures of a case: one face twice, then the other face twice, sample after sample."""
     vertices, steps = SMALL[world]
     named = {name: dict(value) for name, value in causes}
-    return list(TrueCase((seed, 2), named, vertices, steps, world_name=world).pictures(samples))
+    return list(islice(TrueCase((seed, 2), named, vertices, steps, world_name=world).pictures(2), count))
 
 
 def drape_coefficient(picture):
@@ -52,14 +54,14 @@ def test_worlds_are_registered_under_their_names():
 
 @pytest.mark.parametrize("world", sorted(SMALL))
 def test_a_null_is_a_cloth_with_folds(world):
-    """Two samples with different folds, of which two pictures of one face differ little, all near the image's middle."""
-    taken = pictures(world, samples=2)
-    assert [(one.sample, one.capture) for one in taken] == [(s, c) for s in (1, 2) for c in (1, 2, 3, 4)]
+    """Two pictures of one face differ less than those of two faces or two samples, all near the image's middle."""
+    taken = pictures(world, count=5)
+    assert [(one.sample, one.capture) for one in taken] == [(1, 1), (1, 2), (1, 3), (1, 4), (2, 1)]
     for one in taken:
         assert 0.1 < drape_coefficient(one) < 0.95
         waves = rim_waves(one)
         assert 4e-4 < waves[3:16].max() < 0.03
-        assert waves[1] < 6e-3
+        assert waves[1] < 0.01
     first, again, turned = (one.levels.astype(float) for one in taken[:3])
     assert 0 < np.abs(first - again).mean() < np.abs(first - turned).mean()
     assert np.abs(first - taken[4].levels).mean() > 0.5
@@ -68,7 +70,7 @@ def test_a_null_is_a_cloth_with_folds(world):
 @pytest.mark.parametrize("world", sorted(SMALL))
 def test_worlds_have_no_preferred_direction(world):
     """The mean outline of nulls of several fabrics is as wide as high, and its middle is the image's."""
-    taken = [pictures(world, seed=seed)[0] for seed in range(3, 8)]
+    taken = [pictures(world, seed=seed, count=1)[0] for seed in range(3, 8)]
     shade = np.mean([1 - one.levels / 255.0 for one in taken], axis=0)
     y, x = np.mgrid[:256, :256] - 127.5
     middle = np.array([(shade * x).sum(), (shade * y).sum()]) / shade.sum()
@@ -82,7 +84,7 @@ def test_the_same_seed_gives_the_same_pictures_and_another_one_others(world):
     vertices, steps = SMALL[world]
     again = next(TrueCase((3, 2), {}, vertices, steps, world_name=world).pictures(1))
     np.testing.assert_array_equal(again.levels, pictures(world)[0].levels)
-    assert np.abs(pictures(world, seed=4)[0].levels.astype(float) - again.levels).mean() > 0.5
+    assert np.abs(pictures(world, seed=4, count=1)[0].levels.astype(float) - again.levels).mean() > 0.5
 
 
 def test_worlds_differ_in_all_that_laboratories_and_cloths_differ_in():
@@ -121,7 +123,7 @@ def test_a_law_acts_in_the_polar_world_and_is_absent_at_zero(name):
 
 @pytest.mark.parametrize("world", sorted(SMALL))
 def test_suites_hold_what_their_world_can_do(world):
-    counts = {"null": 2, "single": 2 * len(DRAWN), "pair": 10, "unknown": 16}
+    counts = {"null": 2, "single": len(DRAWN) * len(MULTIPLES), "pair": 10, "unknown": len(OUTSIDE) * len(MULTIPLES)}
     plans = plan_suite(5, counts, world_name=world)
     acting = {name for plan in plans for name in plan.causes}
     assert acting == (set(DRAWN) | set(OUTSIDE)) & set(world_of(world).laws)
