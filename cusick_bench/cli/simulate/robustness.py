@@ -6,7 +6,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import MOST_DRAWS, DropMode, Json, Law, LawName, Mode, Seed, Vertices
+from cusick_bench.cli.options import LAW, MOST_DRAWS, DropMode, Json, Law, Mode, Seed, Vertices
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.sim.constants import VERTICES_OF_TRUTH
 
@@ -19,7 +19,7 @@ def robustness(
     draws: Annotated[int, typer.Option(min=1, max=MOST_DRAWS, help="Random cloths.")] = 1000,
     vertices: Vertices = VERTICES_OF_TRUTH,
     mode: DropMode = Mode.equilibrium,
-    law: Law = LawName.paper,
+    law: Law = LAW,
     least: Annotated[
         float,
         typer.Option(
