@@ -139,7 +139,7 @@ def halves_as_faces(dataset: DrapeDataset, side: str, generator: np.random.Gener
         The rows of this face; half of the samples are said to lie face up, the others face down.
     """
     face = one_face(dataset, side)
-    numbers = face.table["sample"].unique()
+    numbers = np.unique(face.table["sample"].to_numpy())
     up = generator.permutation(numbers)[: len(numbers) // 2]
     return _labelled(face, face.table.assign(side=np.where(face.table["sample"].isin(up), "up", "down")))
 
