@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from cusick_bench.problem.errors import BudgetExceeded
     from cusick_bench.sim.cloth.material import Material, project_admissible, uniform_material
     from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+    from cusick_bench.sim.cloth.resolution import cloth_mesh
     from cusick_bench.sim.drape import Drape, DrapeSimulator
     from cusick_bench.sim.engine.settings import DrapeSettings
     from cusick_bench.sim.errors import DrapeDiverged, SimulationError
@@ -43,6 +44,7 @@ _MODULES = {
     "PinholeCamera": "sim.render.camera",
     "Profile": "datasets.profile",
     "SimulationError": "sim.errors",
+    "cloth_mesh": "sim.cloth.resolution",
     "disc_mesh": "sim.cloth.mesh",
     "drape_coefficient": "datasets.profile",
     "fold_count": "datasets.profile",
@@ -73,6 +75,7 @@ __all__ = [
     "PinholeCamera",
     "Profile",
     "SimulationError",
+    "cloth_mesh",
     "disc_mesh",
     "drape_coefficient",
     "fold_count",

@@ -17,15 +17,20 @@ FIELD_OF_VIEW = 0.5  # [rad], of the published scripts' camera
 EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
 FIELD_LENGTH = 0.02  # [m], correlation length of stiffness over a cloth, assumed: some ten yarn repeats
 
+DEFAULT_LAW = "plate"
+"""Material law of commands where none is asked for: what predicts or fits uses the law that converges with the mesh.
+The paper's own tables are made by law `paper`, also the default of `DrapeSettings`; every record names its law."""
+
 # Vertices of the cloth's mesh by purpose. Errors are those of law `plate` on its own meshes, in points of drape
 # coefficient, against the reference drapes of an ideal plate (`cusick-bench convergence --reference FILE --law plate`);
 # samples of one cloth differ by 2 to 3 points. Law `paper` errs by 2 to 10 points on any of them.
 VERTICES_TO_FIT = 600
-"""Of `make bench`: within .2 points down to ln(B / (rho g R^3)) = -5.8; 2.8 too high at -6.6, the limpest cloth, whose
-folds are hardly wider than the mesh."""
+"""Of fits by law `plate`, as in `make bench`: within .2 points down to ln(B / (rho g R^3)) = -5.8; 2.8 too high at
+-6.6, the limpest cloth, whose folds are hardly wider than the mesh."""
 VERTICES_OF_TRUTH = 1205
-"""Of drapes that are held for true, as in the set `synthetic`: within .03 points, .5 too high at -6.6."""
+"""Of drapes by law `plate` that are held for true, as in the set `synthetic`, or are looked at: within .03 points, .5
+too high at -6.6."""
 VERTICES_OF_POPULATION = 700
 """Of the cloths that the priors of `bdp-field` are derived from, 1500 drapes: between the errors of the two above."""
 VERTICES_OF_PAPER = 2699
-"""Of the published experiments."""
+"""Of the published experiments, and of fits and drapes by the laws of hinges."""

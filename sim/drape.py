@@ -55,6 +55,7 @@ class Drape:
         seconds: Wall time of the simulation [s].
         iterations: Steps of the drop, or Newton steps of the equilibrium.
         branch: From a warm start, whether its branch of rests was kept; gradients tell nothing of a jump.
+        halvings: How often the step of a drop was halved, because the cloth flew apart in longer ones.
     """
 
     vertices: Float[Tensor, "vertices 3"]
@@ -63,6 +64,7 @@ class Drape:
     seconds: float
     iterations: int
     branch: Branch | None = None
+    halvings: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,8 @@ class DrapeBatch:
         converged: Which have come to rest.
         residual: Net forces as fractions of the weights; NaN where diverged.
         iterations: Steps of the drop, or Newton steps.
+        halvings: How often the step of a drop was halved, because the cloth flew apart in longer ones: such a cloth
+            took twice, or four times, the steps of the settings, and its gradient is that of these steps.
         seconds: Wall time of all [s].
     """
 
@@ -83,6 +87,7 @@ class DrapeBatch:
     converged: Bool[ndarray, "members"]
     residual: Float[ndarray, "members"]
     iterations: Int[ndarray, "members"]
+    halvings: Int[ndarray, "members"]
     seconds: float
 
     def member(self, index: int) -> Drape:
@@ -102,7 +107,7 @@ class DrapeBatch:
             raise DrapeDiverged(failure)
         return Drape(
             self.vertices[index], bool(self.converged[index]), float(self.residual[index]),
-            self.seconds / len(self.failures), int(self.iterations[index]),
+            self.seconds / len(self.failures), int(self.iterations[index]), halvings=int(self.halvings[index]),
         )  # fmt: skip
 
 
@@ -288,7 +293,7 @@ class DrapeSimulator:
             vertices = _DrapeFunction.apply(stretch, bending, mass, angle, poisson, laid, outcome)
         return DrapeBatch(
             vertices, outcome.failures, outcome.residual <= outcome.at_rest, outcome.residual, outcome.iterations,
-            time.perf_counter() - clock,
+            outcome.halvings, time.perf_counter() - clock,
         )  # fmt: skip
 
     def at_once(self) -> int:

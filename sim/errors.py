@@ -35,11 +35,12 @@ class MembersDiverged(DrapeDiverged):
 
     Attributes:
         members: Their places in the batch.
+        steps: Steps that they took before.
     """
 
-    def __init__(self, message: str, members: Iterable[int]) -> None:
+    def __init__(self, message: str, members: Iterable[int], steps: int = 0) -> None:
         super().__init__(message)
-        self.members = tuple(int(member) for member in members)
+        self.members, self.steps = tuple(int(member) for member in members), steps
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:

@@ -105,8 +105,8 @@ def drop_with_history(
     import torch
 
     from cusick_bench.sim.engine.drop import Stepper, too_far
+    from cusick_bench.sim.engine.drop_batch import flown_apart
     from cusick_bench.sim.engine.parameters import Parameters
-    from cusick_bench.sim.outcome import flown_apart
 
     settings, base, unknowns = simulator.settings, simulator.system, simulator.unknowns
     if settings.mode != "drop":
@@ -133,8 +133,8 @@ def drop_with_history(
         for state in states:
             system, p = state.advance(system, p, x[0], step / settings.steps)
         found = system.evaluate(x, laid, p.batch(), exact=False)
-        name = f"step {step + 1} of {settings.steps}"
-        factor = stepper.step(name, iter([(slice(None), found)]), (x, v), (x_new, v_new), far, factor)
+        number = step, settings.steps
+        factor = stepper.step(number, iter([(slice(None), found)]), (x, v), (x_new, v_new), far, factor)
         x, x_new, v, v_new = x_new, x, v_new, v
     left = system.evaluate(x, laid, p.batch(), exact=False).force()[0, system.free]
     failure = flown_apart(settings, float(np.linalg.norm(left) / (settings.gravity * elastic.mass.sum())))

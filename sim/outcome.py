@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
@@ -15,35 +14,15 @@ from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.descent import FALLING
-from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint, evaluated
+from cusick_bench.sim.engine.drop_batch import drop_batch
 from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
-from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged
+from cusick_bench.sim.errors import DrapeDiverged
 
 DROP_AT_REST = 0.05
 """Net force below which a dropped cloth counts as at rest, as a fraction of its weight."""
-
-_BLOWN_UP = 100.0  # free fall has net forces of about the weight; so much more is a drop that its long steps blew up
-
-
-def flown_apart(settings: DrapeSettings, residual: float) -> str | None:
-    """What to say of a cloth that a drop's long steps blew up; None for any other.
-
-    Args:
-        settings: How it was dropped.
-        residual: Its net force at the end, as a fraction of its weight.
-
-    Returns:
-        The message, or None.
-    """
-    if residual < _BLOWN_UP:
-        return None
-    return (
-        f"the cloth flies apart: net force {residual:.2g} of the weight after {settings.steps} steps; use a shorter "
-        f"step than {settings.step_seconds} s"
-    )
 
 
 @dataclass(eq=False)
@@ -56,7 +35,7 @@ class Outcome:
         settings: How the cloths are draped.
         factor_memory: Most memory for kept factors [bytes].
         warm: Where an equilibrium starts [m], or None.
-        failures, residual, iterations: As in `DrapeBatch`.
+        failures, residual, iterations, halvings: As in `DrapeBatch`.
     """
 
     system: ClothSystem
@@ -67,6 +46,7 @@ class Outcome:
     failures: list[str | None] = field(init=False)
     residual: Float[ndarray, "members"] = field(init=False)
     iterations: Int[ndarray, "members"] = field(init=False)
+    halvings: Int[ndarray, "members"] = field(init=False)
 
     @property
     def at_rest(self) -> float:
@@ -88,6 +68,7 @@ class Outcome:
         members = len(laid)
         self.failures = [None] * members
         self.residual, self.iterations = np.full(members, np.nan), np.zeros(members, np.int64)
+        self.halvings = np.zeros(members, np.int64)
         own, start = self.unknowns.parameters(p), self.unknowns.configuration(laid)
         x, own_back = self._drop(own, start, differentiate) if self._drops else self._rest(own, start)
 
@@ -101,56 +82,13 @@ class Outcome:
         return self.settings.mode == "drop"
 
     def _drop(self, p: Parameters, laid: ndarray, differentiate: bool) -> tuple[ndarray, "Adjoint"]:
-        """Drops all cloths, as many at once as the threads factorise: each thread's matrix then stays in its cache."""
-        positions, together = np.full_like(laid, np.nan), numba.get_num_threads() * self.system.linear.width
-        groups = np.split(np.arange(len(laid)), range(together, len(laid), together))
-        memory = self.factor_memory // len(groups)
-        dropped = [self._drop_group(p, laid, group, positions, memory if differentiate else None) for group in groups]
-
-        def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
-            gradient, g_initial = self.system.zero_gradient(len(laid)), np.zeros_like(g_x)
-            for group in dropped:
-                if group is not None:
-                    group.add_gradient(g_x, gradient, g_initial)
-            return gradient, g_initial
-
-        return positions, back
-
-    def _drop_group(
-        self, p: Parameters, laid: ndarray, alive: ndarray, positions: ndarray, memory: int | None
-    ) -> "_Dropped | None":
-        """Drops some cloths; those that diverge are set aside and the others dropped again without them.
-
-        Args:
-            p: All cloths.
-            laid: How they are laid down.
-            alive: Which of them to drop.
-            positions: Receives theirs.
-            memory: Most memory for kept factors [bytes], or None where no gradient is wanted.
-        """
-        s, system = self.settings, self.system
-        while len(alive):
-            own = p.take(alive)
-            try:
-                rollout = drop(
-                    system, own, laid[alive], steps=s.steps, step_seconds=s.step_seconds, record=memory is not None,
-                    keep_factors=memory is not None, factor_memory=memory or 0,
-                )  # fmt: skip
-            except MembersDiverged as error:
-                for member in error.members:
-                    self.failures[alive[member]] = str(error)
-                alive = np.delete(alive, error.members)
-                continue
-            last = rollout.positions[-1]
-            force = np.concatenate([state.force() for _, state in evaluated(system, last, laid[alive], own)])
-            weight = s.gravity * own.mass.sum(1)
-            self.residual[alive] = np.linalg.norm(force[:, system.free].reshape(len(alive), -1), axis=1) / weight
-            self.iterations[alive] = s.steps
-            positions[alive] = last
-            for member in alive:
-                self.failures[member] = flown_apart(s, float(self.residual[member]))
-            return _Dropped(system, own, rollout, alive, s.step_seconds)
-        return None
+        memory = self.factor_memory if differentiate else None
+        dropped = drop_batch(
+            self.system, self.settings, p, laid, factor_memory=memory, halvings=self.settings.halvings
+        )  # fmt: skip
+        self.failures, self.residual = dropped.failures, dropped.residual
+        self.iterations, self.halvings = dropped.iterations, dropped.halvings
+        return dropped.positions, dropped.gradient
 
     def _rest(self, p: Parameters, laid: ndarray) -> tuple[ndarray, "Adjoint"]:
         """Lets the cloths come to rest one by one: from where they fell, which decides their folds, or a warm start."""
@@ -192,11 +130,9 @@ class Outcome:
 
     def _fallen(self, p: Parameters, laid: ndarray) -> ndarray:
         """Where the cloths fell; a cloth that blew up in the drop's long steps starts as laid, and descends safely."""
-        positions, _ = self._drop(p, laid, False)
-        blown = [member for member, failure in enumerate(self.failures) if failure is not None]
-        positions[blown] = laid[blown]
-        self.failures = [None] * len(laid)
-        return positions
+        fallen = drop_batch(self.system, self.settings, p, laid, factor_memory=None, halvings=0)
+        blown = np.array([failure is not None for failure in fallen.failures])
+        return np.where(blown[:, None, None], laid, fallen.positions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,23 +191,3 @@ class _TouchingSearch:
 
 Adjoint = Callable[[ndarray], tuple[ParameterGradient, ndarray]]
 """From the derivative to the positions to those to parameters and initial shape."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Dropped:
-    """Cloths of a batch that dropped well together, and the way back."""
-
-    system: ClothSystem
-    parameters: Parameters
-    rollout: Rollout
-    alive: Int[ndarray, "alive"]
-    step_seconds: float
-
-    def add_gradient(
-        self, g_x: Float[ndarray, "members vertices 3"], gradient: ParameterGradient, g_initial: ndarray
-    ) -> None:
-        """Sets these cloths' gradients among those of the batch, in place."""
-        found, g_initial[self.alive] = drop_adjoint(
-            self.system, self.parameters, self.rollout, g_x[self.alive], step_seconds=self.step_seconds
-        )
-        gradient.put(self.alive, found)

@@ -38,11 +38,11 @@ def step_of(workload: Workload) -> Callable[[], object]:
     before = (np.ascontiguousarray(rollout.positions[-1]), np.ascontiguousarray(rollout.velocities[-1]))
     after = (before[0].copy(), np.zeros_like(before[1]))
     stepper, far = Stepper(simulator.system, p.mass, h), too_far(laid)
-    old = stepper.step("step", evaluated(simulator.system, before[0], laid, p), before, after, far, None)
+    old = stepper.step((0, 1), evaluated(simulator.system, before[0], laid, p), before, after, far, None)
 
     def run() -> None:
         for _ in range(_CALLS):
-            stepper.step("step", evaluated(simulator.system, before[0], laid, p), before, after, far, old)
+            stepper.step((0, 1), evaluated(simulator.system, before[0], laid, p), before, after, far, old)
 
     return run
 

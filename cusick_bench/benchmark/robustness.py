@@ -65,9 +65,11 @@ def robustness(
         done: Called with the number of cloths draped.
 
     Returns:
-        `draws`, `converged`, `fraction`, `iterations` (quantiles) and `failures`, each with its cloth and its reason.
+        `draws`, `converged`, `fraction`, `diverged` (cloths without a drape, such as those that flew apart), `halved`
+        (cloths that took shorter steps of a drop), `iterations` (quantiles) and `failures`, each with its cloth and
+        its reason.
     """
-    failures, iterations, converged = [], [], 0
+    failures, iterations, converged, diverged, halved = [], [], 0, 0, 0
     for first in range(0, draws, group):
         seeds = range(seed + first, seed + min(first + group, draws))
         specimens = [specimen(number) for number in seeds]
@@ -81,6 +83,8 @@ def robustness(
                 reason = failure or f"net force {residual:.2g} of the weight"
                 cloth = {"density": one.density, "bending": one.bending, "anisotropy": one.anisotropy}
                 failures.append({"seed": number, **cloth, "reason": reason})
+        diverged += sum(failure is not None for failure in batch.failures)
+        halved += int(np.count_nonzero(batch.halvings))
         iterations += [int(n) for n, ok in zip(batch.iterations, batch.converged, strict=True) if ok]
         done(len(specimens))
     quantiles = np.quantile(iterations, [0.5, 0.95, 1]) if iterations else [np.nan] * 3
@@ -88,6 +92,8 @@ def robustness(
         "draws": draws,
         "converged": converged,
         "fraction": converged / draws,
+        "diverged": diverged,
+        "halved": halved,
         "iterations": dict(zip(("median", "q95", "most"), map(float, quantiles), strict=True)),
         "failures": failures,
     }

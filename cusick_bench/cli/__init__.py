@@ -42,7 +42,12 @@ PANELS = {
         "check": "results.check",
         "submit": "results.submit",
     },
-    "Diagnose": {"diagnose": "diagnose.diagnose", "atlas": "diagnose.atlas", "withheld": "diagnose.withheld"},
+    "Diagnose": {
+        "diagnose": "diagnose.diagnose",
+        "diagnose-controls": "diagnose.controls",
+        "atlas": "diagnose.atlas",
+        "withheld": "diagnose.withheld",
+    },
 }
 """The commands by panel of the help page, each with its module below this package, which is imported when needed."""
 

@@ -8,14 +8,17 @@ panel of the help page.
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cusick_bench.cli.completion import complete_cloth, complete_data, complete_effect, complete_solver
 from cusick_bench.cli.written_paths import outside_package
-from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
+from cusick_bench.sim.constants import DEFAULT_LAW, HEAVIEST_CLOTH, LIGHTEST_CLOTH, VERTICES_OF_PAPER
 from cusick_bench.sim.errors import CusickError
+
+if TYPE_CHECKING:
+    from cusick_bench.sim.engine.settings import Clamp as ClampOfDrape
 
 cloth_option = partial(typer.Option, rich_help_panel="Cloth")
 data_option = partial(typer.Option, rich_help_panel="Data")
@@ -38,6 +41,10 @@ class LawName(StrEnum):
     plate = "plate"
     paper = "paper"
     published = "published"
+
+
+LAW = LawName(DEFAULT_LAW)
+"""Material law where none is asked for."""
 
 
 class ClampName(StrEnum):
@@ -110,6 +117,17 @@ Shear = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Shear stiffness [
 Vertices = Annotated[
     int,
     simulation_option(min=1, max=MOST_VERTICES, help="Vertices of the cloth's mesh, met within some per cent."),
+]
+VerticesByLaw = Annotated[
+    int | None,
+    simulation_option(
+        "--vertices",
+        min=1,
+        max=MOST_VERTICES,
+        help="Vertices of the cloth's mesh, met within some per cent; by default what the law needs, "
+        f"{VERTICES_OF_PAPER} under laws paper and published.",
+        show_default=False,
+    ),
 ]
 VerticesList = Annotated[
     list[int] | None,
@@ -246,3 +264,42 @@ def bending_stiffnesses(text: str) -> tuple[float, float, float]:
         raise CusickError(f"--bending takes one number or three (0, 45, 90 degrees), got {len(rows)}")
     rows = [checked_bending(row) for row in rows]
     return (rows[0], rows[0], rows[0]) if len(rows) == 1 else (rows[0], rows[1], rows[2])
+
+
+def vertices_by_law(asked: int | None, law: LawName, of_plate: int) -> int:
+    """Vertices of the cloth's mesh.
+
+    Args:
+        asked: What the user asked for, if anything.
+        law: Material law.
+        of_plate: What law `plate` gets for this purpose; the other laws get the paper's number.
+
+    Returns:
+        The number.
+    """
+    if asked is not None:
+        return asked
+    return of_plate if law is LawName.plate else VERTICES_OF_PAPER
+
+
+def clamp_by_law(asked: ClampName | None, law: LawName) -> "ClampOfDrape | None":
+    """How hinges on the plate's edge bend.
+
+    Args:
+        asked: What the user asked for, if anything.
+        law: Material law.
+
+    Returns:
+        The clamp for `DrapeSettings`.
+
+    Raises:
+        CusickError: Law `plate` has no hinges.
+    """
+    if asked is None:
+        return None
+    if law is LawName.plate:
+        raise CusickError(
+            f"--clamp {asked.value} is about the hinges of law paper, and law plate has none; leave --clamp out, or "
+            "add --law paper"
+        )
+    return asked.value

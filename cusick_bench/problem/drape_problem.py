@@ -70,7 +70,7 @@ class _Simulated:
     loss: float = math.inf
     failure: str = ""
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
-    iterations: int = 0
+    seconds: float = 0.0  # of a fall [s]
     jumped: bool = False
 
 
@@ -431,7 +431,7 @@ class DrapeProblem:
                 forward_equivalents=spent,
                 wall_seconds=before + (len(entries) + 1) * seconds,
                 seconds=seconds,
-                simulated_seconds=0.0 if self._static else result.iterations * self.simulator.settings.step_seconds,
+                simulated_seconds=result.seconds,
                 failure=result.failure,
                 jumped=result.jumped,
             )
@@ -456,6 +456,8 @@ class DrapeProblem:
         if gradient and alive:
             total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)
             slopes = torch.autograd.grad(total, parameters)[0].cpu().numpy()
+        settings = self.simulator.settings
+        fall = 0.0 if self._static else settings.steps * settings.step_seconds
         results = [_Simulated(failure=failure or "") for failure in batch.failures]
         for member in alive:
             arrays = {"vertices": batch.vertices[member].detach().cpu().numpy()}
@@ -464,7 +466,7 @@ class DrapeProblem:
             loss = losses[member].item()
             if all(np.isfinite(array).all() for array in (loss, *arrays.values())):
                 jumped = self._jumped(arrays["vertices"])
-                results[member] = _Simulated(loss, "", arrays, int(batch.iterations[member]), jumped)
+                results[member] = _Simulated(loss, "", arrays, fall, jumped)
             else:
                 results[member] = _Simulated(failure="the drape, its loss or its gradient is not finite")
         return results

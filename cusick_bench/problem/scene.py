@@ -208,5 +208,5 @@ def _dropped(simulator: DrapeSimulator, setups: Sequence[Setup]) -> DrapeBatch:
     members = len(setups)
     return DrapeBatch(
         torch.stack(shapes), failures, np.zeros(members, bool), np.full(members, np.nan),
-        np.full(members, simulator.settings.steps), time.perf_counter() - clock,
+        np.full(members, simulator.settings.steps), np.zeros(members, np.int64), time.perf_counter() - clock,
     )  # fmt: skip

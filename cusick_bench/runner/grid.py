@@ -180,8 +180,8 @@ def plan(
         Cells, cloth by cloth.
 
     Raises:
-        CusickError: An unknown solver or cloth, no solver, one that knows no effects where some are asked for, or a
-            cloth to be simulated has no areal density.
+        CusickError: An unknown solver or cloth, no solver, one that knows no effects where some are asked for or not
+            the law, or a cloth to be simulated has no areal density.
     """
     if not solvers:
         raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
@@ -193,6 +193,11 @@ def plan(
     if asked.causes and meshed:
         raise RunnerError(f"{meshed[0]} balances forces without draping, so it knows no effects; run it without")
     posed = {text: _settings_for(solver, asked) for text, solver in made.items()}
+    if asked.drape.law == "plate" and meshed:
+        raise RunnerError(
+            f"{meshed[0]} balances forces of faces and hinges at vertices, and law plate has none there; run it with "
+            "--law paper, whose tables mean the same stiffness"
+        )
     cells = [
         Cell(
             solver=text,

@@ -49,6 +49,11 @@ class Rollout:
     velocities: Float[ndarray, "states *members vertices 3"]
     factors: list[Factor | None]
 
+    @property
+    def factor_bytes(self) -> int:
+        """Memory of the kept factors [bytes]."""
+        return sum(factor.nbytes for factor in self.factors if factor is not None)
+
 
 def parts(system: ClothSystem, members: int) -> list[slice]:
     """Parts of a batch whose elements are evaluated together: as many cloths as the cache holds, one a thread at least.
@@ -146,13 +151,13 @@ class Stepper:
         return factor.solve(self.right[0])[None] if factor.members is None else factor.solve(self.right)
 
     def step(
-        self, name: str, states: States, before: tuple[ndarray, ndarray], after: tuple[ndarray, ndarray], far: float,
-        old: Factor | None,
+        self, number: tuple[int, int], states: States, before: tuple[ndarray, ndarray],
+        after: tuple[ndarray, ndarray], far: float, old: Factor | None,
     ) -> Factor:  # fmt: skip
         """One step from evaluated states.
 
         Args:
-            name: What errors call it.
+            number: Steps taken before, and those of the whole drop; errors tell them.
             states: Elements at the positions before.
             before: Positions [m] and velocities [m/s] before (members, vertices, 3).
             after: Receive those after.
@@ -169,22 +174,23 @@ class Stepper:
         finite = self.assemble(states, v)
         if not finite.all():
             reason = f"forces are no longer finite; use a shorter step than {h} s or check stiffness and density"
-            raise self._diverged(name, ~finite, reason)
+            raise self._diverged(number, ~finite, reason)
         try:
             factor = self.factor(old)
         except NotPositiveDefinite as error:
-            raise self._diverged(name, error.members, f"{error}; check the stiffness tables") from error
+            raise self._diverged(number, error.members, f"{error}; check the stiffness tables") from error
         except SimulationError as error:  # a matrix that is not finite
             bad = np.asarray(~np.isfinite(self.blocks).all((1, 2, 3)))
-            raise self._diverged(name, bad, str(error)) from error
+            raise self._diverged(number, bad, str(error)) from error
         reached = move(self.system.free, h, self.solve(factor), x, v_new, x_new)
         if not (reached < far).all():
-            raise self._diverged(name, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s")
+            raise self._diverged(number, ~(reached < far), f"the cloth flies apart; use a shorter step than {h} s")
         return factor
 
-    def _diverged(self, name: str, members: ndarray, reason: str) -> DrapeDiverged:
-        message = f"{name}: {reason}"
-        return MembersDiverged(message, np.flatnonzero(members)) if self.batch else DrapeDiverged(message)
+    def _diverged(self, number: tuple[int, int], members: ndarray, reason: str) -> DrapeDiverged:
+        before, steps = number
+        message = f"step {before + 1} of {steps}: {reason}"
+        return MembersDiverged(message, np.flatnonzero(members), before) if self.batch else DrapeDiverged(message)
 
 
 def too_far(laid: Float[ndarray, "*members vertices 3"]) -> float:
@@ -239,9 +245,8 @@ def drop(
     kept, factor = 0, None
     for step in range(steps):
         here, there = (step, step + 1) if record else (step % 2, (step + 1) % 2)
-        name = f"step {step + 1} of {steps}"
         before, after = (positions[here], velocities[here]), (positions[there], velocities[there])
-        factor = stepper.step(name, evaluated(system, positions[here], laid, p), before, after, far, factor)
+        factor = stepper.step((step, steps), evaluated(system, positions[here], laid, p), before, after, far, factor)
         keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
         if keep:

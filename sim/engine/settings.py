@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 Clamp = Literal["half", "whole"]
 """How hinges on the plate's edge bend: their free half alone, or all of them."""
 
+MOST_HALVINGS = 2
+"""How often a drop that flies apart is begun again with half the step. Of 1000 random cloths 17 fly apart in steps of
+50 ms (law `plate`, 297 vertices), and none in shorter ones."""
+
 
 @dataclass(frozen=True)
 class DrapeSettings:
@@ -28,7 +32,7 @@ class DrapeSettings:
         mode: `drop` (implicit Euler from the laid-down cloth) or `equilibrium` (Newton to rest, from a drop's end or
             from a given drape).
         steps: Steps of a drop.
-        step_seconds: Step of a drop [s].
+        step_seconds: Step of a drop [s]; a cloth that flies apart is dropped again in shorter ones (`halvings`).
         gravity: [m/s2].
         plate_radius: [m].
         support: `fixed` (plate vertices eliminated) or `springs` (held by 1 kN/m, as published; the plate's edge free).
@@ -104,3 +108,13 @@ class DrapeSettings:
     def half_hinges(self) -> bool:
         """Whether hinges on the plate's edge bend in their free half alone."""
         return self.clamp != "whole" and self.law == "paper" and self.support == "fixed"
+
+    @property
+    def halvings(self) -> int:
+        """How often a cloth that flies apart in a drop may be dropped again with half the step.
+
+        Never by the settings of the published program, whose drops fail then: its law, its springs, or its hinges that
+        bend as a whole on the clamp.
+        """
+        whole = self.law == "paper" and self.clamp == "whole"
+        return 0 if self.law == "published" or self.support == "springs" or whole else MOST_HALVINGS

@@ -17,12 +17,13 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
+from cusick_bench.sim.engine.drop_batch import flown_apart, halved
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.shell_system import ShellSystem
 from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
-from cusick_bench.sim.outcome import DROP_AT_REST, flown_apart
+from cusick_bench.sim.outcome import DROP_AT_REST
 from cusick_bench.sim.torch_engine.drop import DroppedMembers, drop_members, free_memory, prepared
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.rollout import member_bytes
@@ -69,7 +70,20 @@ class TorchOutcome:
     failures: list[str | None]
     residual: Float[ndarray, "members"]
     iterations: Int[ndarray, "members"]
+    halvings: Int[ndarray, "members"]
     at_rest: float = DROP_AT_REST
+
+    def put(self, members: Int[ndarray, "some"], found: "TorchOutcome") -> None:
+        """Sets what became of some cloths that were dropped again, in place.
+
+        Args:
+            members: Their places in the batch.
+            found: What became of them.
+        """
+        for place, member in enumerate(members):
+            self.failures[member] = found.failures[place]
+        for name in ("residual", "iterations", "halvings"):
+            getattr(self, name)[members] = getattr(found, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +126,26 @@ class TorchEngine:
         s, maps = self.settings, self._maps
         if maps is not None:
             p, laid = maps.parameters(p), maps.configuration(laid)
-        dropped = drop_members(
+        weight = (s.gravity * p.mass.detach().sum(1)).cpu().numpy()
+        dropped = self._dropped(p, laid, s)
+        positions, outcome, members = dropped.positions, self._outcome(dropped, weight, 0), np.arange(len(dropped.good))
+        for halvings in range(1, s.halvings + 1):
+            failed = np.array([outcome.failures[member] is not None for member in members])
+            members = members[failed & (dropped.steps.cpu().numpy() > 0)]  # not who is lost in the first step
+            if not len(members):
+                break
+            some = torch.from_numpy(members)
+            anchor = laid if len(laid) == 1 else laid[some.to(laid.device)]
+            dropped = self._dropped(p.take(some), anchor, halved(s, halvings))
+            positions = positions.index_copy(0, some.to(positions.device), dropped.positions)
+            outcome.put(members, self._outcome(dropped, weight if len(weight) == 1 else weight[members], halvings))
+        return positions if maps is None else maps.positions(positions), outcome
+
+    def _dropped(self, p: BatchParameters, laid: Tensor, s: DrapeSettings) -> DroppedMembers:
+        return drop_members(
             self.system, p, laid, steps=s.steps, step_seconds=s.step_seconds, device=self.device, linear=self._linear,
             memory_limit=self.memory_limit,
         )  # fmt: skip
-        weight = s.gravity * p.mass.detach().sum(1)
-        positions = dropped.positions if maps is None else maps.positions(dropped.positions)
-        return positions, self._outcome(dropped, weight.cpu().numpy())
 
     @cached_property
     def _maps(self) -> ShellMaps | None:
@@ -134,29 +161,29 @@ class TorchEngine:
     def _linear(self) -> str:
         return "multifrontal" if self.settings.backend == "auto" else self.settings.backend
 
-    def _outcome(self, dropped: DroppedMembers, weight: Float[ndarray, "#members"]) -> TorchOutcome:
-        good = dropped.good.cpu().numpy()
+    def _outcome(
+        self, dropped: DroppedMembers, weight: Float[ndarray, "#members"], halvings: int
+    ) -> TorchOutcome:  # fmt: skip
+        s, good = halved(self.settings, halvings), dropped.good.cpu().numpy()
         residual = np.where(good, dropped.force.cpu().numpy() / weight, np.nan)
         failures = [
-            flown_apart(self.settings, force) if sound else self._reason(factored, steps)
+            flown_apart(s, force) if sound else _reason(s, factored, steps)
             for sound, factored, steps, force in zip(
                 good, dropped.factored.tolist(), dropped.steps.tolist(), residual.tolist(), strict=True
             )
         ]
-        return TorchOutcome(failures, residual, np.where(good, self.settings.steps, 0))
-
-    def _reason(self, factored: bool, steps: int) -> str:
-        """Why a member that took so many sound steps is lost."""
-        s = self.settings
-        step = f"step {min(steps + 1, s.steps)} of {s.steps}"
-        if not factored:
-            return f"{step}: the step matrix must be positive definite, and it is not; check the stiffness tables"
-        return (
-            f"{step}: the cloth flies apart; use a shorter step than {s.step_seconds} s or check stiffness and density"
-        )
+        return TorchOutcome(failures, residual, np.where(good, s.steps, 0), np.full(len(good), halvings))
 
     def at_once(self) -> int:
         """Cloths without gradients that drop together within the memory; a larger batch runs in groups."""
         forces, linear = prepared(self.system, self.device, self._linear)
         limit = free_memory(self.device) if self.memory_limit is None else self.memory_limit
         return max(1, limit // sum(member_bytes(forces, linear, self.settings.steps, differentiate=False)))
+
+
+def _reason(s: DrapeSettings, factored: bool, steps: int) -> str:
+    """Why a member that took so many sound steps is lost."""
+    step = f"step {min(steps + 1, s.steps)} of {s.steps}"
+    if not factored:
+        return f"{step}: the step matrix must be positive definite, and it is not; check the stiffness tables"
+    return f"{step}: the cloth flies apart; use a shorter step than {s.step_seconds} s or check stiffness and density"

@@ -62,6 +62,18 @@ class BatchParameters:
         tensors = (getattr(self, one.name) for one in fields(self))
         return BatchParameters(*(value if len(value) == 1 else value[first:end] for value in tensors))
 
+    def take(self, members: Int[Tensor, "some"]) -> "BatchParameters":
+        """Some cloths of this batch.
+
+        Args:
+            members: Places of the cloths in the batch.
+
+        Returns:
+            Their parameters, with gradients.
+        """
+        tensors = (getattr(self, one.name) for one in fields(self))
+        return BatchParameters(*(value if len(value) == 1 else value[members.to(value.device)] for value in tensors))
+
 
 def _dot(first: Tensor, second: Tensor) -> Tensor:
     return (first * second).sum(-1)

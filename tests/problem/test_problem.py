@@ -223,7 +223,7 @@ class TestEvaluation:
         problem.evaluate(problem.space.bending_level(2.0))
         near = torch.as_tensor(problem.space.bending_level(2.05))[None]
         cold = replace(problem, follow=False).simulate(near)
-        monkeypatch.setattr(outcome, "drop", None)  # a warm start drops nothing
+        monkeypatch.setattr(outcome, "drop_batch", None)  # a warm start drops nothing
         warm = problem.simulate(near)
         assert warm.iterations[0] <= max(cold.iterations[0], 8)
         assert warm.vertices == pytest.approx(cold.vertices, abs=1e-6)

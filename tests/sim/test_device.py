@@ -113,7 +113,7 @@ def test_cloths_that_diverge_say_why_and_spoil_no_other(device: str):
     assert [failure is None for failure in batch.failures] == [True, False, False, True]
     assert "step 1 of 18: the step matrix must be positive definite" in str(batch.failures[1])
     for failures in (batch.failures, batches["cpu"].failures):
-        assert "step 16 of 18: the cloth flies apart" in str(failures[2])
+        assert "step 62 of 72: the cloth flies apart" in str(failures[2])  # with half the step, and half of that
     assert np.isnan(batch.residual[1])
     assert batch.iterations.tolist() == batches["cpu"].iterations.tolist()
     assert torch.isnan(batch.vertices[1]).all()

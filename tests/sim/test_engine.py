@@ -214,8 +214,8 @@ class TestRobustness:
         wild = specimen(16)  # extremely limp: the long steps of a drop blow it up, at twice the usual length for sure
         mesh = disc_mesh(297)
         laid = torch.from_numpy(DrapeSimulator(mesh).laid_down(16))
-        with pytest.raises(DrapeDiverged, match="flies apart"):
-            DrapeSimulator(mesh, DrapeSettings(step_seconds=0.1)).drape(wild.material, initial=laid)
+        with pytest.raises(DrapeDiverged, match="flies apart"):  # hinges that bend as a whole on the clamp: no halving
+            DrapeSimulator(mesh, DrapeSettings(step_seconds=0.1, clamp="whole")).drape(wild.material, initial=laid)
         rest = DrapeSimulator(mesh, DrapeSettings(mode="equilibrium")).drape(wild.material, initial=laid)
         assert rest.converged
 

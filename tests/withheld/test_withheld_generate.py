@@ -18,7 +18,7 @@ from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, MULTIPLES, OUTSID
 from cusick_bench.withheld.suite.detectable import DetectableSeverities, read_detectable
 from cusick_bench.withheld.suite.generate import Suite, generate
 from cusick_bench.withheld.suite.labels import label_of
-from cusick_bench.withheld.world.fabric import fabric_of
+from cusick_bench.withheld.world.registry import world_of
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
 
@@ -181,7 +181,7 @@ def test_the_detectable_shift_is_that_of_the_fabric():
     plans = plan_suite(6, {"null": 0, "single": 88, "pair": 0, "unknown": 0}, table)
     checked = 0
     for plan in (plan for plan in plans if "camera-offset" in plan.causes):
-        stiffness = fabric_of((6, plan.number), plan.attempt).stiffness
+        stiffness = world_of("paper").fabric_of((6, plan.number), plan.attempt).stiffness
         share = (stiffness - limp) / (stiff - limp)
         here = 0.012 ** (1 - share) * 0.0005**share
         assert plan.causes["camera-offset"]["shift"] == pytest.approx(plan.multiple * here, rel=1e-3)

@@ -12,19 +12,21 @@ from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE
-from cusick_bench.withheld.world.drop import gravity_vector
 from cusick_bench.withheld.world.fields import matern_field
-from cusick_bench.withheld.world.laws import LAWS, contact, law, material
 from cusick_bench.withheld.world.laws import OUTSIDE as OUTSIDE_LAWS
+from cusick_bench.withheld.world.laws import material
 from cusick_bench.withheld.world.photograph import PIXEL, photograph
-from cusick_bench.withheld.world.placed_disc import on_plate, placed
-from cusick_bench.withheld.world.scene import Scene, unit_vector
-from cusick_bench.withheld.world.scene_system import SceneSystems
+from cusick_bench.withheld.world.registry import world_of
+from cusick_bench.withheld.world.scene import Scene, gravity_vector, unit_vector
+from cusick_bench.withheld.world.triangles import contact
+from cusick_bench.withheld.world.triangles.placed_disc import on_plate, placed
+from cusick_bench.withheld.world.triangles.systems import SceneSystems
 from cusick_bench.withheld.world.true_case import TrueCase
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
 
 DRAWS = EFFECTS | OUTSIDE
+law = world_of("paper").law
 VERTICES, STEPS = 150, 30
 
 
@@ -52,10 +54,11 @@ def base(pictures):
 
 
 def test_every_effect_of_the_package_has_a_law_and_a_draw():
-    assert set(registered()) <= set(LAWS)
-    assert set(LAWS) == set(EFFECTS)
+    laws = set(world_of("paper").laws)
+    assert set(registered()) <= laws
+    assert laws == set(EFFECTS) | set(OUTSIDE)
     assert set(OUTSIDE_LAWS) == set(OUTSIDE)
-    assert not set(LAWS) & set(OUTSIDE)
+    assert not set(EFFECTS) & set(OUTSIDE)
     assert len(OUTSIDE) >= 5
 
 
@@ -87,7 +90,7 @@ def test_a_law_acts_and_is_absent_at_zero(name, pictures, base):
 
 
 def test_a_law_is_named():
-    with pytest.raises(WithheldError, match="no law of the true world is called 'gremlins'"):
+    with pytest.raises(WithheldError, match="world 'paper' has no law called 'gremlins'"):
         law("gremlins")
 
 
@@ -130,7 +133,7 @@ def test_fields_are_matern():
 
 
 def test_the_bending_discretisation_differs_but_not_on_average():
-    systems = SceneSystems(400, 5)
+    systems = SceneSystems(400, 5, "paper")
     system = systems.system_of(scene())
     plain = DrapeSystem(system.mesh, "paper", 0.0, system.fixed, system.spring).elements
     ratio = system.elements.hinge_weight / plain.hinge_weight
@@ -171,7 +174,7 @@ def test_a_hem_is_at_the_rim_and_not_at_the_plate():
 
 
 def _one_case(vertices=150):
-    system = SceneSystems(vertices, 5).system_of(scene())
+    system = SceneSystems(vertices, 5, "paper").system_of(scene())
     faces, hinges = len(system.elements.faces), len(system.elements.hinges)
     p = Parameters(
         np.ones((faces, 6, 4)), np.full((hinges, 3, 5), 1e-5), np.full(system.mesh.vertices, 1e-5), np.zeros(hinges)
@@ -244,7 +247,7 @@ def test_a_tilted_plate_turns_gravity():
 
 
 def test_skewed_grain_of_a_quarter_turn_swaps_warp_and_weft():
-    systems = SceneSystems(150, 5)
+    systems = SceneSystems(150, 5, "paper")
     plain = systems.system_of(scene()).elements
     turned = systems.system_of(scene(skew=(90.0, 90.0))).elements
     direction = plain.direction_low + plain.direction_fraction

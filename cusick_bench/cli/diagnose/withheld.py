@@ -23,6 +23,7 @@ from cusick_bench.cli.options import (
 )
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.withheld.suite.design import DRAWN, MULTIPLES
+from cusick_bench.withheld.world.registry import DEFAULT, WORLDS
 
 _cases_option = partial(typer.Option, rich_help_panel="Cases")
 
@@ -66,9 +67,16 @@ def generate_suite(
         Path | None,
         _cases_option(help="Table that `atlas power --out` wrote; by default typical severities count."),
     ] = None,
+    world: Annotated[
+        str,
+        simulation_option(
+            help=f"World that the cases lie in: {', '.join(WORLDS)}.", autocompletion=lambda: list(WORLDS)
+        ),
+    ] = DEFAULT,
     vertices: Annotated[
-        int, simulation_option(min=100, max=MOST_VERTICES, help="Vertices of the cloth's mesh.")
-    ] = 1205,
+        int | None,
+        simulation_option(min=100, max=MOST_VERTICES, help="Vertices of the cloth's mesh; by default the world's."),
+    ] = None,
     samples: Annotated[
         int,
         _cases_option(min=1, max=MOST_SAMPLES, help="Samples of each case, with two faces and two captures."),
@@ -79,9 +87,12 @@ def generate_suite(
     """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
     from cusick_bench.withheld.suite.detectable import read_detectable
     from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, Suite, generate
+    from cusick_bench.withheld.world.registry import world_of
 
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
-    asked = Suite(_seed(seed, labels), counts, vertices, samples, detectable and read_detectable(detectable))  # pyright: ignore[reportArgumentType]
+    size = vertices or world_of(world).vertices
+    table = detectable and read_detectable(detectable)
+    asked = Suite(_seed(seed, labels), counts, size, samples, table, world)  # pyright: ignore[reportArgumentType]
     kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
     with progress_bar("cases", sum(counts.values())) as bar, kept:
         made = generate(asked, out, labels, workers=workers, step=lambda case: bar.advance())

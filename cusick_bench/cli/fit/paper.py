@@ -193,7 +193,7 @@ def _settings(vertices: int, mode: Mode, steps: int, budget: Budget) -> ProblemS
     from cusick_bench.runner import ProblemSettings
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    drape = DrapeSettings(mode=mode.value, steps=steps, clamp="whole")  # as in the paper's own program
+    drape = DrapeSettings(law="paper", mode=mode.value, steps=steps, clamp="whole")  # as in the paper's own program
     return ProblemSettings(vertices=vertices, drape=drape, budget=budget)
 
 

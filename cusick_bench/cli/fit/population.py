@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
-from cusick_bench.cli.options import MOST_CASES, Data, Json, Law, LawName, Vertices, simulation_option
+from cusick_bench.cli.options import LAW, MOST_CASES, Data, Json, Law, Vertices, simulation_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 
@@ -19,7 +19,7 @@ app = typer.Typer()
 @user_errors
 def population(
     data: Data = "cusick",
-    law: Law = LawName.paper,
+    law: Law = LAW,
     vertices: Vertices = VERTICES_OF_POPULATION,
     cloths: Annotated[
         int, simulation_option(min=1, max=MOST_CASES, help="Cloths that are draped for the regression.")

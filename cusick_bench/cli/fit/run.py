@@ -12,6 +12,7 @@ from cusick_bench.cli.common import interruptible, output, print_json, tell, use
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
     LARGEST_SEED,
+    LAW,
     Budget,
     CameraName,
     Clamp,
@@ -22,25 +23,26 @@ from cusick_bench.cli.options import (
     Force,
     Json,
     Law,
-    LawName,
     Mode,
     Seeds,
     Solvers,
     Steps,
-    Vertices,
+    VerticesByLaw,
     WithEffect,
     Workers,
+    clamp_by_law,
     data_option,
     fit_option,
     output_option,
     running_option,
     simulation_option,
+    vertices_by_law,
 )
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.problem import Budget as Limits
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner import RunnerError, Store
-from cusick_bench.sim.constants import VERTICES_OF_PAPER
+from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 if TYPE_CHECKING:
     from cusick_bench.metrics.found_stiffness import FoundStiffness
@@ -51,7 +53,7 @@ EXECUTORS = ("process",)
 
 STIFFNESS_FILE = "stiffness.csv"
 
-DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes at 2699 vertices
+DEFAULT_BUDGET = 120  # forward-equivalents: a fit of minutes
 
 
 @app.command("run")
@@ -76,10 +78,10 @@ def run_command(
     seconds: Annotated[float | None, fit_option(max=1e9, help="Wall time that a cell may spend [s].")] = None,
     seeds: Seeds = 1,
     seed: Annotated[int, fit_option(min=0, max=LARGEST_SEED, help="First seed.")] = 0,
-    vertices: Vertices = VERTICES_OF_PAPER,
+    vertices: VerticesByLaw = None,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
-    law: Law = LawName.paper,
+    law: Law = LAW,
     clamp: Clamp = None,
     camera: Annotated[
         CameraName | None,
@@ -118,8 +120,8 @@ def run_command(
         require_space(solver or [], space)
     settings = ProblemSettings(
         space=space or DEFAULT_SPACE,
-        vertices=vertices,
-        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=None if clamp is None else clamp.value),
+        vertices=vertices_by_law(vertices, law, VERTICES_TO_FIT),
+        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp_by_law(clamp, law)),
         camera="protocol" if camera is None else camera.value,
         renderer=renderer,
         loss=loss,

@@ -23,6 +23,7 @@ from cusick_bench.cli.options import (
     VerticesList,
     checked_bending,
     checked_density,
+    clamp_by_law,
     cloth_option,
     output_option,
     simulation_option,
@@ -120,9 +121,7 @@ def convergence(
     """
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    resting = DrapeSettings(
-        law=law.value, clamp=None if clamp is None else clamp.value, mode="equilibrium"
-    )  # or refuses the law
+    resting = DrapeSettings(law=law.value, clamp=clamp_by_law(clamp, law), mode="equilibrium")  # or refuses the law
     if picture is not None:
         _make_room(picture)
     hinges: ClampOfDrape = "half" if resting.half_hinges else "whole"

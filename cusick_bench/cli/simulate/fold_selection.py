@@ -15,6 +15,7 @@ from cusick_bench.benchmark.fold_selection.conditions import FACTORS, Condition,
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_data
 from cusick_bench.cli.options import (
+    LAW,
     MOST_DRAWS,
     Json,
     Law,
@@ -59,7 +60,7 @@ def fold_selection(
         list[FactorName] | None,
         simulation_option("--factor", help="Factor whose levels are compared; repeatable; by default all."),
     ] = None,
-    law: Law = LawName.plate,
+    law: Law = LAW,
     vertices: Vertices = Condition.vertices,
     draws: Annotated[int, simulation_option(min=2, max=MOST_DRAWS, help="Drapes of each condition.")] = _DRAWS,
     data: Annotated[

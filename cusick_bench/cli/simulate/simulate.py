@@ -21,6 +21,7 @@ from cusick_bench.cli.common import console, interruptible, output, print_json, 
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
+    LAW,
     MOST_DRAWS,
     CameraName,
     CameraOption,
@@ -33,17 +34,19 @@ from cusick_bench.cli.options import (
     Shear,
     Steps,
     Stretch,
-    Vertices,
+    VerticesByLaw,
     WithEffect,
     bending_stiffnesses,
     checked_density,
+    clamp_by_law,
     cloth_option,
     output_option,
     running_option,
     simulation_option,
+    vertices_by_law,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.sim.constants import VERTICES_OF_PAPER
+from cusick_bench.sim.constants import VERTICES_OF_TRUTH
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -80,6 +83,7 @@ class Outcome:
             "folds": fold_count(self.profile),
             "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
             "residual": self.drape.residual,
+            "halvings": self.drape.halvings,
             "seconds": self.drape.seconds,
             "mean_radius_m": float(self.profile.radii.mean()),
             "amplitudes_m": amplitude_spectrum(self.profile),
@@ -213,7 +217,7 @@ def simulate(
             min=1, max=MOST_DRAWS, help="Number of drapes, each with its own random shapes; draped in batches."
         ),
     ] = 1,
-    vertices: Vertices = VERTICES_OF_PAPER,
+    vertices: VerticesByLaw = None,
     mesh: Annotated[
         Path | None,
         simulation_option(help="Flat cloth mesh (OBJ), instead of a disc's."),
@@ -227,7 +231,7 @@ def simulate(
         ),
     ] = None,
     steps: Steps = 100,
-    law: Law = LawName.paper,
+    law: Law = LAW,
     clamp: Clamp = None,
     camera: CameraOption = CameraName.parallel,
     self_contact: Annotated[
@@ -271,10 +275,11 @@ def simulate(
         (out / ".writable").touch()
         (out / ".writable").unlink()
     name = law.value
-    sheet = cloth_mesh(name, vertices, seed=seed) if mesh is None else fitted_to(name, mesh_from_obj(mesh))
+    size = vertices_by_law(vertices, law, VERTICES_OF_TRUTH)
+    sheet = cloth_mesh(name, size, seed=seed) if mesh is None else fitted_to(name, mesh_from_obj(mesh))
     settings = DrapeSettings(
         law=name,
-        clamp=None if clamp is None else clamp.value,
+        clamp=clamp_by_law(clamp, law),
         mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,
         laying_amplitude=laying_height,

@@ -5,14 +5,20 @@ exceeds what the effect can be, another fabric is drawn. Else they are multiples
 out here rather than taken from the package's effects: a suite must mean the same after those have changed.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
+from cusick_bench.withheld.world.registry import DEFAULT, world_of
+
+if TYPE_CHECKING:
+    from cusick_bench.withheld.world.world import World
 
 Kind = Literal["null", "single", "pair", "unknown"]
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "unknown")
@@ -124,48 +130,54 @@ class Plan:
     attempt: int = 0
 
 
-def plan_suite(seed: int, counts: Mapping[Kind, int], detectable: DetectableSeverities | None = None) -> list[Plan]:
+def plan_suite(
+    seed: int, counts: Mapping[Kind, int], detectable: DetectableSeverities | None = None, world_name: str = DEFAULT
+) -> list[Plan]:
     """Draws the cases of a suite, in an order that tells nothing.
 
     Args:
         seed: Seed of the suite.
         counts: How many cases of each kind. Single effects and severities are spread evenly.
         detectable: Severities at which each effect is detected in most cases.
+        world_name: World that the cases lie in; they hold effects that it can do.
 
     Returns:
         The cases.
 
     Raises:
-        WithheldError: No cases, or a detectable severity of an unknown effect.
+        WithheldError: No cases, no such world, or a detectable severity of an unknown effect.
     """
     _check(counts, detectable)
-    generator = np.random.default_rng([seed, 0])
+    generator, world = np.random.default_rng([seed, 0]), world_of(world_name)
+    listed, outside = (tuple(name for name in names if name in world.laws) for names in (DRAWN, OUTSIDE))
     drawn: list[tuple[Kind, tuple[str, ...], float]] = [("null", (), 0.0)] * counts["null"]
-    for name, multiple in _spread(DRAWN, MULTIPLES, counts["single"], generator):
+    for name, multiple in _spread(listed, MULTIPLES, counts["single"], generator):
         drawn.append(("single", (name,), multiple))
-    for first, multiple in _spread(DRAWN, _PAIR_MULTIPLES, counts["pair"], generator):
-        second = _partner(first, generator)
+    for first, multiple in _spread(listed, _PAIR_MULTIPLES, counts["pair"], generator):
+        second = _partner(first, listed, generator)
         drawn.append(("pair", tuple(name for name in EFFECTS if name in (first, second)), multiple))
-    for name, multiple in _spread(tuple(OUTSIDE), MULTIPLES[1:], counts["unknown"], generator):
+    for name, multiple in _spread(outside, MULTIPLES[1:], counts["unknown"], generator):
         drawn.append(("unknown", (name,), multiple))
     plans = []
     for number, which in enumerate(generator.permutation(len(drawn)), 1):
         kind, names, multiple = drawn[which]
-        severities, reference, attempt = _severities((seed, number), names, multiple, detectable)
+        severities, reference, attempt = _severities(world, (seed, number), names, multiple, detectable)
         causes = {name: _draw(name).parameters(severity, generator) for name, severity in severities.items()}
         plans.append(Plan(f"case_{number:04d}", number, kind, causes, multiple, reference, attempt))
     return plans
 
 
 def _severities(
-    seed: tuple[int, int], names: Sequence[str], multiple: float, detectable: DetectableSeverities | None
+    world: World,
+    seed: tuple[int, int],
+    names: Sequence[str],
+    multiple: float,
+    detectable: DetectableSeverities | None,
 ) -> tuple[dict[str, float], Literal["detectable", "typical"], int]:
     """Severities of a case's effects, what they are multiples of, and the fabric in which they can be so large."""
-    from cusick_bench.withheld.world.fabric import fabric_of
-
     if detectable is not None and names and all(name in detectable.severity for name in names):
         for attempt in range(_ATTEMPTS):
-            stiffness = fabric_of(seed, attempt).stiffness
+            stiffness = world.fabric_of(seed, attempt).stiffness
             severities = {name: detectable.at(name, stiffness) for name in names}
             wanted = {name: multiple * value for name, value in severities.items() if value is not None}
             if len(wanted) == len(names) and all(value <= EFFECTS[name].most for name, value in wanted.items()):
@@ -198,8 +210,8 @@ def _spread(
     return found[:count]
 
 
-def _partner(first: str, generator: np.random.Generator) -> str:
+def _partner(first: str, listed: Sequence[str], generator: np.random.Generator) -> str:
     """Another effect that silhouettes can tell from the first."""
     alike = {name for group in _ALIKE for name in group if first in group} | {first}
-    others = [name for name in DRAWN if name not in alike]
+    others = [name for name in listed if name not in alike]
     return others[int(generator.integers(len(others)))]

@@ -27,7 +27,8 @@ from cusick_bench.withheld.suite.design import Kind, Plan, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
 from cusick_bench.withheld.world.photograph import LABORATORY, jpeg
-from cusick_bench.withheld.world.true_case import CAPTURES, SAMPLES, VERTICES, TrueCase
+from cusick_bench.withheld.world.registry import DEFAULT
+from cusick_bench.withheld.world.true_case import CAPTURES, SAMPLES, TrueCase
 
 COMMITMENT, LABELS, SUITE = "commitment.json", "labels.json", "suite.json"
 _DENSITY_ERROR = 0.01  # of the density in a case's table
@@ -40,16 +41,18 @@ class Suite:
     Attributes:
         seed: Seed of all random choices. Whoever knows it knows every label: keep it with the labels, take a long one.
         counts: Cases of each kind.
-        vertices: Mesh size of the truth.
+        vertices: Mesh size of the truth; that of its world if None.
         samples: Samples of each case.
         detectable: Severities at which effects are detected in most cases; typical severities if None.
+        world: Name of the world that the cases lie in.
     """
 
     seed: int
     counts: dict[Kind, int]
-    vertices: int = VERTICES
+    vertices: int | None = None
     samples: int = SAMPLES
     detectable: DetectableSeverities | None = None
+    world: str = DEFAULT
 
     def plans(self) -> list[Plan]:
         """Plans the cases of the suite.
@@ -57,7 +60,7 @@ class Suite:
         Returns:
             The cases.
         """
-        return plan_suite(self.seed, self.counts, self.detectable)
+        return plan_suite(self.seed, self.counts, self.detectable, self.world)
 
 
 _SUITE = TypeAdapter(Suite)
@@ -137,7 +140,7 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
     )
     for path, document in documents:
         text = json.dumps(document, indent=1) + "\n"
-        if path.exists() and path.read_text() != text:
+        if path.exists() and not (read_suite(path) == suite if path.name == SUITE else path.read_text() == text):
             raise WithheldError(
                 f"{path} belongs to another suite; go on with the seed and options that it was made with, or choose "
                 "an empty folder"
@@ -171,11 +174,13 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
     shutil.rmtree(part, ignore_errors=True)
     folder = part / "Fabric 1" / "silhouettes"
     folder.mkdir(parents=True)
-    truth = TrueCase((suite.seed, plan.number), plan.causes, suite.vertices, attempt=plan.attempt)
+    truth = TrueCase(
+        (suite.seed, plan.number), plan.causes, suite.vertices, attempt=plan.attempt, world_name=suite.world
+    )
     try:
         for picture in truth.pictures(suite.samples):
             name = f"Fabric_1_Sample_{picture.sample}_Capture_{picture.capture}.jpg"
-            (folder / name).write_bytes(jpeg(picture.levels))
+            (folder / name).write_bytes(jpeg(picture.levels, truth.world.camera.quality))
     except DrapeDiverged as error:
         raise WithheldError(f"{plan.case}: {error}; choose another seed") from error
     (part / "fabrics.csv").write_text(_fabrics_table(truth))

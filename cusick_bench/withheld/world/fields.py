@@ -19,6 +19,9 @@ from cusick_bench.sim.cloth.shape import SmoothField
 Field = Callable[[Float[ndarray, "points 2"]], Float[ndarray, "points"]]
 """From material points about the cloth's centre [m] to values."""
 
+Outline = Callable[[Float[ndarray, "points"]], Float[ndarray, "points"]]
+"""From a direction in the cloth [rad] to the cut's radius over the nominal one."""
+
 _WAVES = 200
 _SHORTEST = 0.008  # [m]; meshes resolve no shorter waves
 

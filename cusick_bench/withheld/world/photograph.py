@@ -20,8 +20,6 @@ LABORATORY = RELEASE
 """Nominal values of the laboratory that suites come from: set up as the public release's."""
 
 _RAMP = 0.8  # of the shades between the cut's level and the nearer of white and black that it spreads over the scale
-_NOISE = 1.2  # standard deviation of grey levels, of 255
-_QUALITY = 93  # of the JPEG file
 _SMEARED = 9  # exposures over the way of a moving cloth
 
 
@@ -83,7 +81,7 @@ def photograph(seen: Vertices, faces: ndarray, scene: Scene) -> UInt8[ndarray, "
     if scene.outwards is not None:
         level = ndtr(-scene.outwards / scene.blur)
         shade = np.clip((shade - level) / (_RAMP * min(level, 1 - level)) + 0.5, 0, 1)
-    noise = scene.random("capture", "noise").normal(0, _NOISE, shade.shape)
+    noise = scene.random("capture", "noise").normal(0, scene.noise, shade.shape)
     return np.clip(np.round(255 * (1 - shade) + noise), 0, 255).astype(np.uint8)
 
 
@@ -96,17 +94,18 @@ def _smeared(cover: Float[ndarray, "256 256"], smear: tuple[float, float]) -> Fl
     return np.mean([shift(cover, (-way * north, way * east), order=1) for way in ways], axis=0)
 
 
-def jpeg(levels: UInt8[ndarray, "256 256"]) -> bytes:
+def jpeg(levels: UInt8[ndarray, "256 256"], quality: int) -> bytes:
     """Compresses a picture.
 
     Args:
         levels: Grey levels.
+        quality: Quality of the file, 1 to 95.
 
     Returns:
         Content of a JPEG file.
     """
     packed = io.BytesIO()
-    Image.fromarray(levels).save(packed, "JPEG", quality=_QUALITY)
+    Image.fromarray(levels).save(packed, "JPEG", quality=quality)
     return packed.getvalue()
 
 

@@ -7,28 +7,27 @@ mirror image and turned over about y for the camera. Directions of the laborator
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, PLATE_RADIUS
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.world.fields import Field
-from cusick_bench.withheld.world.placed_disc import Outline
+from cusick_bench.withheld.world.fields import Field, Outline
 
 Vertices = Float[ndarray, "vertices 3"]
 Surface = Callable[[Float[ndarray, "points 2"]], Float[ndarray, "points 3"]]
 """From material points to a shape without stress [m]."""
 
-Load = Callable[[DrapeSystem, Float[ndarray, "vertices"], Vertices], Vertices]
-"""From system, vertex masses [kg] and positions [m] to forces [N]."""
+Acceleration = Callable[[Vertices], Vertices]
+"""From positions [m] to accelerations of the cloth there [m/s2]."""
 
-StartInternalVariables = Callable[[DrapeSystem, Parameters, "Scene"], "InternalVariables"]
-"""Internal variables of a material law at the beginning of a drop."""
+Pressure = Callable[[Float[ndarray, "points 3"]], Float[ndarray, "points"]]
+"""From unit normals of the cloth to the pressure along them [Pa]."""
+
+_FADE = 0.012  # [m] beyond the plate's edge over which the laid-down undulation begins
 
 PositionMap = Callable[[Vertices], Vertices]
 
@@ -37,37 +36,6 @@ EffectParameters = Mapping[str, float]
 
 Law = Callable[["Scene", EffectParameters], "Scene"]
 """What an effect of given parameters changes in a scene."""
-
-
-class InternalVariables:
-    """Internal variables of one cloth during one drop."""
-
-    def advance(
-        self, x: Vertices, angle: Float[ndarray, "hinges"], p: Parameters, h: float
-    ) -> tuple[Parameters, Vertices | None]:
-        """Advances the internal variables by one step.
-
-        Args:
-            x: Positions [m].
-            angle: Dihedral angles [rad].
-            p: Parameters as the laws before this one left them.
-            h: Step [s].
-
-        Returns:
-            Parameters for the next step, and further forces on the vertices [N], None for no forces.
-        """
-        raise NotImplementedError
-
-    def carried_over(self, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"] | None:
-        """What outlasts the drop and acts on the sample's next picture.
-
-        Args:
-            angle: Dihedral angles at the end of the drop [rad].
-
-        Returns:
-            A value for each hinge, or None where the cloth forgets everything.
-        """
-        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +57,13 @@ class Scene:
         centre: Centre of the cloth, from the plate's axis [m].
         tilt: Slope of the plate and direction downhill in the simulated frame [deg].
         laid: Height in which the cloth is laid down [m].
-        loads: Further forces.
-        internal_variables: Start of each law with internal variables.
+        accelerations: Further accelerations.
+        pressures: Pressures from outside.
+        internal_variables: Start of each law with internal variables, in the form of the world that the scene lies in.
         contact: Thickness within which the cloth keeps off itself [m].
         seen: Maps in the camera's frame, up to where points seem to be in a parallel projection.
         blur: Standard deviation of the picture's blur [px].
+        noise: Standard deviation of its grey levels, of 255.
         outwards: How far the cut between cloth and background lies outside of the edge [px]; None for a picture in
             shades.
         smear: Length and direction of the cloth's way while the picture is taken [px, deg].
@@ -118,14 +88,16 @@ class Scene:
     centre: tuple[float, float] = (0.0, 0.0)
     tilt: tuple[float, float] = (0.0, 0.0)
     laid: tuple[Field, ...] = ()
-    loads: tuple[Load, ...] = ()
-    internal_variables: tuple[StartInternalVariables, ...] = ()
+    accelerations: tuple[Acceleration, ...] = ()
+    pressures: tuple[Pressure, ...] = ()
+    internal_variables: tuple[Callable[..., Any], ...] = ()
     contact: float = 0.0
     seen: tuple[PositionMap, ...] = ()
     blur: float = 0.6
+    noise: float = 1.2
     outwards: float | None = None
     smear: tuple[float, float] = (0.0, 0.0)
-    carried_over: Mapping[str, Float[ndarray, "hinges"]] = field(default_factory=dict)
+    carried_over: Mapping[str, ndarray] = field(default_factory=dict)
 
     def with_added(self, **added: object) -> "Scene":
         """Adds one more item to each of the named tuples.
@@ -205,3 +177,30 @@ def sum_of_fields(fields: tuple[Field, ...], points: Float[ndarray, "points 2"])
     for field_of in fields:
         values = values + field_of(points)
     return values
+
+
+def gravity_vector(scene: Scene) -> Float[ndarray, "3"]:
+    """Acceleration of gravity in the frame of a plate that may be tilted.
+
+    Args:
+        scene: Its tilt.
+
+    Returns:
+        The vector [m/s2].
+    """
+    slope = np.radians(scene.tilt[0])
+    return GRAVITY * np.append(np.sin(slope) * unit_vector(scene.tilt[1]), -np.cos(slope))
+
+
+def laid_height(scene: Scene, points: Float[ndarray, "points 2"]) -> Float[ndarray, "points"]:
+    """Height in which the cloth is laid down: flat on the plate, undulating beyond its edge.
+
+    Args:
+        scene: How it is laid.
+        points: Material points about the plate's axis [m].
+
+    Returns:
+        The heights [m].
+    """
+    beyond = np.clip((np.hypot(*points.T) - scene.plate_radius) / _FADE, 0, 1)
+    return sum_of_fields(scene.laid, points - np.array(scene.centre)) * np.sin(0.5 * np.pi * beyond) ** 2

@@ -71,6 +71,10 @@ _SIMULATE: dict[str, tuple[str, str]] = {
     "unknown law": (CLOTH + " --law hooke", "--law.*'hooke' is not one of"),
     "unknown clamp": (CLOTH + " --clamp glue", "--clamp.*'glue' is not one of"),
     "mended clamp of the published law": (CLOTH + " --law published --clamp half", "clamp 'half' is for law 'paper'"),
+    "clamp of a law without hinges": (
+        CLOTH + " --clamp whole",
+        "law plate has none; leave --clamp out, or add --law paper",
+    ),
     "unknown camera": (CLOTH + " --camera fisheye", "--camera.*'fisheye' is not one of"),
     "unknown device": (CLOTH + " --device tpu", "device"),
     "device that is not there": (CLOTH + " --device cuda:99", "cuda"),

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.constants import CLOTH_RADIUS
-from cusick_bench.withheld.world.placed_disc import Outline
+from cusick_bench.withheld.world.fields import Outline
 from cusick_bench.withheld.world.scene import EffectParameters, Law, Scene, unit_vector
 
 

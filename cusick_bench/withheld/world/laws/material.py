@@ -1,26 +1,21 @@
-"""True laws of the effects of class material."""
+"""True laws of the effects of class material that are fields over the cloth."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.constants import CLOTH_RADIUS
-from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.world.fields import Field, matern_field
 from cusick_bench.withheld.world.scene import (
     EffectParameters,
-    InternalVariables,
     Law,
     Scene,
     Surface,
-    Vertices,
     unit_vector,
 )
 
-_SIGN_CURVATURE = 5.0  # [1/m] over which face and back pass into each other
 _EDGE = 0.002  # [m] over which a patch or a hem ends
 
 
@@ -51,28 +46,6 @@ def rolled(curvature: float, along: Float[ndarray, "2"]) -> Surface:
         return np.column_stack([flat, np.interp(at, s, z - z[middle])])
 
     return surface
-
-
-@dataclass(eq=False)
-class _FaceAndBack(InternalVariables):
-    """Bending stiffness B (1 + a tanh(k / k0)), k the curvature seen from the face."""
-
-    system: DrapeSystem
-    asymmetry: float
-    up: float
-
-    def advance(
-        self, x: Vertices, angle: Float[ndarray, "hinges"], p: Parameters, h: float
-    ) -> tuple[Parameters, Vertices | None]:
-        curvature = self.up * (angle - p.rest_angle) * self.system.elements.hinge_scale
-        factor = 1 + self.asymmetry * np.tanh(curvature / _SIGN_CURVATURE)
-        return replace(p, bending=p.bending * factor[:, None, None]), None
-
-
-def _face_asymmetry(scene: Scene, value: EffectParameters) -> Scene:
-    """Face and back stiffen gradually, not at once, where the curvature changes its sign."""
-    asymmetry = value["asymmetry"]
-    return scene.with_added(internal_variables=lambda system, p, scene: _FaceAndBack(system, asymmetry, scene.up))
 
 
 def _grain_skew(scene: Scene, value: EffectParameters) -> Scene:
@@ -141,7 +114,6 @@ def _rim_stiffening(scene: Scene, value: EffectParameters) -> Scene:
 
 LAWS: dict[str, Law] = {
     "rest-curvature": _rest_curvature,
-    "face-asymmetry": _face_asymmetry,
     "grain-skew": _grain_skew,
     "density-bias": _density_bias,
     "stiffness-field": _stiffness_field,

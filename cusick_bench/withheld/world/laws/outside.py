@@ -7,7 +7,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY
-from cusick_bench.sim.engine.system import DrapeSystem
 from cusick_bench.withheld.world.laws.boundary import wavy
 from cusick_bench.withheld.world.laws.imaging import barrel
 from cusick_bench.withheld.world.scene import EffectParameters, Law, Scene, Vertices, unit_vector
@@ -23,26 +22,20 @@ def _draught(scene: Scene, value: EffectParameters) -> Scene:
     gust = 1 + 0.1 * scene.random("capture", "gust").normal()
     wind = gust * value["speed"] * np.append(scene.direction(value["direction"]), 0.33)
 
-    def push(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices) -> Vertices:
-        a, b, c = (x[system.elements.faces[:, k]] for k in range(3))
-        normal = np.cross(b - a, c - a)
-        area = np.linalg.norm(normal, axis=1)
-        against = normal @ wind / area
-        force = (0.5 * _AIR / 3 * np.abs(against) * against)[:, None] * normal
-        corner = system.elements.faces.ravel()
-        return np.column_stack([np.bincount(corner, np.repeat(force[:, k], 3), len(x)) for k in range(3)])
+    def push(normal: Float[ndarray, "points 3"]) -> Float[ndarray, "points"]:
+        against = normal @ wind
+        return _AIR * np.abs(against) * against
 
-    return scene.with_added(loads=push)
+    return scene.with_added(pressures=push)
 
 
 def _charge(scene: Scene, value: EffectParameters) -> Scene:
     """A charged cloth: every part is pushed away from the axis by a share of its weight that grows with radius."""
 
-    def push(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices) -> Vertices:
-        outward = x[:, :2] / CLOTH_RADIUS
-        return np.column_stack([value["share"] * GRAVITY * mass[:, None] * outward, np.zeros(len(x))])
+    def push(x: Vertices) -> Vertices:
+        return value["share"] * GRAVITY / CLOTH_RADIUS * x * np.array([1.0, 1.0, 0.0])
 
-    return scene.with_added(loads=push)
+    return scene.with_added(accelerations=push)
 
 
 def _seam(scene: Scene, value: EffectParameters) -> Scene:

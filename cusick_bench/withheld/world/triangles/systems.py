@@ -1,26 +1,31 @@
-"""The mechanical system of a true scene: finer, with another bending discretisation than the diagnosis' own.
+"""The mechanical systems of true scenes on triangle meshes.
 
-A hinge with edge length l between two triangles bends over the distance L between their circumcentres (the dual edge):
-curvature = (2/3) angle / L and stiffness (2/3) B l / L, which on equilateral triangles are angle l / (A1 + A2) and
-B l^2 / (A1 + A2), the simulator's own. Nearly cocircular triangles have L -> 0, so L is kept above a part of l.
+Law `paper` bends otherwise than the package's own: a hinge with edge length l between two triangles bends over the
+distance L between their circumcentres (the dual edge): curvature = (2/3) angle / L and stiffness (2/3) B l / L, which
+on equilateral triangles are angle l / (A1 + A2) and B l^2 / (A1 + A2), the simulator's own. Nearly cocircular triangles
+have L -> 0, so L is kept above a part of l. Law `published` is what it is, quirks and springs included.
 
 References:
     Desbrun, Hirani, Leok, Marsden. Discrete exterior calculus, 2005 (circumcentric duals).
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.engine.elements import Elements
 from cusick_bench.sim.engine.system import DrapeSystem
-from cusick_bench.withheld.world.placed_disc import on_plate, placed
 from cusick_bench.withheld.world.scene import Scene, sum_of_fields, unit_vector
+from cusick_bench.withheld.world.triangles.placed_disc import on_plate, placed
 
 _SHORTEST_DUAL = 0.3  # as a part of the edge; on equilateral triangles it is 0.58
+_SPRING = 1e3  # [N/m] of the published program's support
+_JITTER = 0.2  # of the spacing, by which vertices lie beside those of the package's mesher
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +35,12 @@ class SceneSystems:
     Attributes:
         vertices: Mesh size.
         seed: Seed of the mesh.
+        law: Material law. `paper` bends over dual edges and is clamped; `published` hangs on springs.
     """
 
     vertices: int
     seed: int
+    law: Literal["paper", "published"]
     _centred: dict[tuple[float, float], DrapeSystem] = field(default_factory=dict, init=False, repr=False)
 
     def system_of(self, scene: Scene) -> DrapeSystem:
@@ -48,15 +55,20 @@ class SceneSystems:
         centred = self._centred_system(scene.radius, scene.plate_radius)
         mesh = placed(centred.mesh, scene.radius, scene.plate_radius, np.array(scene.centre), scene.outlines)
         system = centred.with_mesh(mesh)
-        elements = _dual(system.elements, mesh)
+        elements = _dual(system.elements, mesh) if self.law == "paper" else system.elements
         return system.with_elements(_grown(_turned(elements, mesh, scene.skew), mesh, scene))
 
     def _centred_system(self, radius: float, plate: float) -> DrapeSystem:
         """A disc of that radius [m] in the middle of a plate of that radius [m], analysed once."""
         if (radius, plate) not in self._centred:
             mesh = disc_mesh(self.vertices, seed=self.seed, radius=radius, plate_radius=plate)
-            system = DrapeSystem(mesh, "paper", 0.0, on_plate(mesh, plate), np.zeros(mesh.vertices))
-            self._centred[radius, plate] = system
+            none = np.zeros(mesh.vertices, dtype=bool)
+            if self.law == "published":
+                mesh = jittered_mesh(mesh, _JITTER, seed=self.seed, plate_radius=plate)
+                fixed, spring = none, _SPRING * on_plate(mesh, plate)
+            else:
+                fixed, spring = on_plate(mesh, plate), np.zeros(mesh.vertices)
+            self._centred[radius, plate] = DrapeSystem(mesh, self.law, 0.0, fixed, spring)
         return self._centred[radius, plate]
 
 

@@ -4,6 +4,8 @@ Points on all faces repel each other along the mean of the cloth's normals there
 thickness across it and less than a point's own width beside each other. Points that are near on the flat cloth do not.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
@@ -20,14 +22,7 @@ _STIFFNESS = 40.0  # weights of a point's cloth per thickness of overlap
 
 def _self_contact(scene: Scene, value: EffectParameters) -> Scene:
     """A cloth whose folds keep off each other."""
-    thickness = value["thickness"]
-    if thickness == 0:
-        return scene
-
-    def repel(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices) -> Vertices:
-        return repulsion(system, mass, x, thickness)
-
-    return scene.with_added(loads=repel)
+    return replace(scene, contact=value["thickness"])
 
 
 def repulsion(system: DrapeSystem, mass: Float[ndarray, "vertices"], x: Vertices, thickness: float) -> Vertices:

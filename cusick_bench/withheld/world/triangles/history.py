@@ -1,4 +1,4 @@
-"""True laws of the effects of class history."""
+"""True laws with internal variables, on the hinges and faces of a triangle mesh."""
 
 from dataclasses import dataclass, field, replace
 
@@ -8,11 +8,13 @@ from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.system import DrapeSystem
-from cusick_bench.withheld.world.scene import EffectParameters, InternalVariables, Law, Scene, Vertices
+from cusick_bench.withheld.world.scene import EffectParameters, Law, Scene, Vertices
+from cusick_bench.withheld.world.triangles.internal_variables import InternalVariables
 
 _RETARDATION = 20.0  # [s] in which a cloth under the camera creeps
 _RECOVERY = 0.1  # of the creep is lost when a cloth is laid again with the same face up,
 _TURNED = 0.65  # and when it is turned over
+_SIGN_CURVATURE = 5.0  # [1/m] over which face and back pass into each other
 _FRICTION_CURVATURE = 2.0  # [1/m] at which bending friction is 76 % of its limit
 _HINGE_SHARE = 0.5**0.5
 """Friction couple of a hinge over that of the cloth. Hinges whose edges run in all directions see a curvature as
@@ -137,9 +139,32 @@ def _gathered(faces: ndarray, force: Float[ndarray, "faces 3 3"], vertices: int)
     return np.column_stack([np.bincount(corner, force[..., k].ravel(), vertices) for k in range(3)])
 
 
+@dataclass(eq=False)
+class _FaceAndBack(InternalVariables):
+    """Bending stiffness B (1 + a tanh(k / k0)), k the curvature seen from the face."""
+
+    system: DrapeSystem
+    asymmetry: float
+    up: float
+
+    def advance(
+        self, x: Vertices, angle: Float[ndarray, "hinges"], p: Parameters, h: float
+    ) -> tuple[Parameters, Vertices | None]:
+        curvature = self.up * (angle - p.rest_angle) * self.system.elements.hinge_scale
+        factor = 1 + self.asymmetry * np.tanh(curvature / _SIGN_CURVATURE)
+        return replace(p, bending=p.bending * factor[:, None, None]), None
+
+
+def _face_asymmetry(scene: Scene, value: EffectParameters) -> Scene:
+    """Face and back stiffen gradually, not at once, where the curvature changes its sign."""
+    asymmetry = value["asymmetry"]
+    return scene.with_added(internal_variables=lambda system, p, scene: _FaceAndBack(system, asymmetry, scene.up))
+
+
 LAWS: dict[str, Law] = {
+    "face-asymmetry": _face_asymmetry,
     "creep": _creep,
     "bending-friction": _bending_friction,
     "shear-friction": _shear_friction,
 }
-"""True laws of the effects of class history."""
+"""True laws with internal variables."""

@@ -6,7 +6,7 @@ is. With the hyperbolic distance artanh, the circle |z| = rho goes where its end
 artanh(c + p) = artanh(a) + artanh(rho) and artanh(c - p) = artanh(a) - artanh(rho), c and p its centre and radius.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -14,9 +14,7 @@ from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.withheld.errors import WithheldError
-
-Outline = Callable[[Float[ndarray, "points"]], Float[ndarray, "points"]]
-"""From a direction in the cloth [rad] to the cut's radius over the nominal one."""
+from cusick_bench.withheld.world.fields import Outline
 
 _EDGE = 1e-9  # [m]
 

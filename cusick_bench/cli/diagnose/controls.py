@@ -1,0 +1,143 @@
+"""`cusick-bench diagnose-controls`: whether a diagnosis of real cloth finds what is planted in it, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.options import Atlas, Force, Json, Seed, WithoutEffect, Workers, output_option
+from cusick_bench.cli.progress import progress_bar
+from cusick_bench.diagnosis import NUMERICS_VERSION
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.options import SHIPPED, Options
+from cusick_bench.runner.store import write_atomically
+
+if TYPE_CHECKING:
+    from cusick_bench.diagnosis.controls.judgement import Judgement
+
+
+app = typer.Typer()
+_MOST_HALVES = 100
+_STYLES = {"no": "red", "yes": "green", "": ""}
+
+
+@app.command("diagnose-controls")
+@user_errors
+def diagnose_controls(
+    data: Annotated[
+        str,
+        typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA"),
+    ] = "cusick",
+    fabric: Annotated[
+        list[str] | None,
+        typer.Option("--cloth", "--fabric", help="Cloth to control; repeatable; by default all with six samples."),
+    ] = None,
+    control: Annotated[
+        list[str] | None,
+        typer.Option(help="Control, such as `shift` or `halves`; repeatable; by default all."),
+    ] = None,
+    halves: Annotated[
+        int, typer.Option(min=0, max=_MOST_HALVES, help="How often each face is dealt at random into halves.")
+    ] = 2,
+    without_effect: WithoutEffect = None,
+    atlas: Atlas = SHIPPED,
+    out: Annotated[
+        Path, output_option(help="CSV file of all controls and shares; a page of Markdown goes beside it.")
+    ] = Path("runs/diagnose-controls.csv"),
+    seed: Seed = 0,
+    workers: Workers = 2,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Tries the diagnosis on real cloth: plants known effects in its pictures, and looks for what it is known to show.
+
+    Pictures are shifted, scaled, turned, cut at another grey level, seen by a near camera, mirrored and shuffled, at
+    two strengths; halves of one face are called its two faces. Each is diagnosed with and without (no simulations), a
+    minute or two for each fabric.
+    """
+    from cusick_bench.datasets import load
+    from cusick_bench.diagnosis.atlas.store import load as load_atlas
+    from cusick_bench.diagnosis.controls.known_answers import CONTROLS
+    from cusick_bench.diagnosis.controls.run import controlled, fabric_under_control, fabrics_to_control
+    from cusick_bench.sim.effects import effect
+
+    if out.suffix != ".csv":
+        raise DiagnosisError(f"the name of the table must end in .csv, got {out}; give for instance controls.csv")
+    if unknown := [name for name in control or () if name not in CONTROLS]:
+        raise DiagnosisError(f"no control is called {unknown[0]!r}; use {', '.join(CONTROLS)}")
+    options = Options(0, False, tuple(effect(name).name for name in without_effect or ()), seed)
+    emulator, calibration = load_atlas(atlas)
+    with progress_bar("reading data") as bar:
+        dataset = load(data, progress=bar.show)
+    chosen = fabric or fabrics_to_control(dataset)
+    if not chosen:
+        raise DiagnosisError(f"no fabric of {data} has samples enough to be controlled; name one with --fabric")
+    facts, judgements = _facts(data, chosen if fabric else [], control or [], halves, seed), []
+    out.parent.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
+    kept = interruptible(lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written")
+    with progress_bar("reading data", len(chosen)) as bar, kept:
+        for number, name in enumerate(chosen):
+            under = fabric_under_control(dataset, name, halves=halves, seed=seed, force=force)
+
+            def step(what: str, share: float, name: str = name, number: int = number) -> None:
+                bar.say(f"{name}: {what}")
+                bar.show(number + share)
+
+            judgements += controlled(
+                under, emulator, calibration, options, names=control or (), workers=workers, progress=step
+            )
+            _write(out, judgements, facts)
+    tell(f"wrote {out} and {out.with_suffix('.md')}")
+    _print(judgements, facts, as_json)
+
+
+def _facts(data: str, fabrics: list[str], controls: list[str], halves: int, seed: int) -> dict[str, Any]:
+    """Where the numbers come from."""
+    from cusick_bench.runner.environment import version_text
+    from cusick_bench.runner.numerics import diagnosis_numerics
+
+    words = ["cusick-bench diagnose-controls", data]
+    words += [f"--fabric {name}" for name in fabrics] + [f"--control {name}" for name in controls]
+    words += [f"--halves {halves} --seed {seed}"]
+    version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
+    return {"command": " ".join(words), "code": version}
+
+
+def _write(out: Path, judgements: list[Judgement], facts: dict[str, Any]) -> None:
+    from cusick_bench.diagnosis.controls.figures import figures
+    from cusick_bench.diagnosis.controls.table import markdown, rows
+    from cusick_bench.files.csv_text import csv_text
+
+    shares = figures(judgements)
+    write_atomically(out, csv_text(rows(judgements, shares, facts), float_format="%.4g").encode())
+    write_atomically(out.with_suffix(".md"), markdown(judgements, shares, facts).encode())
+
+
+def _print(judgements: list[Judgement], facts: dict[str, Any], as_json: bool) -> None:
+    from cusick_bench.diagnosis.controls.figures import figures
+    from cusick_bench.diagnosis.controls.table import control_lines, document, share_lines
+
+    shares = figures(judgements)
+    if as_json:
+        print_json(document(judgements, shares, facts))
+        return
+    controls = control_lines(judgements)
+    output.print(_table(controls, controls[0].index("hit")))
+    lines = share_lines(shares)
+    output.print(_table(lines, lines[0].index("reached")))
+
+
+def _table(lines: list[list[str]], mark: int) -> Table:
+    """A table of strings; the column `mark` holds yes, no or nothing, and colours its line."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for head in lines[0]:
+        table.add_column(Text(head), overflow="fold")
+    for line in lines[1:]:
+        table.add_row(*map(Text, line), style=_STYLES[line[mark]])
+    return table

@@ -1,0 +1,116 @@
+"""Shares of hits and of false alarms, each with Wilson's 95 % interval.
+
+References:
+    E. B. Wilson. Probable inference, the law of succession, and statistical inference. Journal of the American
+        Statistical Association 22 (1927), 209.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from math import nan
+from typing import Any, Literal
+
+from cusick_bench.diagnosis.controls.judgement import Judgement
+
+VISIBLE = 3.0  # standard errors by which the silhouettes must change to show what was planted
+LEAST_HITS, MOST_REJECTED = 0.8, 0.1
+"""Goals: share of hits at the larger strength, share of halves that are rejected."""
+
+
+@dataclass(frozen=True)
+class ControlFigure:
+    """A share of judgements.
+
+    Attributes:
+        name: What is counted.
+        level: Strength or level of the controls that it is taken over; "" for all.
+        count: Number of judgements that count.
+        cases: Number of judgements that it is a share of.
+        value, low, high: The share and the bounds of its 95 % interval; NaN without cases.
+        goal: What it should be, in words; "" for no goal.
+        reached: `yes`, `no`, or "" without goal or cases.
+    """
+
+    name: str
+    level: str
+    count: int
+    cases: int
+    value: float
+    low: float
+    high: float
+    goal: str = ""
+    reached: str = ""
+
+    def record(self) -> dict[str, Any]:
+        """The figure as a row of a table."""
+        return asdict(self)
+
+
+def figures(judgements: Sequence[Judgement]) -> list[ControlFigure]:
+    """The shares over all fabrics.
+
+    Args:
+        judgements: Of every control and fabric.
+
+    Returns:
+        First those that goals are about, then a line for each control and strength, then false alarms.
+    """
+    planted = [one for one in judgements if one.kind == "planted"]
+    larger = [one for one in planted if one.strength == "larger"]
+    smaller = [one for one in planted if one.strength == "smaller"]
+    visible = [one for one in larger if one.largest_shift >= VISIBLE]
+    halves = [one for one in judgements if one.kind == "null" and one.hit]
+    real = [one for one in judgements if one.kind == "real"]
+    summary = [
+        _hits("planted effects found", "larger", larger, "at least"),
+        _hits("planted effects found, where silhouettes show them", "larger", visible),
+        _hits("planted effects found", "smaller", smaller),
+        _share(
+            "strength of planted effects estimated, named or not",
+            "larger",
+            [one.estimate_right == "yes" for one in larger if one.estimate_right],
+        ),
+        _share("halves of one face rejected", "", [one.false_alarm for one in halves], "at most"),
+        _hits("known effects of the data found", "", real),
+        _hits("pictures that are no drape left out", "", [one for one in judgements if one.kind == "slip"]),
+        _share("another effect named beside what was planted", "", [one.false_alarm for one in planted]),
+        _alarms("effects named that cannot be there", judgements, "absent"),
+        _alarms("effects named for a mirrored face", judgements, "outside"),
+    ]
+    return [figure for figure in summary if figure.cases] + list(_by_control(judgements))
+
+
+def _by_control(judgements: Sequence[Judgement]) -> Iterable[ControlFigure]:
+    groups: dict[tuple[str, str], list[Judgement]] = {}
+    for one in judgements:
+        if one.hit:
+            level = one.level if one.kind in ("planted", "outside") or one.strength else ""
+            groups.setdefault((one.control, level), []).append(one)
+    return (_hits(control, level, group) for (control, level), group in groups.items())
+
+
+def _hits(name: str, level: str, judgements: Sequence[Judgement], goal: Literal["", "at least"] = "") -> ControlFigure:
+    return _share(name, level, [one.hit == "yes" for one in judgements if one.hit], goal)
+
+
+def _alarms(name: str, judgements: Sequence[Judgement], kind: str) -> ControlFigure:
+    return _share(name, "", [one.false_alarm for one in judgements if one.kind == kind and one.hit])
+
+
+def _share(
+    name: str, level: str, counted: Sequence[bool], goal: Literal["", "at least", "at most"] = ""
+) -> ControlFigure:
+    from scipy.stats import binomtest
+
+    count, cases = sum(counted), len(counted)
+    if not cases:
+        return ControlFigure(name, level, 0, 0, nan, nan, nan)
+    interval = binomtest(count, cases).proportion_ci(0.95, "wilson")
+    value = count / cases
+    words, good = {
+        "": ("", True),
+        "at least": (f">= {100 * LEAST_HITS:g} %", value >= LEAST_HITS),
+        "at most": (f"<= {100 * MOST_REJECTED:g} %", value <= MOST_REJECTED),
+    }[goal]
+    reached = "" if not goal else "yes" if good else "no"
+    return ControlFigure(name, level, count, cases, value, float(interval.low), float(interval.high), words, reached)

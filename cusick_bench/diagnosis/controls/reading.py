@@ -1,0 +1,91 @@
+"""What a diagnosis says, in the terms of the controls' rules: the one place that knows a `Diagnosis`' fields."""
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
+
+from cusick_bench.diagnosis.diagnose import Diagnosis
+from cusick_bench.diagnosis.inference.evidence import NONE, Candidate
+
+REFUSED = "refused"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An effect's estimated strength.
+
+    Attributes:
+        severity: Value of its severity, in the unit of its parameter.
+        direction: Its direction [deg]; None for an effect without one.
+    """
+
+    severity: float
+    direction: float | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a diagnosis says.
+
+    Attributes:
+        verdict: Its verdict, or `refused`.
+        p: p-value of the base model; None where refused.
+        named: The effects that it names: those of the verdict, or all that it cannot decide between.
+        posterior: Probability of every set of effects; none at all is the empty set, `unknown` a set of its own.
+        estimates: The strength that it gives every effect, named or not.
+        notes: What it left out or doubts; where refused, why.
+    """
+
+    verdict: str
+    p: float | None = None
+    named: frozenset[str] = frozenset()
+    posterior: Mapping[frozenset[str], float] = field(default_factory=dict)
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def probability(self, effects: Set[str]) -> float:
+        """Probability that at least one of some effects acts.
+
+        Args:
+            effects: Their names.
+
+        Returns:
+            The probability.
+        """
+        return sum(share for acting, share in self.posterior.items() if acting & effects)
+
+
+def read(diagnosis: Diagnosis) -> Reading:
+    """Reads a diagnosis.
+
+    Args:
+        diagnosis: The diagnosis.
+
+    Returns:
+        What it says.
+    """
+    return Reading(
+        diagnosis.verdict,
+        diagnosis.p,
+        frozenset(diagnosis.effects).union(*diagnosis.groups),
+        {frozenset(names) - {NONE}: share for names, share in diagnosis.sets.items()},
+        {name: _estimate(one) for name, one in diagnosis.best.items()},
+        diagnosis.notes,
+    )
+
+
+def refused(why: str) -> Reading:
+    """A fabric that is not diagnosed.
+
+    Args:
+        why: The reason.
+
+    Returns:
+        A reading that names nothing.
+    """
+    return Reading(REFUSED, notes=(why,))
+
+
+def _estimate(candidate: Candidate) -> Estimate:
+    effect, value = candidate.hypothesis.effect, candidate.value
+    direction = next((value[p.name] for p in effect.parameters if p.role == "direction"), None)
+    return Estimate(value[effect.severity.name], direction)
