@@ -141,7 +141,7 @@ def halves_as_faces(dataset: DrapeDataset, side: str, generator: np.random.Gener
     face = one_face(dataset, side)
     numbers = np.unique(face.table["sample"].to_numpy())
     up = generator.permutation(numbers)[: len(numbers) // 2]
-    return _labelled(face, face.table.assign(side=np.where(face.table["sample"].isin(up), "up", "down")))
+    return _labelled(face, face.table.assign(side=np.where(face.table["sample"].isin(up.tolist()), "up", "down")))
 
 
 def two_observations(dataset: DrapeDataset, first: int, second: int) -> DrapeDataset:

@@ -48,7 +48,7 @@ class Likelihoods:
     @cached_property
     def total(self) -> Float[ndarray, "sets"]:
         """Log likelihood with both sizes integrated out."""
-        return logsumexp(self.anything, axis=1) + logsumexp(self.symmetric, axis=1)
+        return np.asarray(logsumexp(self.anything, axis=1)) + np.asarray(logsumexp(self.symmetric, axis=1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,7 +95,7 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
     log_joint = model.tempering * likelihoods.total + own + np.append(prior, model.log_prior(count))
     # places are told apart: a set with one effect more stands in as many more places as are free
     weighed = log_joint - np.append(np.full(len(points), np.log(MOST - count)), 0.0)
-    options = np.exp(weighed - logsumexp(weighed))
+    options = np.exp(weighed - float(np.logaddexp.reduce(weighed)))
     effects = np.bincount(points.effect, options[:-1], minlength=len(points.names))
     effects[points.effect[list(others)]] = 1.0
     sizes = np.exp(likelihoods.symmetric - logsumexp(likelihoods.symmetric, axis=1, keepdims=True))
