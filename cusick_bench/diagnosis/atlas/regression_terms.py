@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
+from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
 
 LIMPER_THAN = -6.8
 """theta's bending below which the base model's own mesh errs visibly."""
@@ -93,6 +94,15 @@ SPREAD_CORRECTED = np.array([0, 1, 1 + _COUNT])
 """Of `spread_terms`: 1, the bending level's z and its square."""
 
 
+_LAYING = PARAMETERS.index("laying")
+# Parameters that decide on folds, with bending.
+_STRONG = (
+    PARAMETERS.index("shear"),
+    _LAYING,
+    PARAMETERS.index("length"),
+)
+
+
 def gain_terms(
     theta: Float[ndarray, "rows parameters"], severity: Float[ndarray, "rows"], place: Float[ndarray, "rows place"]
 ) -> Float[ndarray, "rows terms"]:
@@ -128,13 +138,14 @@ def effect_terms(
         Terms of an effect's shifts over its gain.
     """
     z, s = scaled(theta), np.asarray(severity)
-    level = z[:, 0]
-    linear = [np.ones(len(z)), *z.T, level**2]
-    curved = [np.ones(len(z)), level, level**2]
+    level, one = z[:, 0], np.ones(len(z))
+    linear = [one, *z.T, *(level[:, None] * z[:, 1:]).T, level**2, level**3, level**4]
+    linear += [z[:, i] ** 2 for i in _STRONG] + [level**2 * z[:, i] for i in _STRONG if i != _LAYING]
+    curved = [one, level, level**2, level**3]
     for coordinate in place.T:
-        linear += [coordinate, coordinate * level, coordinate**2]
-        curved += [coordinate]
-    cubic = [np.ones(len(z)), level]
+        linear += [coordinate, coordinate * level, coordinate * level**2, coordinate**2]
+        curved += [coordinate, coordinate * level]
+    cubic = [one, level, level**2]
     # Beyond the first order in units of three typical severities, so that all terms are of like size.
     first, second, third = s, s * np.abs(s) / 3, s**2 / 3
     return np.stack(
