@@ -8,9 +8,11 @@ from cusick_bench.report.diagnosis.words import entropy_of, worth
 _NO_MEASUREMENT = {
     "none": "Nothing is open that a measurement on the list would settle.",
     "effect": "No measurement on the list would lower the doubt.",
+    "several": "No measurement on the list would lower the doubt.",
     "ambiguous": "No measurement on the list would lower the doubt.",
     "unknown": "The measurements on the list separate known causes, and this is none of them. The statistics that "
     "differ most say what to look for in the sample and on the bench.",
+    "refused": "First of all what the refusal asks for.",
 }
 _ALL_TOLD_APART = "Nothing among the likely causes."
 _TOLD_APART_IN_PRINCIPLE = "None by their nature: the likely causes differ, but not enough in these drapes."
