@@ -142,8 +142,12 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
 
         def summed(name: str) -> SummedFit:
             places = [f"{name}/{place}" for place in range(_MOST_FITS) if f"{name}/{place}/columns" in arrays]
+            fits = tuple(fit(place) for place in places)
             columns = tuple(arrays[f"{place}/columns"].astype(np.int64) for place in places)
-            return SummedFit(tuple(fit(place) for place in places), columns)
+            for place, one, own in zip(places, fits, columns, strict=True):
+                if len(own) != len(one.weights) or own.min(initial=0) < 0 or own.max(initial=0) >= len(fits[0].weights):
+                    raise ValueError(f"{place}/columns must number a term for each of its weights")
+            return SummedFit(fits, columns)
 
         responses = {
             name: Response(
@@ -163,7 +167,7 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
         return emulator, calibration
     except BadFile as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error.what}); {remedy}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise DiagnosisError(f"the atlas {path} cannot be used ({error}); {remedy}") from error
 
 

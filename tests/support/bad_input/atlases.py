@@ -55,13 +55,13 @@ def _hole(value: float) -> Callable[[np.ndarray], np.ndarray]:
 
 _CHANGED: dict[str, Callable[[Arrays], Arrays]] = {
     "NaN in the correlation": _with("correlation", _hole(np.nan)),
-    "infinity in the weights": _with("base/weights", _hole(np.inf)),
-    "NaN in a covariance": _with("base/covariance", _hole(np.nan)),
-    "NaN in a residual": _with("log_sd/residual", _hole(np.nan)),
-    "weights of texts": _with("base/weights", lambda array: array.astype(str)),
-    "weights of another shape": _with("base/weights", lambda array: array[:-1]),
-    "weights without numbers": _with("base/weights", lambda array: array[:0]),
-    "weights a number": _with("base/weights", lambda array: 1.0),
+    "infinity in the weights": _with("base/0/weights", _hole(np.inf)),
+    "NaN in a covariance": _with("base/0/covariance", _hole(np.nan)),
+    "NaN in a residual": _with("log_sd/0/residual", _hole(np.nan)),
+    "weights of texts": _with("base/0/weights", lambda array: array.astype(str)),
+    "weights of another shape": _with("base/0/weights", lambda array: array[:-1]),
+    "weights without numbers": _with("base/0/weights", lambda array: array[:0]),
+    "weights a number": _with("base/0/weights", lambda array: 1.0),
     "correlation of another size": _with("correlation", lambda array: array[:-1, :-1]),
     "discrepancy of another size": _with("discrepancy", lambda array: array[:-1]),
     "a response of another shape": lambda found: (
@@ -79,8 +79,12 @@ _CHANGED: dict[str, Callable[[Arrays], Arrays]] = {
     "about it: calibration as text": _about(lambda about: about | {"calibration": {"inflation": "much"}}),
     "about it: no inflation": _about(lambda about: about | {"calibration": {"inflation": 0.0}}),
     "about it: negative tempering": _about(lambda about: about | {"calibration": {"tempering": -1.0}}),
-    "about it: unknown clamp": _about(lambda about: about | {"clamp": "glue"}),
-    "about it: clamp a list": _about(lambda about: about | {"clamp": ["half"]}),
+    "terms that there are not": _with("base/1/columns", lambda array: array + 1000),
+    "terms with negative numbers": _with("base/1/columns", lambda array: -array - 1),
+    "more terms than weights": _with("base_spread/1/columns", lambda array: np.arange(7.0)),
+    "about it: a mismatch of one number": _about(
+        lambda about: about | {"responses": {name: [False, [0.3]] for name in about["responses"]}}
+    ),
     "about it: unknown calibration": _about(lambda about: about | {"calibration": {"colour": 1}}),
 }
 
@@ -104,7 +108,6 @@ _DESIGNS: dict[str, tuple[str, str]] = {
     "empty": ("", "cannot be read as JSON"),
     "a list": ("[]", "must hold one JSON object"),
     "unknown key": ('{"points": 60, "colour": 1}', "'colour' is none"),
-    "unknown clamp": ('{"points": 60, "clamp": "glue"}', "must say half or whole under clamp, got 'glue'"),
     "points as text": ('{"points": "many"}', "'points' is none"),
     "points true": ('{"points": true}', "'points' is none"),
     "half a point": ('{"points": 60.5}', "'points' is none"),
@@ -115,10 +118,10 @@ _DESIGNS: dict[str, tuple[str, str]] = {
 }
 _POINTS: dict[str, bytes] = {
     "value alone": arrays(value=np.zeros(0)),
-    "statistics of one dimension": arrays(value=np.zeros(0), statistics=np.zeros(5)),
-    "statistics of 10^12 numbers": archive(value=header("(0,)"), statistics=header("(10000, 10000, 10000)")),
-    "statistics of texts": arrays(value=np.zeros(0), statistics=np.full((4, 2, 3), "a")),
-    "too few statistics": arrays(value=np.zeros(0), statistics=np.zeros((4, 2, 3))),
+    "radii of one dimension": arrays(value=np.zeros(0), radii=np.zeros(5)),
+    "radii of 10^12 numbers": archive(value=header("(0,)"), radii=header("(10000, 10000, 10000)")),
+    "radii of texts": arrays(value=np.zeros(0), radii=np.full((4, 2, 360), "a")),
+    "too few radii": arrays(value=np.zeros(0), radii=np.ones((4, 2, 36))),
 }
 
 CASES = [
