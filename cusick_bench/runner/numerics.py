@@ -71,4 +71,6 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
         Version of each part, by name.
     """
     versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
-    return dict(sorted((versions | drape_numerics("paper", with_effects=True)).items()))
+    for law in ("paper", "plate"):  # of an atlas' cheaper drapes, and of the base model
+        versions |= drape_numerics(law, with_effects=True)
+    return dict(sorted(versions.items()))
