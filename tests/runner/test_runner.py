@@ -282,7 +282,19 @@ class TestKill:
 
 
 def _arguments(data: Path, out: Path, *solvers: str) -> list[str]:
-    options = ["run", "--data", str(data), "--out", str(out), "--cloth", "fabric_1", "--vertices", "100"]
+    options = [
+        "run",
+        "--data",
+        str(data),
+        "--out",
+        str(out),
+        "--cloth",
+        "fabric_1",
+        "--vertices",
+        "100",
+        "--law",
+        "paper",
+    ]
     for solver in solvers:
         options += ["--solver", solver]
     return [*options, "--budget", "8", "--steps", "20"]
