@@ -85,6 +85,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "diagnosis.json").read_bytes()
 
 
+def test_lists_of_effects_are_read_also_where_they_are_empty(tmp_path: Path) -> None:
+    for effect in ([], ["creep"], ["creep", "plate-tilt"], "creep", None):
+        file = damaged(tmp_path / "diagnosis.json", ("closure",), {"effect": effect})
+        expected = () if effect is None else (effect,) if isinstance(effect, str) else tuple(effect)
+        assert DiagnosisDocument.read(file).closure.effect == expected
+
+
 def test_keys_of_the_file() -> None:
     """Files of earlier versions, and programs that read them, rely on these."""
     content = FULL.content()

@@ -238,6 +238,29 @@ def test_causes_are_ranked_and_the_likely_ones_explained(pages):
     assert "angle 1" not in pages["effect"].text.split("plate-tilt", 1)[1].split("unknown")[0]
 
 
+def test_named_effects_come_first_with_the_probability_that_they_act(profiles, tmp_path):
+    """Of two effects that act, one accounts for most; the other, with next to no chance of that, is as well named."""
+    made = document(profiles) | {"verdict": "several", "effects": ["camera-offset", "rest-curvature"]}
+    made["causes"] = causes(camera_offset=0.98, plate_tilt=0.01, rest_curvature=0.002, creep=0.001)
+    acting = {"camera-offset": 0.97, "plate-tilt": 0.06, "rest-curvature": 0.99, "creep": 0.11}
+    for cause in made["causes"]:
+        cause["acting"] = acting[cause["effect"]]
+    shown = diagnosis_page(parsed(made))
+    cards = [(card.name, card.shown_probability, card.likely) for card in shown.causes.cards]
+    assert cards == [
+        ("rest-curvature", percent(0.99), True),
+        ("camera-offset", percent(0.97), True),
+        ("creep", percent(0.11), False),
+        ("plate-tilt", percent(0.06), False),
+    ]
+    assert all(card.parameters and "named" in card.remarks for card in shown.causes.cards[:2])
+    assert f"accounts for most with probability {percent(0.002)}" in shown.causes.cards[0].remarks
+    assert [fact[:2] for fact in shown.verdict.facts if fact[0] == "acts"] == [
+        ("acts", "rest-curvature"),
+        ("acts", "camera-offset"),
+    ]
+
+
 def test_closure_that_may_be_nothing_is_said_so(pages):
     assert "may close nothing at all" in pages["patch"].text
     assert "may close nothing at all" not in pages["effect"].text
@@ -598,7 +621,7 @@ def test_outlines_are_counter_clockwise_from_warp():
 
 
 def test_cloth_in_words_is_the_base_models_cloth():
-    theta = np.array([-6.5, 0.4, 0.1, 0.2, 4.0, 0.2, -0.3])
+    theta = np.array([-6.5, 0.4, 0.1, 0.2, 4.0, 0.2, -0.3, 0.1, -0.2])
     rows = cloth_in_words(
         BaseParameters(**dict(zip(NAMES, theta.tolist(), strict=True))), DataCounts(areal_density_kg_m2=DENSITY)
     )

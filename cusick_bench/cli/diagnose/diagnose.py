@@ -220,7 +220,7 @@ def _print(written: _Written) -> None:
     if one.causes:
         causes = Table("cause", "class", "acts", "leads", "parameters", "share of the gap")
         shares = {share.effect: _span(share.share, share.ci90) for share in one.budget}
-        for cause in one.causes[:_MOST_CAUSES]:
+        for cause in one.ranked_causes[:_MOST_CAUSES]:
             acts = "" if cause.acting is None else f"{cause.acting:.2f}"
             name = f"{cause.effect} *" if cause.named else cause.effect
             cells = (f"{cause.probability:.2f}", ", ".join(_parameters(cause)), shares.get(cause.effect, ""))

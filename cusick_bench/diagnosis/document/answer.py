@@ -9,10 +9,10 @@ from cusick_bench.diagnosis.inference.verdict import Verdict
 
 
 def _names(value: Any) -> Any:
-    """Files of earlier versions hold one name, or null."""
+    """A list of names; files of earlier versions hold one name, or null."""
     if value is None:
         return ()
-    return (value,) if isinstance(value, str) else value
+    return (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 
 
 class StatedCause(Part):

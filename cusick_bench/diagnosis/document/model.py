@@ -68,6 +68,11 @@ class Cause(Part):
     named: bool = False
     shared: bool = False
 
+    @property
+    def likelihood_of_acting(self) -> float:
+        """That it acts; of `none`, `unknown` and files that lack it, that it accounts for most."""
+        return self.probability if self.acting is None else self.acting
+
 
 class GroupGap(Part):
     """The gap in one group of statistics.
@@ -308,6 +313,12 @@ class DiagnosisDocument(Part):
     without: tuple[str, ...] = ()
     refused: str | None = None
     provenance: Provenance = Field(default=Provenance(), validation_alias="made", serialization_alias="made")
+
+    @property
+    def ranked_causes(self) -> list[Cause]:
+        """The causes as readers want them: those that the verdict names first, each part the likeliest to act first."""
+        named = set(self.effects)
+        return sorted(self.causes, key=lambda cause: (cause.effect not in named, -cause.likelihood_of_acting))
 
     def write(self, path: Path) -> None:
         """Writes the document as a JSON file, which appears whole or not at all.

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from cusick_bench.diagnosis.document.answer import BudgetShare
 from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument, ParameterValue
 from cusick_bench.report.diagnosis.effect_words import claim, parameter_meaning, physics, signature
-from cusick_bench.report.diagnosis.named_causes import are_several, named_causes, ranked_causes
+from cusick_bench.report.diagnosis.named_causes import are_several, named_causes
 from cusick_bench.report.diagnosis.number_format import measure, percent
 from cusick_bench.report.diagnosis.words import STAGES
 
-_LEAST, _MOST, _ALWAYS = 0.02, 8, 3  # probability from which a cause is shown; at most, and at least so many
+_LEAST, _MOST, _ALWAYS = 0.05, 8, 3  # probability from which a cause is shown; at most, and at least so many
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class CauseCard:
         name: Name of the effect, or `none`, `unknown`.
         stage: Its stage in words.
         summary: What it says happened.
-        probability: That it is the cause.
+        probability: That it acts, alone or with others; of `none` and `unknown`, that it is so.
         shown_probability: The same in per cent.
-        likely: Whether it is in the 90 % set.
+        likely: Whether it is named or in the 90 % set.
         remarks: What else is to be known at a glance.
         parameters: Its estimated parameters; of likely causes only.
         signature: What it would show; of likely causes only.
@@ -62,8 +62,8 @@ class CauseSection:
     """What may cause the gap.
 
     Attributes:
-        cards: The causes worth showing, likeliest first.
-        rest: What the others add up to.
+        cards: The causes worth showing: named ones first, then by the probability that they act.
+        rest: How likely the others are.
     """
 
     cards: list[CauseCard]
@@ -71,7 +71,7 @@ class CauseSection:
 
 
 def cause_section(document: DiagnosisDocument) -> CauseSection:
-    """The causes worth showing, and what the others add up to.
+    """The causes worth showing, and how likely the others are.
 
     Args:
         document: The diagnosis.
@@ -79,24 +79,28 @@ def cause_section(document: DiagnosisDocument) -> CauseSection:
     Returns:
         What the page shows.
     """
-    ranked = ranked_causes(document)
+    ranked = document.ranked_causes
     shown = [
         cause
         for place, cause in enumerate(ranked[:_MOST])
-        if place < _ALWAYS or cause.effect in document.set90 or cause.probability >= _LEAST
+        if place < _ALWAYS or _is_likely(cause, document) or cause.likelihood_of_acting >= _LEAST
     ]
     rest = [cause for cause in ranked if cause not in shown]
     return CauseSection([_card(cause, document) for cause in shown], _rest_in_words(rest, document))
 
 
+def _is_likely(cause: Cause, document: DiagnosisDocument) -> bool:
+    return cause.effect in document.set90 or cause.effect in document.effects
+
+
 def _card(cause: Cause, document: DiagnosisDocument) -> CauseCard:
-    likely = cause.effect in document.set90
+    likely, probability = _is_likely(cause, document), cause.likelihood_of_acting
     return CauseCard(
         name=cause.effect,
         stage=STAGES.get(cause.stage, cause.stage),
         summary=cause.summary or claim(cause.effect),
-        probability=cause.probability,
-        shown_probability=percent(cause.probability),
+        probability=probability,
+        shown_probability=percent(probability),
         likely=likely,
         remarks=_remarks(cause, document),
         parameters=_parameters(cause) if likely else [],
@@ -106,9 +110,10 @@ def _card(cause: Cause, document: DiagnosisDocument) -> CauseCard:
 
 
 def _remarks(cause: Cause, document: DiagnosisDocument) -> list[str]:
-    remarks = ["in the 90 % set"] if cause.effect in document.set90 else []
-    if cause.acting is not None:
-        remarks.append(f"acts with probability {percent(cause.acting)}")
+    remarks = ["named"] if cause.effect in document.effects else []
+    remarks += ["in the 90 % set"] if cause.effect in document.set90 else []
+    if cause.effect in document.effects and percent(cause.likelihood_of_acting) != percent(cause.probability):
+        remarks.append(f"accounts for most with probability {percent(cause.probability)}")
     if cause.shared:
         remarks.append("shown by all fabrics of this laboratory")
     remarks += [_share_in_words(one) for one in document.budget if one.effect == cause.effect]
@@ -139,8 +144,10 @@ def _with_interval(one: ParameterValue) -> str:
 
 
 def _rest_in_words(rest: list[Cause], document: DiagnosisDocument) -> str:
-    count = "1 further cause" if len(rest) == 1 else f"{len(rest)} further causes together"
-    words = f"{count}: {percent(sum(cause.probability for cause in rest))}. " if rest else ""
+    words = ""
+    if rest:
+        count = "1 further cause was" if len(rest) == 1 else f"{len(rest)} further causes were"
+        words = f"{count} weighed, at most {percent(max(cause.likelihood_of_acting for cause in rest))} likely. "
     if set(document.set90) <= {"none", "unknown"}:
         return words
     return f"{words}The true cause is among these with 90 % probability: {', '.join(document.set90)}."

@@ -1,21 +1,9 @@
 """Names of the causes that a diagnosis singles out: none, one, or several that act together."""
 
-from cusick_bench.diagnosis.document.model import Cause, DiagnosisDocument
+from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.sim.effects import registered
 
 _HEADING = 26  # letters of a name that a heading has room for
-
-
-def ranked_causes(document: DiagnosisDocument) -> list[Cause]:
-    """The causes of a diagnosis.
-
-    Args:
-        document: The diagnosis.
-
-    Returns:
-        Its causes, likeliest first.
-    """
-    return sorted(document.causes, key=lambda cause: -cause.probability)
 
 
 def named_causes(document: DiagnosisDocument) -> list[str]:

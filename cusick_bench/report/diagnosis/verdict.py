@@ -8,6 +8,8 @@ from cusick_bench.report.diagnosis.named_causes import are_several
 from cusick_bench.report.diagnosis.number_format import percent, plain
 from cusick_bench.report.diagnosis.words import STAGES, VERDICTS, data_in_words, times_floor
 
+_MOST_NAMED = 3  # effects that have a place beside the verdict
+
 Fact = tuple[str, str, str]
 """Name, value, and what the value is to be read with."""
 
@@ -61,9 +63,9 @@ def _gap_fact(document: DiagnosisDocument) -> list[Fact]:
 
 def _cause_facts(document: DiagnosisDocument, causes: CauseSection) -> list[Fact]:
     facts = []
-    if causes.cards:
-        likeliest = causes.cards[0]
-        facts.append(("likeliest", STAGES.get(likeliest.name, likeliest.name), percent(likeliest.probability)))
+    named = [card for card in causes.cards if card.name in document.effects][:_MOST_NAMED]
+    for card in named or causes.cards[:1]:
+        facts.append(("acts" if named else "likeliest", STAGES.get(card.name, card.name), card.shown_probability))
     if document.verdict == "ambiguous":
         facts.append(("possible", f"{len(document.set90)} causes", "in the 90 % set"))
     if document.closure.fraction is not None:
