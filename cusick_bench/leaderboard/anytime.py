@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -70,7 +71,7 @@ def traces(table: pd.DataFrame, cost: str) -> dict[tuple[str, str], list[Steps]]
     """
     found = {}
     for name, group in variants(table):
-        steps = [_steps(Path(folder), cost) for folder in group["folder"]]
+        steps = [steps_of(folder, cost) for folder in group["folder"]]
         if steps and all(len(step.cost) for step in steps):
             found[name] = steps
     return found
@@ -92,7 +93,7 @@ def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
     start = min(step.cost[0] for steps in found.values() for step in steps)
     stop = max(step.cost[-1] for steps in found.values() for step in steps)
     points = np.geomspace(max(start, 1e-3 * stop), stop, POINTS)
-    made = [_curve(_label(name), steps, points) for name, steps in found.items()]
+    made = [_curve(method_label(name), steps, points) for name, steps in found.items()]
     return sorted(made, key=lambda curve: float(np.nan_to_num(curve.loss[-1], nan=inf)))
 
 
@@ -132,16 +133,41 @@ def documents(table: pd.DataFrame) -> dict[str, dict[str, Mapping[str, object]]]
     }
 
 
-def _label(name: tuple[str, str]) -> str:
+def method_label(name: tuple[str, str]) -> str:
+    """Name of a method as it is shown.
+
+    Args:
+        name: Solver, and what sets its row apart from others of the same name.
+
+    Returns:
+        Such as "homo (budget=40)".
+    """
     solver, variant = name
     return f"{solver} ({variant})" if variant else solver
 
 
-def _steps(folder: Path, cost: str) -> Steps:
-    """Draws from a posterior are no search, so they stand in no curve."""
-    lines = [line for line in read_trace(folder) if line["kind"] != "draw"]
-    losses = [inf if line["best_loss"] is None else float(line["best_loss"]) for line in lines]
-    return Steps(np.array([float(line[cost]) for line in lines]), np.array(losses))
+def steps_of(folder: Path | str, cost: str) -> Steps:
+    """Best loss of a cell over its cost; draws from a posterior are no search, so they are left out.
+
+    Args:
+        folder: The cell's folder.
+        cost: One of `COSTS`.
+
+    Returns:
+        The step function, without steps where the cell has no trace.
+    """
+    points = [_point(line, cost) for line in read_trace(Path(folder)) if line.get("kind") != "draw"]
+    known = np.array([point for point in points if point is not None]).reshape(-1, 2)
+    return Steps(known[:, 0], known[:, 1])
+
+
+def _point(line: Mapping[str, Any], cost: str) -> tuple[float, float] | None:
+    """Cost and best loss of a line, the loss infinite before the first success; None of a damaged line."""
+    try:
+        spent, loss = float(line[cost]), inf if line["best_loss"] is None else float(line["best_loss"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return (spent, loss) if 0 < spent < inf and loss >= 0 else None
 
 
 def _curve(label: str, steps: list[Steps], points: Float[ndarray, " points"]) -> Curve:

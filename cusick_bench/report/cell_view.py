@@ -36,6 +36,7 @@ class CellView:
         trace: Best loss after each evaluation, as (forward-equivalents, loss).
         protocol: How the silhouettes are taken.
         bending_draws: Bending stiffness of draws from the posterior [N m], in the order of `BENDING`; None without one.
+        bending: Bending tables of the elements (hinges or faces) that were fitted [N m]; None where all have one.
     """
 
     fit: Float[ndarray, "256 256"]
@@ -47,6 +48,7 @@ class CellView:
     trace: Float[ndarray, "evaluations 2"]
     protocol: Protocol = RELEASE
     bending_draws: Float[ndarray, "draws bending"] | None = None
+    bending: Float[ndarray, "elements 3 5"] | None = None
 
     @property
     def fit_profile(self) -> Profile:
@@ -75,20 +77,24 @@ def load_cell_view(folder: Path, protocol: Protocol = RELEASE) -> CellView:
     return read_prediction(folder, lambda arrays: _view(arrays, read_trace(folder / "trace.jsonl"), protocol))
 
 
-def shown_surface(profile: Profile, protocol: Protocol = RELEASE) -> trimesh.Trimesh:
+def shown_surface(
+    profile: Profile, protocol: Protocol = RELEASE, *, every: int = 1, strips: int = 12
+) -> trimesh.Trimesh:
     """The ruled surface over a profile, without the pleats that single pixels would make.
 
     Args:
         profile: Radius over angle.
         protocol: Gives radii of plate and cloth.
+        every: Angles of the profile from generator to generator.
+        strips: Strips of triangles from plate to rim.
 
     Returns:
         The surface [m].
     """
     harmonics = np.fft.rfft(profile.radii)
     harmonics[_SHOWN_MODES + 1 :] = 0
-    radii, plate = np.fft.irfft(harmonics, len(profile.radii)), protocol.plate_radius_m
-    return ruled_surface(radii, slant=protocol.overhang_m, plate_radius=plate, strips=12)
+    radii, plate = np.fft.irfft(harmonics, len(profile.radii))[::every], protocol.plate_radius_m
+    return ruled_surface(radii, slant=protocol.overhang_m, plate_radius=plate, strips=strips)
 
 
 def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> CellView:
@@ -104,8 +110,8 @@ def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> 
     else:
         surface = shown_surface(profile_of(fit, protocol), protocol)
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
-    draws_of_bending = _bending_draws(arrays)
-    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol, draws_of_bending)
+    drawn, tables = _bending_draws(arrays), _bending(arrays) if simulated else None
+    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol, drawn, tables)
 
 
 def _bending_draws(arrays: Mapping[str, ndarray]) -> ndarray | None:
@@ -116,6 +122,16 @@ def _bending_draws(arrays: Mapping[str, ndarray]) -> ndarray | None:
     if not (shaped and np.isfinite(draws).all() and draws.min() > 0):
         raise ValueError("its draws of bending stiffness are damaged")
     return draws
+
+
+def _bending(arrays: Mapping[str, ndarray]) -> ndarray | None:
+    """Tables of the elements, None where there are none of their own."""
+    if "bending" not in arrays or np.asarray(arrays["bending"]).ndim != 3:
+        return None
+    tables = np.asarray(arrays["bending"], dtype=np.float64)
+    if not (np.isfinite(tables).all() and tables.min() > 0):
+        raise ValueError("its tables of bending stiffness are damaged")
+    return tables
 
 
 def _lines(path: Path) -> list[str]:

@@ -31,11 +31,14 @@ def report(
     out: Annotated[Path | None, output_option(help="Page to write; by default RUN/report.html.")] = None,
     pictures: Annotated[Path | None, output_option(help="Folder for one side-by-side PNG a cell.")] = None,
     data: RunsData = None,
+    compare: Annotated[
+        Path | None, typer.Option(help="Results folder of another run, to compare this one with.", metavar="OTHER")
+    ] = None,
     by: By = "test_mse",
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Writes an HTML page with the leaderboard and every fit in pictures."""
+    """Writes an HTML page with the leaderboard and every fit in pictures, drapes to be turned among them."""
     from cusick_bench.leaderboard import leaderboards, load_cells, variants
     from cusick_bench.report import write_report
 
@@ -46,6 +49,7 @@ def report(
         raise ReportError(f"cannot write {out}: it is a folder; choose another --out")
     cells = load_cells(folder)
     boards = leaderboards(cells, by=by, seed=seed)
+    other = None if compare is None else load_cells(compare)
     kept = "no page was written" + (f"; pictures that were ready are in {pictures}" if pictures else "")
     fits = sum(len(set(group["cloth"])) for _, group in variants(cells.table))
     with progress_bar("reading data", fits) as bar, interruptible(kept):
@@ -57,6 +61,7 @@ def report(
             unseen=unseen,
             protocol=protocol,
             pictures=pictures,
+            compared=other,
             progress=lambda message: bar.begin(f"drawing {message}"),
         )
     for path in files:

@@ -17,6 +17,11 @@ CAUSE = "#fe0008"  # simulated drapes with the cause of a gap
 FLOOR = "#fe0009"  # floor of a gap
 PALE = "#fe000a"  # model, where little is to be seen
 MAP = "#fe000b"  # probability of a place
+SERIES = tuple(f"#fe001{place}" for place in range(8))
+"""Methods that are compared, in turn; each also has a dash, so that colour is not all that tells them apart."""
+
+DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)))
+"""Dashes of the same methods: solid, dashed, dotted; a number that 8 is no multiple of, so that pairs differ."""
 
 VARIABLES: Mapping[str, str] = {
     INK: "--ink",
@@ -30,5 +35,6 @@ VARIABLES: Mapping[str, str] = {
     FLOOR: "--floor",
     PALE: "--pale",
     MAP: "--map",
+    **{colour: f"--series-{place}" for place, colour in enumerate(SERIES)},
 }
 """Variable of the style sheet for each colour."""

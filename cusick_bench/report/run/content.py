@@ -1,9 +1,10 @@
 """What the page of a results folder holds, ready for its template: cloths, cards, numbers, pictures and graphs."""
 
 import base64
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import isfinite, nan
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,6 +29,8 @@ from cusick_bench.report.drawing.pictures import (
     silhouette_picture,
 )
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
+from cusick_bench.report.run.comparison import ComparisonSection
+from cusick_bench.report.run.method_curves import MethodCurves
 
 _DIFFERENCE_KEY = ((ONLY_SIMULATED, "only simulated"), (ONLY_REAL, "only real"))
 """Colours of `difference_picture`."""
@@ -88,6 +91,7 @@ class Card:
         draws: The first draws for unseen samples.
         anchor: Name of the card in links.
         others: The solver on other cloths: cloth and anchor.
+        turnable: Whether the page has its drape in 3D.
     """
 
     solver: str
@@ -104,6 +108,7 @@ class Card:
     draws: Picture | None = None
     anchor: str = ""
     others: tuple[tuple[str, str], ...] = ()
+    turnable: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,11 +142,13 @@ class BoardTable:
         table: HTML table.
         notes: Sentences below it.
         legend: Headings of its columns with their meaning.
+        kinds: Kinds of rows that a reader may hide.
     """
 
     table: Markup
     notes: Sequence[str]
     legend: Sequence[tuple[str, str]] = ()
+    kinds: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -155,6 +162,9 @@ class RunPage:
         boards: Leaderboards.
         cloths: The cells, cloth by cloth.
         stiffness: What stiffness was found, None where no solver found any.
+        curves: Figures that compare methods, of each leaderboard that has any.
+        drapes: Drapes to be turned, from `models_document`.
+        comparison: Comparison with another run, None without one.
     """
 
     title: str
@@ -163,6 +173,9 @@ class RunPage:
     boards: list[BoardTable]
     cloths: list[ClothSection]
     stiffness: BoardTable | None = None
+    curves: Sequence[MethodCurves] = ()
+    drapes: Mapping[str, Any] = field(default_factory=lambda: {"drapes": []})
+    comparison: ComparisonSection | None = None
 
 
 def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w 4"], unseen: ndarray | None) -> Card:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from cusick_bench.report.drawing.pictures import drape_picture
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.page_template import render_page
+from cusick_bench.report.run.comparison import comparison_section
 from cusick_bench.report.run.content import (
     BoardTable,
     Card,
@@ -38,10 +39,13 @@ from cusick_bench.report.run.content import (
     real_drape,
     stiffness_picture,
 )
+from cusick_bench.report.run.drape_models import DrapeModel, fitted_model, models_document, real_model
 from cusick_bench.report.run.figure import save_figure
+from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.runner.environment import code_text
 
 TITLE = "Cusick drape report"
+_SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
 
 Unseen = Mapping[str, Float[ndarray, "samples angles"]]
 Progress = Callable[[str], None]
@@ -55,6 +59,7 @@ def write_report(
     unseen: Unseen | None = None,
     protocol: Protocol = RELEASE,
     pictures: Path | None = None,
+    compared: Cells | None = None,
     progress: Progress = lambda message: None,
 ) -> list[Path]:
     """Writes the page, and on demand its pictures as files.
@@ -66,30 +71,44 @@ def write_report(
         unseen: Radii of the unseen samples of each cloth [m]; without it the graphs have no band.
         protocol: How the run's silhouettes were taken.
         pictures: Folder for one side-by-side PNG a cell.
+        compared: Another run, to compare this one with.
         progress: Called to tell each cell that is drawn.
 
     Returns:
         The files written.
+
+    Raises:
+        LeaderboardError: The other run cannot be compared with this one.
     """
+    comparison = None if compared is None else comparison_section(cells, compared)
     files: list[Path] = []
-    sections = []
-    for cloth in sorted(set(cells.table["cloth"])):
-        section, written = _section(cells, boards, cloth, (unseen or {}).get(cloth), protocol, pictures, progress)
-        sections.append(section)
-        files += written
+    sections, models = [], []
+    for number, cloth in enumerate(sorted(set(cells.table["cloth"]))):
+        drawn = _section(cells, boards, cloth, number, (unseen or {}).get(cloth), protocol, pictures, progress)
+        sections.append(drawn.section)
+        models += drawn.models
+        files += drawn.files
     sections = _linked(sections)
     links = {card.solver: f"#{card.anchor}" for section in reversed(sections) for card in section.cards}
     page = RunPage(
         title=TITLE,
         summary=_summary(cells, len(sections)),
         facts=_facts(cells, boards),
-        boards=[_board_table(text_table(board), board.notes, links) for board in boards],
+        boards=[_board(board, links) for board in boards],
         cloths=sections,
         stiffness=_stiffness_table(cells, links),
+        curves=[found for board in boards if (found := method_curves(cells.table, board))],
+        drapes=models_document(models, protocol.plate_radius_m),
+        comparison=comparison,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(render_page("run.html.j2", page=page), encoding="utf-8")
+    out.write_text(render_page("run.html.j2", scripts=_SCRIPTS, page=page), encoding="utf-8")
     return [out, *files]
+
+
+def _board(board: Leaderboard, links: Mapping[str, str]) -> BoardTable:
+    table = text_table(board)
+    return replace(_board_table(table, board.notes, links), kinds=list(dict.fromkeys(table.kinds)))
 
 
 def _board_table(table: TextTable, notes: Sequence[str], links: Mapping[str, str]) -> BoardTable:
@@ -105,39 +124,39 @@ def _stiffness_table(cells: Cells, links: Mapping[str, str]) -> BoardTable | Non
 
 
 def _linked(sections: Sequence[ClothSection]) -> list[ClothSection]:
-    """The sections with an anchor for each card, and links from card to card of one solver."""
-    counts = [len(section.cards) for section in sections]
-    anchors = {(cloth, card): f"fit-{cloth}-{card}" for cloth, count in enumerate(counts) for card in range(count)}
+    """The sections with links from card to card of one solver."""
     of_solver: dict[str, list[tuple[str, str]]] = {}
-    for (cloth, card), anchor in anchors.items():
-        of_solver.setdefault(sections[cloth].cards[card].solver, []).append((sections[cloth].name, anchor))
-    return [
-        replace(
-            section,
-            cards=[
-                replace(
-                    one,
-                    anchor=anchors[cloth, card],
-                    others=tuple(other for other in of_solver[one.solver] if other[1] != anchors[cloth, card]),
-                )
-                for card, one in enumerate(section.cards)
-            ],
-        )
-        for cloth, section in enumerate(sections)
-    ]
+    for section in sections:
+        for card in section.cards:
+            of_solver.setdefault(card.solver, []).append((section.name, card.anchor))
+
+    def linked(card: Card) -> Card:
+        return replace(card, others=tuple(other for other in of_solver[card.solver] if other[1] != card.anchor))
+
+    return [replace(section, cards=[linked(card) for card in section.cards]) for section in sections]
+
+
+@dataclass
+class _Drawn:
+    """A cloth's part of the page, its drapes to be turned, and the pictures written to the folder."""
+
+    section: ClothSection
+    models: list[DrapeModel]
+    files: list[Path]
 
 
 def _section(
     cells: Cells,
     boards: list[Leaderboard],
     cloth: str,
+    number: int,
     unseen: ndarray | None,
     protocol: Protocol,
     folder: Path | None,
     progress: Progress,
-) -> tuple[ClothSection, list[Path]]:
-    """A cloth's part of the page, and the pictures written to the folder."""
-    section, files = ClothSection(cloth, _plain(cloth), []), []
+) -> _Drawn:
+    section, files = ClothSection(cloth, f"cloth-{number}", []), []
+    models: list[DrapeModel] = []
     lines: list[StiffnessLine] = []
     for label, group in _in_order(cells.table, boards):
         of_cloth = group.loc[group["cloth"] == cloth].sort_values(by="seed")
@@ -145,7 +164,8 @@ def _section(
             continue
         cell = of_cloth.iloc[0]
         progress(f"{label} on {cloth}")
-        card = Card(label, str(cell["kind"]), _seeds(of_cloth), numbers(cell))
+        anchor = f"fit-{number}-{len(section.cards)}"
+        card = Card(label, str(cell["kind"]), _seeds(of_cloth), numbers(cell), anchor=anchor)
         try:
             view = load_cell_view(Path(cell["folder"]), protocol)
         except ReportError as error:
@@ -154,6 +174,10 @@ def _section(
         if section.real is None:
             text, real = real_drape(cloth, view)
             section = replace(section, text=text, real=real)
+            models.append(real_model(cloth, view))
+        if (model := fitted_model(cloth, label, anchor, view)) is not None:
+            models.insert(len(models) - 1, model)
+            card = replace(card, turnable=True)
         drape = drape_picture(view.vertices, view.faces, cloth, protocol=protocol)
         section.cards.append(fill_card(card, cloth, view, drape, unseen))
         if isinstance(found := cell.get("stiffness"), FoundStiffness):
@@ -165,7 +189,7 @@ def _section(
     if lines:
         truth = any(line.found.true_bending for line in lines)
         section = replace(section, stiffness=stiffness_picture(cloth, lines), truth=truth)
-    return section, files
+    return _Drawn(section, models if len(models) > 1 else [], files)
 
 
 def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[str, pd.DataFrame]]:

@@ -1,0 +1,173 @@
+"""Two runs side by side: how each method's errors and costs changed over the cells that both runs have.
+
+Cells are paired by cloth and shared seed (`gate.paired`). The ratio this / other is the geometric mean over cloths with
+its 95 % bootstrap interval. Settings may differ, since that is what is compared; data and split may not.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.leaderboard.anytime import method_label
+from cusick_bench.leaderboard.board import variants
+from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
+from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.gate.paired import compare
+from cusick_bench.runner.environment import code_text
+
+COMPARED = ("test_mse", "train_mse", "test_hausdorff_m", "spent_forward_equivalents", "spent_wall_seconds")
+"""Metrics and costs that are compared, of which smaller is better."""
+
+_LEVEL = 0.05  # of the paired test, whose interval is shown
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change of one number of one method.
+
+    Attributes:
+        before: Mean in the other run, over the cloths that both have.
+        after: The same in this run.
+        ratio: after / before with its 95 % interval; NaN where there is nothing to divide by.
+    """
+
+    before: float
+    after: float
+    ratio: Estimate
+
+    @property
+    def verdict(self) -> str:
+        """ "better", "worse" or, where the interval holds 1 or is unknown, "same"."""
+        if self.ratio.high < 1:
+            return "better"
+        return "worse" if self.ratio.low > 1 else "same"
+
+
+@dataclass(frozen=True)
+class MethodChange:
+    """Changes of one method.
+
+    Attributes:
+        label: Name of the method.
+        kind: "solver", "null" or "oracle".
+        cells: Cells of this run whose cloth both runs have.
+        changes: By name of `COMPARED`, where both runs have numbers.
+    """
+
+    label: str
+    kind: str
+    cells: int
+    changes: Mapping[str, Change]
+
+
+@dataclass(frozen=True)
+class TwoRuns:
+    """Comparison of two runs.
+
+    Attributes:
+        methods: Methods that both have on shared cloths, solvers first.
+        only_here: Names of methods of this run only.
+        only_there: Names of methods of the other run only.
+        differences: What else differs: name, value there, value here.
+    """
+
+    methods: Sequence[MethodChange]
+    only_here: Sequence[str]
+    only_there: Sequence[str]
+    differences: Sequence[tuple[str, str, str]]
+
+
+def compare_runs(here: Cells, there: Cells, *, seed: int = 0) -> TwoRuns:
+    """Compares two results folders.
+
+    Args:
+        here: This run.
+        there: The run to compare with.
+        seed: Seed of the resamples.
+
+    Returns:
+        The changes from the other run to this one.
+
+    Raises:
+        LeaderboardError: The runs are of other data or splits, or share no method on a cloth.
+    """
+    _require_same_data(here, there)
+    ours, theirs = _methods(here.table), _methods(there.table)
+    generator = np.random.default_rng(seed)
+    methods = [_change(label, ours[label], theirs[label], generator) for label in ours if label in theirs]
+    methods = [one for one in methods if one.changes]
+    if not methods:
+        raise LeaderboardError(
+            f"{here.folder} and {there.folder} share no method on any cloth, so nothing can be compared; "
+            "run the same --solver and --cloth in both"
+        )
+    order = {"solver": 0, "null": 1, "oracle": 2}
+    return TwoRuns(
+        sorted(methods, key=lambda one: (order.get(one.kind, 3), one.label)),
+        [label for label in ours if label not in theirs],
+        [label for label in theirs if label not in ours],
+        list(_differences(here, there)),
+    )
+
+
+def _require_same_data(here: Cells, there: Cells) -> None:
+    for name, words in (("dataset_hash", "data"), ("protocol", "split")):
+        ours, theirs = (set(cells.table[name].astype(str)) for cells in (here, there))
+        if ours != theirs:
+            one, other = (", ".join(sorted(value[:12] for value in values)) for values in (ours, theirs))
+            raise LeaderboardError(
+                f"runs to compare must be of the same {words}, got {one} in {here.folder} and {other} in "
+                f"{there.folder}; run one of them again on the other's {words}"
+            )
+
+
+def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    return {method_label(name): group for name, group in variants(table)}
+
+
+def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:
+    shared = set(ours["cloth"]) & set(theirs["cloth"])
+    ours, theirs = (table.loc[table["cloth"].isin(shared)] for table in (ours, theirs))
+    changes = {}
+    for name in COMPARED:
+        before, after = (cell_values(table, name) for table in (theirs, ours))
+        if {cloth for cloth, _ in before} & {cloth for cloth, _ in after}:
+            ratio = Estimate(nan, nan, nan)
+            if any(before.values()) and any(after.values()):
+                ratio = compare(before, after, level=_LEVEL, generator=generator).ratio
+            changes[name] = Change(float(np.mean([*before.values()])), float(np.mean([*after.values()])), ratio)
+    return MethodChange(label, str(ours["kind"].iloc[0]) if len(ours) else "", len(ours), changes)
+
+
+def _differences(here: Cells, there: Cells) -> Iterator[tuple[str, str, str]]:
+    """Settings and surroundings that are not the same in both."""
+    ours, theirs = _surroundings(here), _surroundings(there)
+    for name in dict.fromkeys([*ours, *theirs]):
+        if ours.get(name, "") != theirs.get(name, ""):
+            yield name, theirs.get(name, ""), ours.get(name, "")
+
+
+def _surroundings(cells: Cells) -> dict[str, str]:
+    values: dict[str, set[str]] = {}
+    for settings in cells.table["settings"].unique():
+        for name, value in _flat(json.loads(settings)):
+            values.setdefault(name, set()).add(value)
+    found = {name: ", ".join(sorted(some)) for name, some in values.items()}
+    found["seeds"] = ", ".join(str(seed) for seed in sorted(set(cells.table["seed"])))
+    found["processor"] = str(cells.run.get("processor", ""))
+    found["code"] = code_text(cells.run)
+    return found
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", str(value)

@@ -1,0 +1,117 @@
+"""Figures of a page that compare methods: anytime curves and performance profiles, with one key for all of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from cusick_bench.leaderboard import Leaderboard
+from cusick_bench.leaderboard.anytime import COSTS, Curve, curves
+from cusick_bench.leaderboard.order import direction
+from cusick_bench.leaderboard.performance import NEAR, PerformanceProfile, cost_profiles, error_profiles
+from cusick_bench.report.drawing.inline_svg import inline_svg
+from cusick_bench.report.drawing.method_graphs import COST_TITLES, anytime_graph, performance_graph
+from cusick_bench.report.drawing.palette import DASHES, SERIES
+
+_DASH_NAMES = ("solid", "dashed", "dotted")  # of the key, in the order of `DASHES`
+
+
+@dataclass(frozen=True)
+class MethodKey:
+    """How a method is drawn.
+
+    Attributes:
+        label: Its name.
+        colour: Number of its colour in the style sheet.
+        dash: "solid", "dashed" or "dotted".
+    """
+
+    label: str
+    colour: int
+    dash: str
+
+
+@dataclass(frozen=True)
+class MethodFigure:
+    """A figure.
+
+    Attributes:
+        graph: Its SVG element.
+        caption: What it shows.
+    """
+
+    graph: Markup
+    caption: str
+
+
+@dataclass(frozen=True)
+class MethodCurves:
+    """Figures that compare methods on one data set.
+
+    Attributes:
+        key: The methods.
+        anytime: Anytime curves, one a cost.
+        profiles: Performance profiles.
+    """
+
+    key: list[MethodKey]
+    anytime: list[MethodFigure]
+    profiles: list[MethodFigure]
+
+
+def method_curves(table: pd.DataFrame, board: Leaderboard) -> MethodCurves | None:
+    """The figures of the cells of a leaderboard.
+
+    Args:
+        table: Table of cells, from `load_cells`.
+        board: The leaderboard.
+
+    Returns:
+        What the page shows; None where no method has a trace, and no two can be compared.
+    """
+    same = (table["dataset_hash"] == board.dataset_hash) & (table["protocol"] == board.protocol)
+    table = table.loc[same]
+    by_cost = {cost: _drawable(curves(table, cost)) for cost in COSTS}
+    errors = error_profiles(table, board.by) if direction(board.by) == direction("test_mse") else []
+    costs = cost_profiles(table)
+    labels = [curve.label for found in by_cost.values() for curve in found]
+    labels = list(dict.fromkeys([*labels, *(one.label for one in (*errors, *costs))]))
+    if not labels:
+        return None
+    places = {label: place for place, label in enumerate(labels)}
+    anytime = [
+        MethodFigure(inline_svg(anytime_graph(found, cost, places), _curves_in_words(found, cost)), COST_TITLES[cost])
+        for cost, found in by_cost.items()
+        if found
+    ]
+    profiles = [
+        MethodFigure(inline_svg(performance_graph(found, quantity, places), _profiles_in_words(found)), caption)
+        for found, quantity, caption in (
+            (errors, board.by, f"Error that is left ({board.by})"),
+            (costs, "cost", f"Cost of coming within {NEAR:.0%} of the lowest training loss of any method"),
+        )
+        if found
+    ]
+    return MethodCurves([_key(label, place) for label, place in places.items()], anytime, profiles)
+
+
+def _key(label: str, place: int) -> MethodKey:
+    return MethodKey(label, place % len(SERIES), _DASH_NAMES[place % len(DASHES)])
+
+
+def _drawable(found: Sequence[Curve]) -> list[Curve]:
+    """Curves with two points and more that a logarithmic scale can show."""
+    return [curve for curve in found if np.count_nonzero(curve.loss > 0) > 1]
+
+
+def _curves_in_words(found: Sequence[Curve], cost: str) -> str:
+    unit = COSTS[cost]
+    ends = "; ".join(f"{one.label} {one.loss[-1]:.4f} after {one.end:.3g} {unit}" for one in found)
+    return f"Mean best training loss over {unit}; at the end: {ends}"
+
+
+def _profiles_in_words(found: Sequence[PerformanceProfile]) -> str:
+    shares = "; ".join(f"{one.label} {one.share(1):.0%} and {one.share(2):.0%}" for one in found)
+    return f"Share of problems on which each method is the best, and within a factor of 2 of the best: {shares}"
