@@ -16,6 +16,7 @@ from cusick_bench.cli import app
 from cusick_bench.cli.common import INTERRUPTED, interruptible
 
 START = 300  # [s] that a command may take until it works: a fresh checkout compiles its kernels first
+STOP = 120  # [s] that it may take to end on a machine that has other work
 
 
 def interrupted(words: list[str], ready: Callable[[], bool]) -> subprocess.CompletedProcess[str]:
@@ -30,7 +31,7 @@ def interrupted(words: list[str], ready: Callable[[], bool]) -> subprocess.Compl
     assert process.poll() is None, process.communicate()
     os.killpg(process.pid, signal.SIGINT)
     try:
-        output, errors = process.communicate(timeout=30)
+        output, errors = process.communicate(timeout=STOP)
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
@@ -40,7 +41,7 @@ def interrupted(words: list[str], ready: Callable[[], bool]) -> subprocess.Compl
 
 def _ends(group: int) -> bool:
     """Whether the last process of a group goes within some seconds."""
-    until = time.monotonic() + 10
+    until = time.monotonic() + STOP
     while time.monotonic() < until:
         try:
             os.killpg(group, 0)

@@ -106,7 +106,7 @@ def test_a_known_cause_can_be_refitted_where_it_is_weak(emulator: Emulator) -> N
 def test_discrepancy_depends_on_how_limp_the_cloth_is(emulator: Emulator) -> None:
     limp, stiff = (emulator.wrong(np.array([level, 0, 0, 0, 5, 0, 0, 0, 0])) for level in (-9.8, -4.5))
     folds = NAMES.index("fold_centroid")
-    assert limp[folds, folds] > 2 * stiff[folds, folds], "a coarse mesh gets the folds of limp cloth wrong"
+    assert limp[folds, folds] > 1.5 * stiff[folds, folds], "a coarse mesh gets the folds of limp cloth wrong"
     for covariance in (limp, stiff):
         assert np.linalg.eigvalsh(covariance).min() > -1e-9
 

@@ -92,7 +92,7 @@ def test_severity_between_the_grids_points_is_found(emulator: Emulator, monkeypa
 def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where drapes turn out softer than the atlas promises, the base model takes a stiffer cloth, its gap shrinks."""
     sd = emulator.sd(THETA)
-    softer = (emulator.mean(THETA - np.array([0.5, 0, 0, 0, 0, 0, 0])) - emulator.mean(THETA)) / sd
+    softer = (emulator.mean(THETA - 0.5 * np.eye(len(THETA))[0]) - emulator.mean(THETA)) / sd
     monkeypatch.setattr(closure, "simulate", world(emulator, softer))
     data = fabric(emulator, [], NOTHING)
     residual = residual_of(emulator, data)

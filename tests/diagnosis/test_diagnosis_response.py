@@ -96,5 +96,6 @@ def test_cheap_drapes_and_fewer_exact_ones_give_the_exact_mean() -> None:
     at = generator.uniform(LOW, HIGH, (20, len(LOW)))
     expected = 0.2 + 0.02 * scaled(at)[:, 0]
     made = np.stack([fitted.mean(one) for one in at])
-    assert made[:, 1] == pytest.approx(expected, abs=2e-3)
+    corrected_by = np.abs(0.03 - 0.02 * scaled(at)[:, 0]).max()
+    assert made[:, 1] == pytest.approx(expected, abs=0.15 * corrected_by)  # at the corners of the atlas, too
     assert fitted.wrong(at[0])[1, 1] < 0.5, "what is corrected is no discrepancy"

@@ -84,7 +84,7 @@ def test_just_the_own_effect_of_a_case_is_off_its_list(
     cases: Path, small_answers: Path, tmp_path: Path, one_thread: None
 ) -> None:
     whole = read_answers(small_answers).answers
-    listed = {case: [name for name, _ in whole[case].causes] for case in ("case_0001", "case_0002")}
+    listed = {case: dict(whole[case].causes) for case in ("case_0001", "case_0002")}
     chosen = {case: next(name for name in names if name in SEEN) for case, names in listed.items()}
     known = {case: read_label(label(effect), case) for case, effect in chosen.items()}
     found = answer_left_out(cases, known, tmp_path / "leave-out.json", SHIPPED, QUICK, 2)
@@ -94,7 +94,8 @@ def test_just_the_own_effect_of_a_case_is_off_its_list(
         assert answer.left_out == (chosen[case],)
         left = {name for name, _ in answer.causes}
         assert chosen[case] not in left
-        assert left >= {*listed[case]} - {chosen[case]}  # and some that were too unlikely to be listed beside it
+        likely = {name for name, probability in listed[case].items() if probability > 0.02}
+        assert left >= likely - {chosen[case]}  # and some that were too unlikely to be listed beside it
 
 
 def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Path, tmp_path: Path, one_thread) -> None:
@@ -113,13 +114,15 @@ def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Pat
     assert len(list(out.with_name("leave-out.json.parts").rglob("*.json"))) == 2, "one of them was there"
 
 
-def test_a_case_that_is_refused_counts_as_unknown(cases: Path, labels: Path, tmp_path: Path, one_thread) -> None:
+def test_a_case_that_is_refused_is_not_recalled_as_unknown(
+    cases: Path, labels: Path, tmp_path: Path, one_thread
+) -> None:
     shutil.copytree(cases / "case_0001", tmp_path / "cases" / "case_0001")
     for image in (tmp_path / "cases").rglob("*.jpg"):
         image.unlink()
     ask("leave-out", tmp_path / "cases", labels, "--out", tmp_path / "leave-out.json", "--workers", 1)
     (row,) = score(read_labelled_answers(tmp_path / "leave-out.json", labels)).cases.to_dict("records")
-    assert (row["kind"], row["recalled"]) == ("unknown", 1)
+    assert (row["kind"], row["recalled"]) == ("unknown", 0)
 
 
 class TestWhatIsNotTaken:

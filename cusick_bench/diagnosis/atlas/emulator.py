@@ -43,6 +43,7 @@ from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Response, chang
 from cusick_bench.diagnosis.atlas.ridge import Fit, SummedFit, ridge
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import features
+from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import (
     EVEN,
     FREE,
@@ -74,6 +75,8 @@ class Emulator:
         discrepancy: Covariance of what the base model gets wrong, in sd, the same on both faces, at the limp and at the
             stiff end of the atlas.
         responses: Response of each effect, by its name.
+        outlines: Outlines of the fabric that is diagnosed, on which effects that act on the outline alone are undone
+            instead of being emulated; None to emulate all.
     """
 
     base: SummedFit
@@ -82,6 +85,7 @@ class Emulator:
     correlation: Float[ndarray, "faces_statistics faces_statistics"]
     discrepancy: Float[ndarray, "2 statistics statistics"]
     responses: Mapping[str, Response]
+    outlines: OwnOutlines | None = None
 
     def mean(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
         """Mean of every statistic, the same on both faces.

@@ -1,7 +1,7 @@
 """What is known of a fabric, and the joint probability of sets of effects that follows at some base parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy import ndarray
@@ -18,6 +18,7 @@ from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_st
 from cusick_bench.diagnosis.inference.set_model import SetModel, SharedShift
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
+from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,7 @@ class FabricData:
     """What is known of a fabric, and how it is weighed.
 
     Attributes:
-        emulator: The atlas.
+        emulator: The atlas, with the fabric's own outlines.
         calibration: Calibration of its probabilities.
         features: Features of the fabric.
         scatter: Variances between its samples, from `scatter_of`; None for the model's own.
@@ -147,7 +148,7 @@ def fabric_data(
     scaled, notes = to_atlas(captures)
     require_enough(captures)
     samples = sample_statistics(scaled)
-    data = FabricData(
-        emulator, calibration, samples.features(), scatter_of(samples.specimens), samples.later, tuple(without)
-    )
+    own = replace(emulator, outlines=OwnOutlines(scaled))
+    scatter = scatter_of(samples.specimens)
+    data = FabricData(own, calibration, samples.features(), scatter, samples.later, tuple(without))
     return samples, data, notes + doubts(captures, data.features)

@@ -21,6 +21,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import scaled_place
 from cusick_bench.diagnosis.inference.feature_rows import in_rows
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
+from cusick_bench.diagnosis.measure.own_outlines import UNDONE, OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
 from cusick_bench.sim.effects import Effect, registered
 
@@ -156,6 +157,8 @@ def shifts(
         spreads, orders = np.zeros((len(severity), len(SPREADS))), np.zeros((len(severity), len(ORDERS)))
         turned = turned / sd
         return Shifts(in_rows(turned, turned, spreads, orders), np.zeros(len(severity)))
+    if emulator.outlines is not None and hypothesis.name in UNDONE:
+        return _undone(emulator.outlines, hypothesis, given, sd)
     response = emulator.responses[hypothesis.name]
     backwards = (severity < 0) & response.later
     severity = np.where(backwards, -severity, severity)
@@ -179,6 +182,19 @@ def shifts(
         faces, spreads = [face * share for face in faces], spreads * share
     up, down = faces
     return Shifts(in_rows(up, down, spreads, orders), variance)
+
+
+def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, ndarray], sd: ndarray) -> Shifts:
+    """Shifts that the fabric's own outlines have."""
+    severity = np.asarray(given[hypothesis.effect.severity.name], dtype=np.float64)
+    in_cloth = _angle(hypothesis, given, 0), _angle(hypothesis, given, 1)
+    direction = None
+    if in_cloth[0] is not None and in_cloth[1] is not None:
+        direction = np.stack([in_cloth[0], np.pi - in_cloth[1]])  # of the camera, which sees the other face mirrored
+    found = outlines.change(hypothesis.name, severity, direction)
+    means = (found.contrast / sd).reshape(len(severity), -1)
+    orders = np.zeros((len(severity), len(ORDERS)))
+    return Shifts(np.concatenate([means, found.spread, orders], axis=1), np.zeros(len(severity)))
 
 
 def _angle(hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int) -> ndarray | None:

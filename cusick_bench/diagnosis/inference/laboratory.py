@@ -4,9 +4,13 @@ A camera that stands off its place does so for every fabric. So an effect of the
 direction, in the camera's frame, for all fabrics; those of the cloth are each fabric's own. Both are sampled together:
 the shared set given the fabrics' own sets, by the sum of the fabrics' log likelihoods at every point of the shared
 grid, and each fabric's own set given what is shared. What one fabric cannot decide, several may.
+
+Two effects that look alike (a camera beside its place, a plate out of level) are not exchanged in one step once every
+fabric's own set has settled about one of them. So short chains start from no shared effect and from each single one;
+those that get furthest go on, and count by the mean joint probability of what they visit.
 """
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -37,7 +41,9 @@ SHARED: Final = (
 """Effects that all fabrics of a laboratory may share, in the laboratory's frame."""
 _MOST = 3
 _COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])
-STEPS: Final = 60
+STEPS: Final = 40
+_SCREENED = 8  # steps of every chain, after which only the likeliest go on
+_CHAINS = 2
 _OWN_STEPS = 30  # of each fabric's own chains before, which give a start only
 _LEAST_FABRICS = 2
 _SPREAD = 1.0  # of ln severity about the typical one, in laboratories that work with care
@@ -110,7 +116,7 @@ def laboratory(
     Args:
         fabrics: The fabrics of one data set.
         generator: Generator of the sampler.
-        steps: Of the chain, after a quarter as many that are not counted.
+        steps: Of each chain that goes on.
         progress: Called with the share that is over.
 
     Returns:
@@ -118,11 +124,21 @@ def laboratory(
     """
     if len(fabrics) < _LEAST_FABRICS:
         return None
-    chain = _Chain(fabrics, generator)
-    for step in range(-(steps // 4), steps):
-        chain.step(counts=step >= 0)
-        progress((step + 1 + steps // 4) / (steps + steps // 4))
-    return chain.result()
+    tried = [_Chain(fabrics, generator, start) for start in ([], *_starts(fabrics))]
+    total, done = len(tried) * _SCREENED + _CHAINS * steps, 0
+    for chain in tried:
+        for _ in range(_SCREENED):
+            chain.step(counts=False)
+            done += 1
+            progress(done / total)
+    chains = sorted(tried, key=lambda chain: -chain.log_joint())[:_CHAINS]
+    for chain in chains:
+        for _ in range(steps):
+            chain.step(counts=True)
+            done += 1
+            progress(done / total)
+    mean = np.array([np.mean(chain.log_joints) for chain in chains])
+    return _pooled(chains, np.exp(mean - logsumexp(mean)))
 
 
 def laboratory_of(
@@ -159,15 +175,29 @@ def laboratory_of(
     return laboratory(fabrics, generator, progress=lambda share: progress("what they share", (1 + share) / 2))
 
 
+def _starts(fabrics: Sequence[LaboratoryFabric]) -> list[list[int]]:
+    """The best shared point of each effect that may be shared."""
+    chain = _Chain(fabrics, np.random.default_rng(0), [])
+    own = np.sum([chain.given(fabric, ()) for fabric in range(len(fabrics))], axis=0)
+    gained = own[:-1] - own[-1] + chain.log_prior
+    effect = chain.points[0].effect
+    of_effect = [np.flatnonzero(effect == number) for number in np.unique(effect)]
+    best = [int(points[np.argmax(gained[points])]) for points in of_effect]
+    return [[point] for point in best if np.isfinite(gained[point])]
+
+
 class _Chain:
     """Walk over the shared set and the fabrics' own.
 
     Args:
         fabrics: The fabrics.
         generator: Generator of the walk.
+        start: Shared points to start from.
     """
 
-    def __init__(self, fabrics: Sequence[LaboratoryFabric], generator: np.random.Generator) -> None:
+    def __init__(
+        self, fabrics: Sequence[LaboratoryFabric], generator: np.random.Generator, start: Sequence[int]
+    ) -> None:
         self.fabrics, self.generator = fabrics, generator
         self.points = [_shared_points(fabric) for fabric in fabrics]
         first = self.points[0]
@@ -176,11 +206,12 @@ class _Chain:
         for place, fabric in enumerate(fabrics):  # what may be shared is found anew
             own = fabric.sets.model.points
             self.own[place] = [point for point in self.own[place] if own.name(point) not in SHARED]
-        self.shared: list[int] = []
+        self.shared: list[int] = list(start)
         self.weight, self.effects = np.zeros(len(first)), np.zeros(len(first.names))
         self.evidence = np.zeros((len(fabrics), len(first.names)))
         self.compared = np.zeros(len(first.names))
         self.visited: list[tuple[int, ...]] = []
+        self.log_joints: list[float] = []
         self.counted = 0
 
     def step(self, *, counts: bool) -> None:
@@ -188,7 +219,7 @@ class _Chain:
         for _ in range(_MOST):
             place = int(self.generator.integers(_MOST))
             others = self.shared[:place] + self.shared[place + 1 :]
-            own = np.stack([self._given(fabric, others) for fabric in range(len(self.fabrics))])
+            own = np.stack([self.given(fabric, others) for fabric in range(len(self.fabrics))])
             options = self._options(own.sum(0), others)
             chosen = draw_option(options, self.generator)
             self.shared = others + ([chosen] if chosen < len(self.points[0]) else [])
@@ -196,8 +227,19 @@ class _Chain:
                 self._count(options, others, own)
         for fabric in range(len(self.fabrics)):
             self._renew(fabric)
+        if counts:
+            self.log_joints.append(self.log_joint())
 
-    def _given(self, fabric: int, others: Sequence[int]) -> Float[ndarray, "options"]:
+    def log_joint(self) -> float:
+        """Log joint probability of the shared set and all fabrics' own."""
+        shared = float(self.log_prior[self.shared].sum()) + _log_count(len(self.shared), len(self.points[0].names))
+        for fabric, own in enumerate(self.own):
+            model, points = self.fabrics[fabric].sets.model, self.points[fabric]
+            more = SharedShift(points.shift[self.shared].sum(0), points.variance[self.shared].sum(0))
+            shared += model.log_joint(own, more)
+        return shared
+
+    def given(self, fabric: int, others: Sequence[int]) -> Float[ndarray, "options"]:
         """Log likelihoods of one fabric with each shared point added, given its own set, and last without."""
         model, points = self.fabrics[fabric].sets.model, self.points[fabric]
         own = model.points
@@ -243,25 +285,33 @@ class _Chain:
             chosen = draw_option(conditional(model, others, more).options, self.generator)
             self.own[fabric] = others + ([chosen] if chosen < len(model.points) else [])
 
-    def result(self) -> Laboratory:
-        """What the walk has seen."""
-        points = self.points[0]
-        weight, effects = self.weight / self.counted, self.effects / self.counted
-        names = tuple(fabric.name for fabric in self.fabrics)
-        found = []
-        for number, name in enumerate(points.names):
-            own = np.flatnonzero(points.effect == number)
-            cause = candidate_at(points, int(own[np.argmax(weight[own])]))
-            intervals = point_intervals(points, own, weight[own])
-            mean = self.evidence[:, number] / max(self.compared[number], 1)
-            evidence = dict(zip(names, mean.tolist(), strict=True))
-            found.append(SharedEffect(name, float(effects[number]), cause, intervals, evidence))
-        sets = Counter(tuple(sorted(points.name(point) for point in one)) for one in self.visited)
-        return Laboratory(
-            names,
-            tuple(sorted(found, key=lambda one: -one.probability)),
-            {one: count / len(self.visited) for one, count in sets.most_common()},
+
+def _pooled(chains: Sequence[_Chain], share: Float[ndarray, "chains"]) -> Laboratory:
+    """What the walks have seen, each counted by its share."""
+    points, fabrics = chains[0].points[0], chains[0].fabrics
+    weight = np.sum([p * chain.weight / chain.counted for p, chain in zip(share, chains, strict=True)], axis=0)
+    effects = np.sum([p * chain.effects / chain.counted for p, chain in zip(share, chains, strict=True)], axis=0)
+    evidence = np.sum([p * chain.evidence for p, chain in zip(share, chains, strict=True)], axis=0)
+    compared = np.sum([p * chain.compared for p, chain in zip(share, chains, strict=True)], axis=0)
+    names = tuple(fabric.name for fabric in fabrics)
+    found = []
+    for number, name in enumerate(points.names):
+        own = np.flatnonzero(points.effect == number)
+        cause = candidate_at(points, int(own[np.argmax(weight[own])]))
+        intervals = point_intervals(points, own, weight[own])
+        mean = evidence[:, number] / max(float(compared[number]), 1e-9)
+        found.append(
+            SharedEffect(name, float(effects[number]), cause, intervals, dict(zip(names, mean.tolist(), strict=True)))
         )
+    sets: dict[tuple[str, ...], float] = defaultdict(float)
+    for p, chain in zip(share, chains, strict=True):
+        for one in chain.visited:
+            sets[tuple(sorted(points.name(point) for point in one))] += float(p) / len(chain.visited)
+    return Laboratory(
+        names,
+        tuple(sorted(found, key=lambda one: -one.probability)),
+        dict(sorted(sets.items(), key=lambda item: -item[1])),
+    )
 
 
 def _shared_points(fabric: LaboratoryFabric) -> EffectPoints:

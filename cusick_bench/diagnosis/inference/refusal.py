@@ -56,11 +56,11 @@ def doubts(captures: Captures, features: Features) -> list[str]:
         notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
     counts = _capture_counts(captures)
     if not np.isfinite(features.order).any():
-        notes.append("answered in part: no repeated captures, so creep cannot be seen")
-    elif counts.min() != counts.max():
+        notes.append("answered in part: fewer than 3 samples have repeated captures, so creep cannot be seen")
+    if counts.min() != counts.max():
         notes.append(
             f"answered in part: captures are unequal, {counts.min()} to {counts.max()} of a sample and face; drift "
-            "from capture to capture is that of those with several"
+            "is that of samples with several"
         )
     return notes
 

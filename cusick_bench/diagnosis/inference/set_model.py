@@ -101,16 +101,17 @@ class SetModel:
             left, variance = left - more.shift, variance + more.variance
         return likelihoods_of(self.misfit, left, variance, added)
 
-    def log_joint(self, chosen: Sequence[int]) -> float:
+    def log_joint(self, chosen: Sequence[int], more: "SharedShift | None" = None) -> float:
         """Log of prior times likelihood of a set.
 
         Args:
             chosen: Its points.
+            more: A shift beside that of the set.
 
         Returns:
             The log joint probability.
         """
-        likelihood = float(self.likelihoods(chosen, points=_no_points(self.points)).total[-1])
+        likelihood = float(self.likelihoods(chosen, more=more, points=_no_points(self.points)).total[-1])
         return self.tempering * likelihood + self.log_prior(len(chosen)) + float(self.points.log_prior[chosen].sum())
 
 

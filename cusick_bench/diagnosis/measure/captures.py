@@ -64,13 +64,17 @@ class Captures:
         return len(self.radii)
 
     def cloth_frame(self) -> Float[ndarray, "captures angles"]:
-        """Radii at angles from the warp of the cloth seen face up [m]; an unknown side counts as up.
+        """Radii at angles from the warp of the cloth seen face up [m]; an unknown side counts as up."""
+        return np.take_along_axis(self.radii, self.seen_at(), axis=1)
+
+    def seen_at(self) -> Int[ndarray, "captures angles"]:
+        """Degree at which the camera sees each degree of the cloth; an unknown side counts as up.
 
         The protocol's words may say that the cloth was turned about x instead of y: then phi is seen at -phi.
         """
         half = 0 if _turned_about_x(self.protocol) else ANGLES // 2
-        mirrored = self.radii[:, (half - np.arange(ANGLES)) % ANGLES]
-        return np.where((self.side == "down")[:, None], mirrored, self.radii)
+        degrees = np.arange(ANGLES)
+        return np.where((self.side == "down")[:, None], (half - degrees) % ANGLES, degrees)
 
     def select(self, rows: Bool[ndarray, " captures"] | Int[ndarray, " chosen"]) -> "Captures":
         """Some of the captures.

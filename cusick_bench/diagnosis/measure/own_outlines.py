@@ -1,0 +1,148 @@
+"""What a camera's error does to a fabric's own outlines: the shift of its statistics, without any model of the cloth.
+
+Where the picture's centre, its scale or its grey level are wrong, every outline is moved by a known map. Undone on the
+outlines that were seen, the map gives the statistics as they would be without it; what they lack is the effect's shift.
+It holds for whatever folds the cloth has, where an atlas knows the shift of a typical cloth only.
+
+    centre    p -> p - shift u(direction)
+    scale     p -> p / (1 + error)
+    level     p -> p - shift n,   n the normal of the smoothed outline, e_r - (r'/r) e_phi over its length
+"""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.diagnosis.measure.captures import ANGLES, Captures
+from cusick_bench.diagnosis.measure.features import SPREADS, contrast_weights, features
+from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
+
+UNDONE: Final = ("camera-offset", "camera-scale", "threshold")
+"""Effects that act on the outline alone."""
+_HARMONICS = 24  # of the outline whose normals are taken; finer detail is the pixels'
+_ANGLE = 2 * np.pi * np.arange(ANGLES) / ANGLES
+_NODES = 2 * np.pi * np.arange(8) / 8
+"""Directions between which shifts are interpolated: they are nearly linear in the offset, whose square has order 2."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineChange:
+    """How much the features of a fabric are shifted by an effect of given strengths.
+
+    Attributes:
+        contrast: Shift of the even and odd parts of every statistic; 0 where they are unknown [its unit].
+        spread: Shift of the entries of `SPREADS`.
+    """
+
+    contrast: Float[ndarray, "values 2 statistics"]
+    spread: Float[ndarray, "values spreads"]
+
+
+@dataclass(frozen=True, eq=False)
+class OwnOutlines:
+    """Outlines of one fabric.
+
+    Attributes:
+        captures: The fabric's silhouettes, in the lengths that statistics are to have.
+    """
+
+    captures: Captures
+    _known: dict[tuple[str, bytes], OutlineChange] = field(default_factory=dict, repr=False)
+
+    def change(
+        self, effect: str, severity: Float[ndarray, "values"], direction: Float[ndarray, "2 values"] | None
+    ) -> OutlineChange:
+        """Shift of the features by an effect of `UNDONE`.
+
+        Args:
+            effect: Its name.
+            severity: In the unit of its parameter.
+            direction: Directions in the camera's frame on captures with the face up and with the face down [rad].
+
+        Returns:
+            The shifts.
+
+        Raises:
+            KeyError: An effect that is not in `UNDONE`.
+        """
+        if effect not in UNDONE:
+            raise KeyError(f"{effect!r} does not act on the outline alone; such effects are {', '.join(UNDONE)}")
+        turned = np.zeros((2, len(severity))) if direction is None else direction
+        key = effect, np.vstack([severity, turned]).tobytes()
+        if key not in self._known:
+            self._known[key] = self._made(effect, severity, turned)
+        return self._known[key]
+
+    def _made(self, effect: str, severity: ndarray, direction: ndarray) -> OutlineChange:
+        seen = self.captures
+        mean, weights, known = _averages(seen)
+        plain = capture_statistics(seen.cloth_frame(), seen.protocol)
+        first = _spread(mean, plain, known)
+        angle = direction[(seen.side == "down").astype(int)].T  # of every value and capture
+        contrast = np.empty((len(severity), 2, len(NAMES)))
+        spread = np.empty((len(severity), len(SPREADS)))
+        for size in np.unique(severity):
+            own = severity == size
+            values = self._statistics(effect, float(size), angle[own])
+            contrast[own] = np.einsum("rc,vck->vrk", weights, plain - values)
+            spread[own] = [first - _spread(mean, value, known) for value in values]
+        return OutlineChange(contrast, np.nan_to_num(spread))
+
+    def _statistics(
+        self, effect: str, size: float, angle: Float[ndarray, "values captures"]
+    ) -> Float[ndarray, "values captures statistics"]:
+        """Statistics without the effect; of many directions, by trigonometric interpolation between a few."""
+        seen, few = self.captures, len(angle) <= len(_NODES)
+        nodes = angle if few else np.tile(_NODES[:, None], (1, len(seen)))
+        radii = _undone(effect, seen.radii, size, nodes)[:, np.arange(len(seen))[:, None], seen.seen_at()]
+        values = capture_statistics(radii.reshape(-1, ANGLES), seen.protocol).reshape(len(nodes), len(seen), -1)
+        if few:
+            return values
+        away = angle[..., None] - _NODES
+        kernel = 1 + 2 * sum(np.cos(m * away) for m in range(1, len(_NODES) // 2)) + np.cos(len(_NODES) // 2 * away)
+        return np.einsum("vcn,nck->vck", kernel / len(_NODES), values)
+
+
+def _averages(seen: Captures) -> tuple[Float[ndarray, "specimens captures"], Float[ndarray, "2 captures"], ndarray]:
+    """Means over captures of every sample and face, weights of the captures in the contrasts, and what is known."""
+    samples, row = np.unique(seen.sample, return_inverse=True)
+    face = (seen.side == "down").astype(int)  # an unknown side counts as up
+    mean = np.zeros((len(samples), 2, len(seen)))
+    mean[row, face, np.arange(len(seen))] = 1
+    count = mean.sum(2)
+    mean /= np.maximum(count, 1)[..., None]
+    known = count > 0
+    weights = np.einsum("rsf,sfc->rc", contrast_weights(known), mean)
+    return mean.reshape(-1, len(seen)), weights, known
+
+
+def _spread(mean: ndarray, values: Float[ndarray, "captures statistics"], known: ndarray) -> ndarray:
+    specimens = (mean @ values).reshape(*known.shape, -1)
+    return features(np.where(known[..., None], specimens, np.nan)).spread
+
+
+def _undone(
+    effect: str, radii: Float[ndarray, "captures angles"], size: float, angle: Float[ndarray, "values captures"]
+) -> Float[ndarray, "values captures angles"]:
+    """Outlines as they would be seen without the effect."""
+    if effect == "camera-scale":
+        return np.tile(radii / (1 + size), (len(angle), 1, 1))
+    if effect == "camera-offset":
+        away = size * np.exp(1j * angle[..., None])
+    else:
+        wave = np.fft.rfft(radii, axis=1)
+        wave[:, _HARMONICS + 1 :] = 0
+        slope = np.fft.irfft(1j * np.arange(wave.shape[1]) * wave, ANGLES, axis=1) / np.fft.irfft(wave, ANGLES, axis=1)
+        normal = (1 - 1j * slope) / np.sqrt(1 + slope**2)
+        away = np.tile(size * normal * np.exp(1j * _ANGLE), (len(angle), 1, 1))
+    points = radii * np.exp(1j * _ANGLE) - away
+    return _at_whole_degrees(points.reshape(-1, ANGLES)).reshape(points.shape)
+
+
+def _at_whole_degrees(points: ndarray) -> Float[ndarray, "outlines angles"]:
+    """Radii at whole degrees of outlines given by points that are nearly at them."""
+    distance, angle = np.abs(points), np.angle(points) % (2 * np.pi)
+    return np.array([np.interp(_ANGLE, a, d, period=2 * np.pi) for a, d in zip(angle, distance, strict=True)])
