@@ -50,7 +50,7 @@ def emulator() -> Emulator:
 
 @pytest.fixture(scope="module")
 def detectable(emulator: Emulator) -> dict[str, float]:
-    return detectable_at(emulator, float(THETA[0]), {})
+    return detectable_at(emulator, float(THETA[0]), {}, fabrics=1)
 
 
 def drawn_fabric(

@@ -68,6 +68,7 @@ def detectable_at(
     *,
     inflation: float = 1.0,
     samples: int = 12,
+    fabrics: int = FABRICS,
     step: Callable[[], None] = lambda: None,
 ) -> dict[str, float]:
     """Detectable severities at one level of bending, medians over fabrics that else are as the prior has them.
@@ -78,14 +79,15 @@ def detectable_at(
         need: |d| that each effect needs to be found, from `needed`; `NEEDED` for those it lacks.
         inflation: Inflation of the noise, from calibration.
         samples: Samples of a fabric.
-        step: Called for each of `FABRICS` fabrics.
+        fabrics: Number of fabrics.
+        step: Called for each fabric.
 
     Returns:
         By effect, in its own unit; infinite where it is not found.
     """
     generator = np.random.default_rng(_SEED)
     severities: dict[str, list[float]] = {}
-    for _ in range(FABRICS):
+    for _ in range(fabrics):
         theta = PRIOR_MEAN + 0.7 * PRIOR_SD * generator.standard_normal(len(PRIOR_SD))
         theta[0] = level
         expected = expected_features(emulator, theta, samples)
