@@ -119,7 +119,7 @@ def test_bad_cases_get_no_confident_answer(small_suite: Path, tmp_path: Path, on
         assert found.refused
         return
     assert not found.refused, "what is left of the case can be diagnosed"
-    assert all(probability < 0.5 for name, probability in found.causes if name in EFFECTS)
+    assert all(probability < 0.5 for name, probability in found.causes if name in EFFECTS), found.causes
 
 
 def test_oracle_closure_is_judged(small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None) -> None:

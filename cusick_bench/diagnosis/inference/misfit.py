@@ -30,7 +30,7 @@ _ANY_DIRECTION = 0.5  # share of A that prefers no direction
 _SPREAD_MISFIT = 0.7  # standard deviation of ln sd beside one standard deviation of a mean's misfit
 MISFIT_SIZES: Final = np.array([0.0, 0.7, 1.4, 2.8, 5.6, 11.0])
 """s, in standard deviations of the noise."""
-MISFIT_PRIOR: Final = np.array([0.3, 0.22, 0.2, 0.15, 0.09, 0.04])
+MISFIT_PRIOR: Final = np.array([0.1, 0.25, 0.25, 0.2, 0.12, 0.08])
 ANY_SIZES: Final = np.array([0.0, 0.7, 1.4, 2.8, 5.6])
 """t, likewise."""
 ANY_PRIOR: Final = np.array([0.88, 0.06, 0.03, 0.02, 0.01])

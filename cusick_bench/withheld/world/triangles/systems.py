@@ -30,18 +30,21 @@ _JITTER = 0.2  # of the spacing, by which vertices lie beside those of the packa
 
 @dataclass(frozen=True, eq=False)
 class SceneSystems:
-    """Mechanical systems of the scenes of one case; scenes of the same radii share the analysis of their matrix.
+    """Mechanical systems of the scenes of one case; scenes of a sample and of the same radii share their analysis.
+
+    Every sample has a mesh of its own: one that all share prefers directions, which shows as an effect of the
+    laboratory where there is none.
 
     Attributes:
         vertices: Mesh size.
-        seed: Seed of the mesh.
+        seed: Seed of the meshes.
         law: Material law. `paper` bends over dual edges and is clamped; `published` hangs on springs.
     """
 
     vertices: int
     seed: int
     law: Literal["paper", "published"]
-    _centred: dict[tuple[float, float], DrapeSystem] = field(default_factory=dict, init=False, repr=False)
+    _centred: dict[tuple[int, float, float], DrapeSystem] = field(default_factory=dict, init=False, repr=False)
 
     def system_of(self, scene: Scene) -> DrapeSystem:
         """The cloth of a scene on its plate; without gravity, which is a load.
@@ -52,24 +55,28 @@ class SceneSystems:
         Returns:
             The system, with material points about the plate's axis.
         """
-        centred = self._centred_system(scene.radius, scene.plate_radius)
+        centred = self._centred_system(scene.sample, scene.radius, scene.plate_radius)
         mesh = placed(centred.mesh, scene.radius, scene.plate_radius, np.array(scene.centre), scene.outlines)
         system = centred.with_mesh(mesh)
         elements = _dual(system.elements, mesh) if self.law == "paper" else system.elements
         return system.with_elements(_grown(_turned(elements, mesh, scene.skew), mesh, scene))
 
-    def _centred_system(self, radius: float, plate: float) -> DrapeSystem:
-        """A disc of that radius [m] in the middle of a plate of that radius [m], analysed once."""
-        if (radius, plate) not in self._centred:
-            mesh = disc_mesh(self.vertices, seed=self.seed, radius=radius, plate_radius=plate)
+    def _centred_system(self, sample: int, radius: float, plate: float) -> DrapeSystem:
+        """A sample's disc of that radius [m] in the middle of a plate of that radius [m], analysed once."""
+        key = (sample, radius, plate)
+        if key not in self._centred:
+            for other in [known for known in self._centred if known[0] != sample]:
+                del self._centred[other]  # samples are draped one after the other
+            seed = int(np.random.default_rng([self.seed, sample]).integers(2**31))
+            mesh = disc_mesh(self.vertices, seed=seed, radius=radius, plate_radius=plate)
             none = np.zeros(mesh.vertices, dtype=bool)
             if self.law == "published":
-                mesh = jittered_mesh(mesh, _JITTER, seed=self.seed, plate_radius=plate)
+                mesh = jittered_mesh(mesh, _JITTER, seed=seed, plate_radius=plate)
                 fixed, spring = none, _SPRING * on_plate(mesh, plate)
             else:
                 fixed, spring = on_plate(mesh, plate), np.zeros(mesh.vertices)
-            self._centred[radius, plate] = DrapeSystem(mesh, self.law, 0.0, fixed, spring)
-        return self._centred[radius, plate]
+            self._centred[key] = DrapeSystem(mesh, self.law, 0.0, fixed, spring)
+        return self._centred[key]
 
 
 def cloth_points(mesh: Mesh, scene: Scene) -> Float[ndarray, "vertices 2"]:
