@@ -221,6 +221,13 @@ def test_a_telephone_scrolls_up_and_down_only(opened, scheme):
     assert (sum(map(int, background[4:-1].split(","))) > 380) == (scheme == "light")
 
 
+def test_paper_cuts_nothing_off(opened):
+    page = opened({"width": 688, "height": 1000})  # A4 between its margins
+    page.emulate_media(media="print")
+    edges = "(all) => all.map((one) => one.getBoundingClientRect().right)"
+    assert max(page.locator("table, svg, img, canvas").evaluate_all(edges)) <= 688
+
+
 def test_everything_has_a_name_and_headings_skip_no_level(opened):
     page = opened()
     _open_viewer(page)
