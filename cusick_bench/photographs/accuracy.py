@@ -11,10 +11,9 @@ from numpy import ndarray
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.calibrate import calibrated
-from cusick_bench.photographs.preparation.on_axis import seen_on_axis
+from cusick_bench.photographs.preparation.reading_on_axis import outline_on_axis
 from cusick_bench.photographs.reading import Photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED
-from cusick_bench.photographs.segmentation.outline import find_outline
 from cusick_bench.photographs.studio.folder import calibration_pictures, focal_in_film, true_radii
 from cusick_bench.photographs.studio.scene import Laboratory, Piece, make_drape, make_laboratory
 from cusick_bench.photographs.studio.shot import photograph
@@ -151,8 +150,8 @@ def _view(laboratory: Laboratory) -> PlateView:
 
 def _measured(laboratory: Laboratory, view: PlateView, shot: int, trouble: str) -> Measured:
     levels, drape = _taken(laboratory, shot, trouble)
-    outline = find_outline(_photograph(laboratory, levels), view, PLATE_RADIUS, CLOTH_RADIUS)
-    error = 1e3 * (seen_on_axis(outline.radii, view, PLATE_RADIUS, CLOTH_RADIUS) - true_radii(laboratory, drape))
+    _, outline = outline_on_axis(_photograph(laboratory, levels), view, PLATE_RADIUS, CLOTH_RADIUS)
+    error = 1e3 * (outline.radii - true_radii(laboratory, drape))
     return Measured(
         laboratory.seed,
         shot,

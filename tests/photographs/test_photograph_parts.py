@@ -146,7 +146,7 @@ def test_confidence_is_high_where_nothing_speaks_against():
     [
         ("weak_edge", 0.2), ("colour", 0.9), ("undecided", 0.2), ("disagreement_mm", 12.0), ("learning_mm", 5.0),
         ("roughness_mm", 0.6), ("unfound", 0.1), ("width_mm", 2.0), ("strange", 0.4), ("at_limit", 0.05),
-        ("unseen", 0.01), ("beyond_plate", 0.0),
+        ("unseen", 0.01), ("off_axis_mm", 0.8), ("beyond_plate", 0.0),
     ],
 )  # fmt: skip
 def test_each_doubt_counts_alone(measure_, value):

@@ -63,7 +63,7 @@ def find_board(photograph: Photograph, name: str, printed: float = 1.0) -> SeenB
             remedy="print it with `cusick-bench data board`, take the picture closer, sharper and without glare",
             kind="no-board",
         )
-    places = in_plate_axes(np.asarray(board.getChessboardCorners())[numbers.ravel()], printed)
+    places = in_plate_axes(np.asarray(board.getChessboardCorners())[np.asarray(numbers, int).ravel()], printed)
     return SeenBoard(places, found.reshape(-1, 2))
 
 

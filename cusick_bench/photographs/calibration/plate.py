@@ -60,7 +60,8 @@ def _blob(photograph: Photograph, name: str) -> tuple[tuple[float, float], tuple
     ratio = min(ellipse[1]) / max(ellipse[1])
     if ratio < 0.85 or max(ellipse[1]) > 0.98 * min(width, height):
         raise _no_plate(name, "what stands out in the middle is no disc within the picture")
-    return ellipse
+    (column, row), (first, second), turn = ellipse
+    return (column, row), (first, second), turn
 
 
 def _no_plate(name: str, what: str) -> BadPhotograph:
@@ -180,6 +181,7 @@ def centred_on_plate(view: PlateView, photograph: Photograph, name: str, radius:
     places = view.on_plane(pixels)
     good = strength > 0.3 * np.median(strength)
     circle = np.array([0.0, 0.0, radius])
+    miss = np.zeros(_ANGLES)
     for _ in range(4):
         circle = least_squares(_off_circle, circle, args=(places[good],), loss="soft_l1", f_scale=3e-4).x
         miss = np.abs(np.hypot(*(places - circle[:2]).T) - circle[2])

@@ -14,6 +14,10 @@ from cusick_bench.photographs.segmentation.refine import outermost
 
 _ROUNDS = 20
 _EDGE = (0.03, 0.06)  # shares of the overhang between which the outline goes over from the plate's edge to the rim
+_DEPTH = 0.9  # of the overhang: depth of a valley's rim
+_UNSURE, _SURE = ((0.1, 0.42), (0.2, 0.09)), 0.04
+"""Standard deviation of the depth, in overhangs, where the outline lies less than so many overhangs outside the plate,
+and elsewhere: of the synthetic set's drapes."""
 
 
 def seen_on_axis(radii: Float[ndarray, " angles"], view: PlateView, plate: float, cloth: float) -> ndarray:
@@ -41,3 +45,23 @@ def seen_on_axis(radii: Float[ndarray, " angles"], view: PlateView, plate: float
         hangs = np.clip((reach / (cloth - plate) - _EDGE[0]) / (_EDGE[1] - _EDGE[0]), 0, 1)
         depth = 0.5 * depth + 0.5 * hangs * np.sqrt((cloth - plate) ** 2 - reach**2)
     return outermost(place * (height / (height + depth))[:, None])
+
+
+def left_off_axis(radii: Float[ndarray, " angles"], view: PlateView, plate: float, cloth: float) -> float:
+    """Error that the camera's offset is expected to leave, since the rim's depth is only supposed.
+
+    Args:
+        radii: Radii in the plate's plane as the camera sees them [m].
+        view: The calibrated camera.
+        plate: Radius of the plate [m].
+        cloth: Radius of the flat cloth [m].
+
+    Returns:
+        Root-mean-square error of the radii [m]; 0 where the camera's height is not known, and nothing is corrected.
+    """
+    if not view.knows_height:
+        return 0.0
+    reach = (radii * (1 + _DEPTH * (cloth - plate) / view.eye[2]) - plate) / (cloth - plate)
+    unsure = np.select([reach < limit for limit, _ in _UNSURE], [share for _, share in _UNSURE], _SURE)
+    slant = float(np.hypot(*view.eye[:2]) / view.eye[2])
+    return slant * (cloth - plate) * float(np.sqrt(np.mean(unsure**2)))

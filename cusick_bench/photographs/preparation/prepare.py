@@ -17,12 +17,11 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.calibrate import Named, calibrated, require_size
-from cusick_bench.photographs.preparation.on_axis import seen_on_axis
 from cusick_bench.photographs.preparation.pictures import DrapePicture, Pictures, find_pictures
+from cusick_bench.photographs.preparation.reading_on_axis import outline_on_axis
 from cusick_bench.photographs.preparation.silhouette import overlay, silhouette
 from cusick_bench.photographs.reading import read_photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED, doubts
-from cusick_bench.photographs.segmentation.outline import Outline, find_outline
 
 CHECKS = "check"  # folder of the pictures to look at
 _VIEW = 2.36  # flat radii that an image is wide, as in the public release
@@ -217,7 +216,7 @@ def _view(pictures: Pictures, setting: Setting) -> PlateView:
 def _prepared(picture: DrapePicture, view: PlateView, protocol: Protocol, setting: Setting, out: Path) -> Prepared:
     photograph = read_photograph(picture.path)
     require_size(photograph, view.size, str(picture.path))
-    outline: Outline = find_outline(photograph, view, setting.plate_radius, setting.cloth_radius)
+    outline, on_axis = outline_on_axis(photograph, view, setting.plate_radius, setting.cloth_radius)
     good = outline.confidence >= setting.accepted
     reasons = () if good else doubts(outline.evidence)
     title = f"{picture.name}: confidence {outline.confidence:.2f}" + ("" if good else f", {'; '.join(reasons)}")
@@ -225,10 +224,9 @@ def _prepared(picture: DrapePicture, view: PlateView, protocol: Protocol, settin
     (out / CHECKS).mkdir(parents=True, exist_ok=True)
     _write(out / CHECKS / f"check_{picture.name}.jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if good:
-        radii = seen_on_axis(outline.radii, view, setting.plate_radius, setting.cloth_radius)
         place = out / "data" / f"Fabric {picture.fabric}" / "silhouettes"
         place.mkdir(parents=True, exist_ok=True)
-        _write(place / f"{picture.name}.png", silhouette(radii, protocol), [])
+        _write(place / f"{picture.name}.png", silhouette(on_axis.radii, protocol), [])
     return Prepared(picture, outline.confidence, reasons, good)
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture
 
@@ -55,8 +55,8 @@ class Neighbours:
         cloth, ground: Trees of their features.
     """
 
-    cloth: cKDTree
-    ground: cKDTree
+    cloth: KDTree
+    ground: KDTree
 
     def judged(self, features: Float[ndarray, "*places 3"]) -> tuple[ndarray, ndarray]:
         """Compares places with the known ones.
@@ -113,7 +113,7 @@ def learnt(
             cloth = np.concatenate([cloth[::3], _drawn(smooth[inside], _SAMPLES, generator)])
         if outside.sum() > 100:
             ground = np.concatenate([ground[::3], _drawn(smooth[outside], _SAMPLES, generator)])
-    return Neighbours(cKDTree(colour_features(cloth)), cKDTree(colour_features(ground)))
+    return Neighbours(KDTree(colour_features(cloth)), KDTree(colour_features(ground)))
 
 
 def likelihood(

@@ -26,6 +26,7 @@ class Evidence:
         width_mm: Width of the edge along it [mm].
         strange: Largest share of places between plate and ground, in a sector of 15 degrees, that are like neither
             cloth nor ground.
+        off_axis_mm: Error that a camera beside the axis is expected to leave [mm].
         beyond_plate: How far it lies outside the plate, in plate radii.
     """
 
@@ -43,6 +44,7 @@ class Evidence:
     unfound: float = 0.0
     width_mm: float = 0.0
     strange: float = 0.0
+    off_axis_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ _DOUBTS = (
     _Doubt("strange", 0.16, 0.03, "{:.0%} of a sector is neither cloth nor ground: something lies on it"),
     _Doubt("at_limit", 0.01, 0.003, "{:.0%} of it lies where no cloth can end"),
     _Doubt("unseen", 0.002, 0.0005, "{:.0%} of it leaves the picture"),
+    _Doubt("off_axis_mm", 0.25, 0.03, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
     _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
 )
 

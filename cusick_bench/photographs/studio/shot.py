@@ -75,7 +75,8 @@ def _developed(laboratory: Laboratory, linear: ndarray, generator: np.random.Gen
     level = np.where(blurred <= 0.0031308, 12.92 * blurred, 1.055 * bright - 0.055)
     noise = cv2.GaussianBlur(generator.standard_normal(level.shape, np.float32), (0, 0), 0.6) * 1.8
     noisy = np.clip(255 * level + laboratory.noise * noise, 0, 255).astype(np.uint8)
-    return cv2.imdecode(cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, laboratory.quality])[1], 1)
+    coded = cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, laboratory.quality])[1]
+    return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR))
 
 
 def _coarse(fine: ndarray, camera: StudioCamera) -> ndarray:
