@@ -11,13 +11,12 @@ from cusick_bench.runner.store import Store
 
 @runtime_checkable
 class CellExecutor(Protocol):
-    """Runs cells somewhere.
+    """Runs cells somewhere."""
 
-    Attributes:
-        death: What is recorded of a cell whose process ended before it could say why: the likely reason, the remedy.
-    """
-
-    death: str
+    @property
+    def death(self) -> str:
+        """What is recorded of a cell whose process ended before it could say why: the likely reason, the remedy."""
+        ...
 
     def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
         """Runs cells; the failure of one cancels no other.

@@ -12,6 +12,8 @@ from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample
 
+Silhouette = Float[ndarray, "size size"]
+
 SAMPLES_KEPT = 64  # more than a cloth has in the release
 
 
@@ -29,7 +31,7 @@ def read_sample(dataset: DrapeDataset, row: int) -> DrapeSample:
     return dataset.sample(row)
 
 
-def read_image(dataset: DrapeDataset, row: int) -> Float[ndarray, "size size"]:
+def read_image(dataset: DrapeDataset, row: int) -> Silhouette:
     """A silhouette.
 
     Args:
@@ -43,7 +45,7 @@ def read_image(dataset: DrapeDataset, row: int) -> Float[ndarray, "size size"]:
 
 
 @lru_cache(maxsize=1)
-def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Float[ndarray, "size size"], ...]]:
+def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Silhouette]]:
     """Pairs of captures of one drape: the floor below which no score of this cloth means anything.
 
     Args:

@@ -24,9 +24,15 @@ def junit(outcome: Outcome) -> bytes:
     """
     tests = str(len(outcome.findings))
     skipped = str(sum(finding.verdict in ("undecided", "new") for finding in outcome.findings))
-    counts = {"tests": tests, "failures": str(len(outcome.regressions)), "errors": "0", "skipped": skipped}
-    root = Element("testsuites", name="cusick-bench check", **counts)
-    suite = SubElement(root, "testsuite", name="cusick-bench check", **counts)
+    counts = {
+        "name": "cusick-bench check",
+        "tests": tests,
+        "failures": str(len(outcome.regressions)),
+        "errors": "0",
+        "skipped": skipped,
+    }
+    root = Element("testsuites", counts)
+    suite = SubElement(root, "testsuite", counts)
     for finding in outcome.findings:
         _add(suite, finding)
     if outcome.notes:
