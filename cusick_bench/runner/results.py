@@ -1,4 +1,4 @@
-"""Results of a grid as a sequence that is read from disk item by item: memory does not grow with the grid."""
+"""Results of a grid as a sequence that is read from disk item by item instead of being held."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
