@@ -16,7 +16,7 @@ GATE := --data synthetic --law plate --solver homo --solver nlopt:LN_BOBYQA --so
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "cusick-bench needs Python 3.11 or newer; pass PYTHON=..."'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs,browser]'
 	touch $(READY)
 
 bench: $(READY)  ## The main job on the shipped synthetic set: fit, score, leaderboard, report

@@ -1,9 +1,11 @@
 """Classes that other packages register under an entry point; one that cannot be used is named and left out."""
 
+import sys
 import warnings
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -23,7 +25,7 @@ def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dic
         Classes by name.
     """
     found: dict[str, type[T]] = {}
-    for entry in entry_points(group=group):
+    for entry in _entries(entry_points, group, tuple(sys.path)):
         if entry.name in taken or entry.name in found:
             leave_out(group, entry.name, entry.value, "has a name that is taken; give it another one")
             continue
@@ -37,6 +39,12 @@ def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dic
         else:
             leave_out(group, entry.name, entry.value, f"must be a subclass of {base.__name__}, got {loaded!r:.60}")
     return found
+
+
+@lru_cache(maxsize=8)  # going through all that is installed takes 10 ms, and a grid asks several times a cell
+def _entries(find: Callable[..., Any], group: str, path: tuple[str, ...]) -> tuple[Any, ...]:
+    """Entry points of a group; `path`, where packages are looked for, tells one answer from another."""
+    return tuple(find(group=group))
 
 
 def leave_out(group: str, name: str, value: object, why: str) -> None:

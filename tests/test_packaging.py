@@ -66,7 +66,7 @@ def test_optional_packages_are_those_that_are_looked_for_only():
     extras = {
         normalised(requirement)
         for extra, requirements in PROJECT["optional-dependencies"].items()
-        if extra not in ("dev", "docs")
+        if extra not in ("dev", "docs", "browser")
         for requirement in requirements
     }
     assert extras == {"pypardiso", "cvxopt", "ipctk", "nvmath-python"}

@@ -1,6 +1,7 @@
 """Reading of files that others wrote, within limits: nothing is unpickled, and sizes are looked at before content.
 
-json_file: one JSON object; npz_file: arrays; csv_file: tables, which csv_text writes, without formulas. All raise
+json_file: one JSON object; npz_file: arrays; csv_file: tables, which csv_text writes, without formulas, and table_file
+as Parquet too. All raise
 `BadFile`: the file, what is wrong with it, and the remedy.
 """
 

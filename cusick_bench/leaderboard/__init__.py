@@ -9,10 +9,11 @@ if TYPE_CHECKING:
     from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
     from cusick_bench.leaderboard.cells import Cells, Skipped, load_cells
     from cusick_bench.leaderboard.errors import LeaderboardError
-    from cusick_bench.leaderboard.formats import csv, html_table, latex, markdown, record, terminal
+    from cusick_bench.leaderboard.formats import board_table, csv, html_table, latex, markdown, record, terminal
     from cusick_bench.leaderboard.stiffness import (
         StiffnessRow,
         cell_records,
+        cell_table,
         stiffness_csv,
         stiffness_records,
         stiffness_rows,
@@ -30,7 +31,9 @@ __all__ = [
     "Row",
     "Skipped",
     "StiffnessRow",
+    "board_table",
     "cell_records",
+    "cell_table",
     "csv",
     "difference",
     "estimate",
@@ -65,7 +68,9 @@ __getattr__ = lazy_names(
         "Row": "board",
         "Skipped": "cells",
         "StiffnessRow": "stiffness",
+        "board_table": "formats",
         "cell_records": "stiffness",
+        "cell_table": "stiffness",
         "csv": "formats",
         "difference": "bootstrap",
         "estimate": "bootstrap",

@@ -113,8 +113,19 @@ def csv(boards: list[Leaderboard]) -> str:
     Returns:
         Text of the file.
     """
-    records = [record(board, row) for board in boards for row in board.rows]
-    return csv_text(pd.DataFrame(records))
+    return csv_text(board_table(boards))
+
+
+def board_table(boards: list[Leaderboard]) -> pd.DataFrame:
+    """What `csv` writes, as a table.
+
+    Args:
+        boards: Leaderboards.
+
+    Returns:
+        A row for each row of a board; see `record`.
+    """
+    return pd.DataFrame([record(board, row) for board in boards for row in board.rows])
 
 
 def record(board: Leaderboard, row: Row) -> dict[str, Any]:

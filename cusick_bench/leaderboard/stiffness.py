@@ -166,6 +166,32 @@ def cell_records(cells: Cells) -> list[dict[str, Any]]:
     return records
 
 
+def cell_table(cells: Cells) -> pd.DataFrame:
+    """Every number of every finished cell, a row a cell.
+
+    Args:
+        cells: From `load_cells`.
+
+    Returns:
+        What identifies the cell, `settings` as JSON, `test_samples`, what was spent, all metrics, the stiffness found
+        as `bending_<direction>_n_m` and `stretch_<direction>_n_per_m` with `_low` and `_high` (NaN where there is
+        none), and `path` below the results folder.
+    """
+    rows: list[dict[str, Any]] = []
+    for cell in cells.table.to_dict("records"):
+        row = {str(name): value for name, value in cell.items() if name not in ("stiffness", "test", "folder")}
+        row["test_samples"] = len(cell["test"])
+        found = cell.get("stiffness")
+        if isinstance(found, FoundStiffness):
+            kinds = (("bending", "n_m", found.bending), ("stretch", "n_per_m", found.stretch))
+            for kind, unit, quantities in kinds:
+                for direction, one in quantities.items():
+                    name, (low, high) = f"{kind}_{direction}_{unit}", one.ci90 or (nan, nan)
+                    row |= {name: one.value, f"{name}_low": low, f"{name}_high": high}
+        rows.append(row | {"path": f"cells/{Path(str(cell['folder'])).name}"})
+    return pd.DataFrame(rows)
+
+
 def stiffness_csv(cells: Cells) -> str:
     """`cell_records` as a table.
 

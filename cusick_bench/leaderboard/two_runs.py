@@ -132,7 +132,7 @@ def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:
-    shared = set(ours["cloth"]) & set(theirs["cloth"])
+    shared = sorted(set(ours["cloth"]) & set(theirs["cloth"]))
     ours, theirs = (table.loc[table["cloth"].isin(shared)] for table in (ours, theirs))
     changes = {}
     for name in COMPARED:

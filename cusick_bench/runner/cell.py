@@ -5,6 +5,7 @@ import os
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from cusick_bench.problem.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
+from cusick_bench.runner.samples import read_image, read_repeats, read_sample
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
@@ -100,7 +102,7 @@ def build_problem(
         The problem, its budget not touched.
     """
     kept = Simulators() if simulators is None else simulators
-    settings, protocol, sample = cell.settings, dataset.protocol, dataset.sample(cell.train[0])
+    settings, protocol, sample = cell.settings, dataset.protocol, read_sample(dataset, cell.train[0])
     known: dict[str, Any] = sample.row.to_dict()
     drape = replace(settings.drape, seed=cell.seed, plate_radius=protocol.plate_radius_m, gravity=protocol.gravity_m_s2)
     mesh = cloth_mesh(drape.law, settings.vertices, radius=protocol.cloth_radius_m, plate_radius=drape.plate_radius)
@@ -112,7 +114,7 @@ def build_problem(
     radii = sample.profile.radii if scene is None else scene.profile(sample.profile.radii)
     laid = laid_like(radii, simulator.mesh, plate_radius=plate_radius)
     return DrapeProblem(
-        train_image=_image(dataset, cell.train[0]),
+        train_image=read_image(dataset, cell.train[0]),
         simulator=simulator,
         space=SPACES[settings.space](simulator.mesh, prior, plate_radius, protocol.cloth_radius_m),
         thickness=float(known["thickness"]),
@@ -191,7 +193,7 @@ def _attempt(
         prediction = _solve(problem, dataset, cell, report)
         spent = _spent(meter)  # before scoring, which is not the solver's time
         report(1.0, meter.best_loss, "scoring")
-        pairs, protocol = _repeat_pairs(dataset, cell), dataset.protocol
+        pairs, protocol = read_repeats(dataset, cell.cloth), dataset.protocol
         metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=pairs, protocol=protocol)
         found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
         _write_prediction(folder / "prediction.npz", prediction, problem, drawn)
@@ -205,6 +207,8 @@ def _attempt(
             raise
         outcome = _failed(error)
     except Exception as error:
+        if (stop := _stop_behind(error)) is not None:
+            raise stop from error
         outcome = _failed(error)
     finally:
         if problem is not None:
@@ -226,32 +230,34 @@ def _solve(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Rep
 
 
 def _samples(dataset: DrapeDataset, cell: Cell) -> tuple[DrapeSample, list[DrapeSample]]:
-    return dataset.sample(cell.train[0]), [dataset.sample(row) for row in cell.test]
-
-
-def _image(dataset: DrapeDataset, row: int) -> np.ndarray:
-    return np.asarray(dataset.image(row), dtype=np.float64)
+    return read_sample(dataset, cell.train[0]), [read_sample(dataset, row) for row in cell.test]
 
 
 def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
     size = dataset.protocol.image_size_px
-    repeats = [[_image(dataset, other) for other in dataset.repeats(row)] for row in cell.test]
+    repeats = [[read_image(dataset, other) for other in dataset.repeats(row)] for row in cell.test]
     return HeldOut(
-        images=np.stack([_image(dataset, row) for row in cell.test]) if cell.test else np.zeros((0, size, size)),
+        images=np.stack([read_image(dataset, row) for row in cell.test]) if cell.test else np.zeros((0, size, size)),
         repeats=tuple(np.stack(images) if images else np.zeros((0, size, size)) for images in repeats),
     )
 
 
-def _repeat_pairs(dataset: DrapeDataset, cell: Cell) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of captures of one drape: the floor below which no score of this cloth means anything."""
-    pairs = dataset.repeat_pairs(cell.cloth)
-    return [(_image(dataset, row), _image(dataset, other)) for row, other in pairs]
-
-
+@lru_cache(maxsize=1)
 def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
     """What the data say of the cloth's stiffness, which no solver is shown."""
     true = true_tables(dataset, cloth)
     return None if true is None else cloth_stiffness(true.stretch, true.bending, true.law, poisson=true.poisson)
+
+
+def _stop_behind(error: BaseException) -> BaseException | None:
+    """The request to stop (Ctrl-C, SIGTERM, the end of a time limit) that an error stands for, None where it is none.
+
+    A request that arrives while a compiled kernel runs comes out of it as the cause of a SystemError.
+    """
+    behind: BaseException | None = error
+    while behind is not None and isinstance(behind, Exception):
+        behind = behind.__cause__ or behind.__context__
+    return behind
 
 
 def _failed(error: Exception) -> dict[str, Any]:

@@ -13,9 +13,11 @@ from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.executor import CellExecutor
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.pool import run_on_executor, run_on_processes
+from cusick_bench.runner.pool import Borrowed, Processes
 from cusick_bench.runner.progress import Unwatched, Watcher
+from cusick_bench.runner.results import Results
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store, disk_errors, locked, read_json, write_json
 from cusick_bench.runner.warm_up import WarmUp
@@ -30,11 +32,11 @@ def run(
     out: Path,
     *,
     workers: int = 1,
-    executor: Executor | None = None,
+    executor: Executor | CellExecutor | None = None,
     watcher: Watcher | None = None,
     command: Sequence[str] = (),
     force: bool = False,
-) -> list[dict[str, Any]]:
+) -> Results:
     """Runs the cells that are not finished yet.
 
     Args:
@@ -42,13 +44,14 @@ def run(
         cells: From `plan`.
         out: Results folder.
         workers: Processes; 1 runs everything here, with all threads.
-        executor: Something else to run on, instead of a pool of `workers` processes. Its workers must see `out`.
+        executor: Something else to run on, instead of a pool of `workers` processes: `Submitted`, or any executor of
+            `concurrent.futures`. Its workers must see `out`.
         watcher: Called to tell how the grid gets on.
         command: Command line, for the record.
         force: Whether to use silhouettes that no cloth on the plate can show; the record says so.
 
     Returns:
-        Results in the order of the cells.
+        Results in the order of the cells, each read from its file when it is asked for.
 
     Raises:
         DataError: Without `force`, a silhouette of the cells that no cloth on the plate can show.
@@ -67,16 +70,20 @@ def run(
     _log.debug("%d cells, %d of them finished before; %d workers", len(cells), len(cells) - len(waiting), workers)
     for cell in waiting:
         _log.debug("cell %s: %s on %s, seed %d, %s", cell.key, cell.solver, cell.cloth, cell.seed, cell.settings)
-    lost: list[Cell] = []
-    if executor is not None:
-        lost = run_on_executor(executor, source, waiting, store, watcher)
-    elif workers > 1 and waiting:
-        lost = run_on_processes(source, waiting, store, watcher, workers)
-    else:
+    chosen = _executor(executor, workers)
+    if chosen is None:
         _run_here(dataset, waiting, store, watcher)
-    for cell in lost:
-        _record_death(cell, store, watcher)
-    return [store.result(cell.key) for cell in cells]
+    else:
+        for cell in chosen.run(source, waiting, store, watcher):
+            _record_death(cell, chosen.death, store, watcher)
+    return Results(store, cells)
+
+
+def _executor(given: Executor | CellExecutor | None, workers: int) -> CellExecutor | None:
+    """What runs the cells; None for this process itself."""
+    if isinstance(given, Executor):
+        return Borrowed(given)
+    return Processes(workers) if given is None and workers > 1 else given
 
 
 def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watcher: Watcher) -> None:
@@ -92,9 +99,8 @@ def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watche
         watcher.end(cell, result["status"], result["failure"])
 
 
-def _record_death(cell: Cell, store: Store, watcher: Watcher) -> None:
+def _record_death(cell: Cell, failure: str, store: Store, watcher: Watcher) -> None:
     """A cell whose process was killed cannot say so itself."""
-    failure = "Worker process died, probably killed out of memory; reduce --workers"
     outcome = {"status": "failed", "failure": failure, "traceback": "", "metrics": {}, "spent": {}}
     folder = store.folder(cell.key)
     with disk_errors(store.out):

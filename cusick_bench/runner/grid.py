@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
@@ -139,7 +140,7 @@ class Cell:
         """Solver and causes, as leaderboards name them."""
         return labelled(self.solver, self.settings.causes)
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Name of the cell's folder."""
         return record_key(self.record())

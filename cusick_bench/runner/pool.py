@@ -4,8 +4,7 @@ import multiprocessing
 import queue
 import time
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,8 @@ from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
 POLL_SECONDS = 0.2  # between looks at the workers' messages
+SUBMITTED_AHEAD = 4  # cells a worker that are submitted at a time: workers never wait, and memory stays constant
+MOST_SUBMITTED = 1000  # cells at a time, of an executor whose number of workers nobody knows
 
 
 @dataclass(eq=False)
@@ -61,65 +62,112 @@ def _start_worker(messages: Any) -> None:
     _worker.messages = messages
 
 
-def _work(source: Source, cell: Cell, out: Path) -> dict[str, Any]:
+def work(source: Source, cell: Cell, out: Path) -> dict[str, Any]:
+    """Runs one cell in this process, which is a worker.
+
+    Args:
+        source: Where the data come from.
+        cell: What to run.
+        out: Results folder.
+
+    Returns:
+        The cell's result.
+    """
     return _worker.run(source, cell, out)
 
 
-def run_on_processes(source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, workers: int) -> list[Cell]:
-    """Runs cells on a pool of processes, and those lost with a dead worker once more, each alone.
+@dataclass(frozen=True)
+class Processes:
+    """A pool of processes on this machine; cells lost with a dead worker are run once more, each alone.
 
-    Args:
-        source: Where the data come from.
-        cells: What to run.
-        store: Where results lie.
-        watcher: Called to tell how the grid gets on.
+    Attributes:
         workers: Processes.
-
-    Returns:
-        Cells whose own process died twice.
+        death: What is recorded of a cell whose worker died twice.
     """
-    lost = _run_on_a_pool(source, cells, store, watcher, workers)
-    return [cell for cell in lost if _run_on_a_pool(source, [cell], store, watcher, 1)]
+
+    workers: int
+    death: str = "Worker process died, probably killed out of memory; reduce --workers"
+
+    def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+        """Runs cells.
+
+        Args:
+            source: Where the data come from.
+            cells: What to run.
+            store: Where results lie.
+            watcher: Called to tell how the grid gets on.
+
+        Returns:
+            Cells whose own process died twice.
+        """
+        lost = self._once(source, cells, store, watcher)
+        return [cell for cell in lost if Processes(1)._once(source, [cell], store, watcher)]
+
+    def _once(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+        if not cells:
+            return []
+        messages = multiprocessing.get_context("spawn").Queue()
+        workers = min(self.workers, len(cells))
+        threads = max(1, cores() // workers)
+        with process_pool(workers, threads=threads, initializer=_start_worker, initargs=(messages,)) as pool:
+            return Borrowed(pool, messages, SUBMITTED_AHEAD * workers).run(source, cells, store, watcher)
 
 
-def _run_on_a_pool(source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, workers: int) -> list[Cell]:
-    messages = multiprocessing.get_context("spawn").Queue()
-    workers = min(workers, len(cells))
-    threads = max(1, cores() // workers)
-    with process_pool(workers, threads=threads, initializer=_start_worker, initargs=(messages,)) as pool:
-        return run_on_executor(pool, source, cells, store, watcher, messages)
+@dataclass(frozen=True)
+class Borrowed:
+    """Any executor of `concurrent.futures` whose workers see the results folder.
 
-
-def run_on_executor(
-    pool: Executor, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, messages: Any = None
-) -> list[Cell]:
-    """Runs cells on any executor whose workers see the results folder.
-
-    Args:
+    Attributes:
         pool: The executor.
-        source: Where the data come from.
-        cells: What to run.
-        store: Where results lie.
-        watcher: Called to tell how the grid gets on.
         messages: Queue in which workers tell how far they are, None where they cannot.
-
-    Returns:
-        Cells lost with a worker that died.
+        ahead: Cells that are submitted at a time.
+        death: What is recorded of a cell whose worker died.
     """
-    lost: list[Cell] = []
-    futures: dict[Future[dict[str, Any]], Cell] = {pool.submit(_work, source, cell, store.out): cell for cell in cells}
-    while futures:
-        finished, _ = wait(futures, timeout=POLL_SECONDS, return_when=FIRST_COMPLETED)
-        _pass_on(messages, watcher)
-        for future in finished:
-            cell = futures.pop(future)
+
+    pool: Executor
+    messages: Any = None
+    ahead: int = MOST_SUBMITTED
+    death: str = "Worker process died, probably killed out of memory; give the executor fewer workers"
+
+    def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+        """Runs cells.
+
+        Args:
+            source: Where the data come from.
+            cells: What to run.
+            store: Where results lie.
+            watcher: Called to tell how the grid gets on.
+
+        Returns:
+            Cells lost with a worker that died.
+        """
+        lost: list[Cell] = []
+        ended: queue.SimpleQueue[tuple[Cell, Future[dict[str, Any]]]] = queue.SimpleQueue()
+        waiting, under_way = iter(cells), 0
+        while True:
+            while under_way < self.ahead and (cell := next(waiting, None)) is not None:
+                try:
+                    future = self.pool.submit(work, source, cell, store.out)
+                except BrokenExecutor:
+                    lost.append(cell)
+                    continue
+                under_way += 1
+                future.add_done_callback(lambda done, cell=cell: ended.put((cell, done)))
+            if not under_way:
+                return lost
+            try:
+                cell, future = ended.get(timeout=POLL_SECONDS)
+            except queue.Empty:
+                _pass_on(self.messages, watcher)
+                continue
+            _pass_on(self.messages, watcher)
+            under_way -= 1
             try:
                 result = future.result()
-            except BrokenProcessPool:
+            except BrokenExecutor:
                 lost.append(cell)
             else:
                 watcher.end(cell, result["status"], result["failure"])
-    return lost
 
 
 def _pass_on(messages: Any, watcher: Watcher) -> None:

@@ -105,7 +105,7 @@ class _Process(SpawnProcess):
         self._threads = threads
 
     def start(self) -> None:
-        with _environment(self._threads), _interrupts_blocked():
+        with threads_of_new_processes(self._threads), _interrupts_blocked():
             super().start()
 
     def run(self) -> None:
@@ -139,8 +139,15 @@ def _interrupts_blocked() -> Iterator[None]:
 
 
 @contextmanager
-def _environment(threads: int) -> Iterator[None]:
-    """The environment that a process started now inherits."""
+def threads_of_new_processes(threads: int) -> Iterator[None]:
+    """Processes started now have so many threads, unless the environment says otherwise already.
+
+    Args:
+        threads: Threads of each.
+
+    Returns:
+        A context manager.
+    """
     unset = [name for name in _THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(unset, str(threads)))
     try:

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from cusick_bench.files import BadFile, read_json_object
-from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.errors import CellIsRunning, RunnerError
 
 try:
     import fcntl
@@ -267,7 +267,7 @@ class Store:
         What an earlier process has left half written is removed, and a marker that is wrong, which is logged.
 
         Raises:
-            RunnerError: Another process is running it.
+            CellIsRunning: Another process is running it.
         """
         folder = self.folder(key)
         folder.mkdir(parents=True, exist_ok=True)
@@ -276,7 +276,7 @@ class Store:
                 try:
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError as error:
-                    raise RunnerError(f"another process is running {folder}; wait for it or stop it") from error
+                    raise CellIsRunning(f"another process is running {folder}; wait for it or stop it") from error
             for part in folder.glob("*.part"):
                 part.unlink()
             if fault := self.fault(key):

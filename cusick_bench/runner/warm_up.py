@@ -48,9 +48,12 @@ class WarmUp:
             dataset: Data.
             cell: What is about to be run.
         """
-        solver, tiny = make_solver(cell.solver), _tiny(cell)
+        solver = make_solver(cell.solver)
+        if solver.kind != "solver":
+            return
+        tiny = _tiny(cell)
         kind = record_key({"solver": cell.solver, "settings": tiny.settings.record()})
-        if solver.kind != "solver" or kind in self.kinds:
+        if kind in self.kinds:
             return
         self.kinds.add(kind)
         configuration: Any = config

@@ -19,7 +19,8 @@ from cusick_bench.sim.cloth import obj
 NAMED_SETS = "bnn_image_gt"
 _MAXIMUM_FILES = 200_000
 _SIDE_FILES = re.compile(
-    r"(readme|licen[cs]e|citation).*|fabrics\.csv|(protocol|sha256|croissant|truth|manifest)\.json", re.I
+    r"(readme|licen[cs]e|citation).*|fabrics\.csv|(protocol|sha256|croissant|truth|manifest)\.json|check_.*\.jpg|weights\.csv",
+    re.I,
 )
 _FABRIC_FOLDER = re.compile(r"fabric[ _-]*(\d+)(?P<series>[ _-]*obs\w*)?", re.I)
 _SAMPLE_FOLDER = re.compile(r"sample[ _-]*(\d+)", re.I)

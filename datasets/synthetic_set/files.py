@@ -1,8 +1,4 @@
-"""Writes the `synthetic` set as files: the public layout, its true parameters, a Croissant description, checksums.
-
-References:
-    Croissant metadata format 1.0, MLCommons, 2024.
-"""
+"""Writes the `synthetic` set as files: the public layout, its true parameters, a Croissant description, checksums."""
 
 import hashlib
 import json
@@ -21,6 +17,7 @@ from cusick_bench.datasets.files.checksums import CHECKSUMS
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe
+from cusick_bench.datasets.synthetic_set.croissant import croissant
 from cusick_bench.sim.cloth.obj import write_obj
 from cusick_bench.sim.render.silhouette import render
 
@@ -65,33 +62,6 @@ def _protocol() -> dict[str, Any]:
     """The frame of the public release, which the set is made in."""
     turned, order = "about y: material x points to -x when face down", "captures 1, 2 face up, then 3, 4 face down"
     return replace(RELEASE, captures=dict(recipe.CAPTURES), turn_over=turned, order=order).document()
-
-
-def _croissant(files: dict[str, str]) -> dict[str, Any]:
-    return {
-        "@context": {
-            "@vocab": "https://schema.org/",
-            "cr": "http://mlcommons.org/croissant/",
-            "sc": "https://schema.org/",
-        },
-        "@type": "sc:Dataset",
-        "name": "cusick-bench-synthetic",
-        "conformsTo": "http://mlcommons.org/croissant/1.0",
-        "description": "Simulated Cusick drapes of five cloths of known stiffness: 12 samples x 2 faces x 2 captures.",
-        "license": "https://spdx.org/licenses/Apache-2.0",
-        "version": "1.0.0",
-        "distribution": [
-            {
-                "@type": "cr:FileObject",
-                "@id": name,
-                "name": name,
-                "contentUrl": name,
-                "encodingFormat": "image/png" if name.endswith(".png") else "application/octet-stream",
-                "sha256": digest,
-            }
-            for name, digest in files.items()
-        ],
-    }
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -142,7 +112,7 @@ def write_synthetic(
     (folder / "fabrics.csv").write_text("\n".join(["fabric,areal_density_kg_m2,thickness_m", *rows]) + "\n")
     (folder / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
     (folder / "croissant.json").unlink(missing_ok=True)
-    (folder / "croissant.json").write_text(json.dumps(_croissant(checksums(folder)), indent=1) + "\n")
+    (folder / "croissant.json").write_text(json.dumps(croissant(checksums(folder)), indent=1) + "\n")
     digests = checksums(folder)
     (folder / CHECKSUMS).write_text(json.dumps(digests, indent=1) + "\n")
     return digests

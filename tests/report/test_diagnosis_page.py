@@ -709,6 +709,7 @@ def test_budget_of_the_gap(tmp_path):
     ]  # fmt: skip
     made |= {"unexplained": {"share": 0.3, "ci90": [0.2, 0.4]}, "groups": [["creep", "bending-friction"]]}
     made["causes"][0] |= {"acting": 0.93, "shared": True}
+    made["effects"] = [made["causes"][0]["effect"]]
     text = page(made, tmp_path).text.replace("\u00a0", " ")
     assert "plate-tilt 50 % 40 % to 60 % creep 20 % unexplained 30 % 20 % to 40 %" in text
     assert "Creep stands for one of creep, bending-friction." in text

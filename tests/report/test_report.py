@@ -14,6 +14,7 @@ from html_page import Page
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from PIL import Image
+from shown_cells import radii, write_cell
 from typer.testing import CliRunner
 
 from cusick_bench.cli.results.report import report
@@ -29,9 +30,6 @@ from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
 from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
-from cusick_bench.solvers.reference.silhouettes import silhouette
-
-ANGLES = 2 * np.pi * np.arange(720) / 720
 
 
 @pytest.fixture(autouse=True)
@@ -39,33 +37,6 @@ def _coarse_scenes(monkeypatch):
     """Most tests do not look at the drape closely."""
     monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SUPERSAMPLING", 1)
     monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SHADOW_SIZE", 300)
-
-
-def radii(folds: int = 7) -> np.ndarray:
-    return 0.12 + 0.012 * np.cos(folds * ANGLES)
-
-
-def write_cell(folder: Path, solver: str, cloth: str = "cotton_blue", seed: int = 0, *, draws: int = 1) -> Path:
-    cell = folder / "cells" / f"{solver.strip('<>')}-{cloth}-{seed}".replace(":", "_")
-    cell.mkdir(parents=True)
-    null = ":" in solver
-    record = {"solver": solver, "kind": "null" if null else "solver", "cloth": cloth, "seed": seed, "test": [0, 1]}
-    record |= {"dataset": "lab", "dataset_hash": "abc", "protocol": "paper", "settings": {}}
-    metrics = {"train_mse": 0.01234, "test_mse": 0.05678, "draws": draws, "train_dc": 0.631, "train_dc_target": 0.642}
-    metrics |= {"test_hausdorff_m": 0.0316, "train_folds": 7, "train_folds_target": 8}
-    spent = {"forward_equivalents": 0 if null else 240, "wall_seconds": 61.5}
-    (cell / "cell.json").write_text(json.dumps(record))
-    (cell / "result.json").write_text(json.dumps(record | {"status": "done", "metrics": metrics, "spent": spent}))
-    mesh = ruled_surface(radii(8)[::6], strips=3)
-    arrays = {} if null else {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.faces)}
-    fit = silhouette(radii(8)).astype(np.float32)
-    images = {"train_image": fit, "train_target": silhouette(radii(7)).astype(np.float32)}
-    offered = np.repeat(np.round(255 * fit).astype(np.uint8)[None], draws, axis=0)
-    np.savez_compressed(cell / "prediction.npz", draws=offered, **images, **arrays)
-    steps = [{"forward_equivalents": 2 * i, "best_loss": 0.1 / i} for i in range(1, 40)]
-    (cell / "trace.jsonl").write_text("\n".join(json.dumps(step) for step in steps) + '\n{"forward_eq')
-    (cell / "done").touch()
-    return cell
 
 
 def make(folder: Path, **options) -> Page:
@@ -325,6 +296,34 @@ def test_every_colour_of_figures_has_a_light_and_a_dark_variable():
     for variable in VARIABLES.values():
         assert css.count(f"{variable}: ") == 2, variable
     assert all(f"var({name})" not in css or f"{name}: " in css for name in re.findall(r"var\((--[\w-]+)\)", css))
+
+
+def _contrast(one: str, other: str) -> float:
+    """Ratio of WCAG 2.2, from 1 to 21."""
+
+    def luminance(colour: str) -> float:
+        parts = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    dark, light = sorted([luminance(one), luminance(other)])
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("mode", [0, 1], ids=["light", "dark"])
+def test_words_and_lines_stand_out_from_the_page_in_both_modes(mode):
+    css = (resources.files("cusick_bench.report") / "templates" / "page.css").read_text(encoding="utf-8")
+    colour = {name: found[mode] for name in re.findall(r"(--[\w-]+): #", css) if len(found := _values(css, name)) == 2}
+    words = ("ink", "soft", "model", "none", "series-6", "row-null", "row-oracle", "row-floor")
+    for ground in ("page", "card", "tint"):
+        for name in words:
+            assert _contrast(colour[f"--{name}"], colour[f"--{ground}"]) >= 4.5, (name, ground)
+    for place in range(8):
+        assert _contrast(colour[f"--series-{place}"], colour["--card"]) >= 3
+
+
+def _values(css: str, name: str) -> list[str]:
+    return re.findall(rf"{name}: (#[0-9a-f]{{6}})\b", css)
 
 
 def test_cut_and_odd_trace_lines_are_passed_over(tmp_path):

@@ -12,6 +12,7 @@ from rich.table import Column, Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.completion import complete_data
+from cusick_bench.cli.data.photographs import board, photograph_errors, photographs, prepare
 from cusick_bench.cli.data.synthetic import synthetic
 from cusick_bench.cli.options import Cloths, FabricsCsv, Json
 from cusick_bench.cli.progress import progress_bar
@@ -25,8 +26,14 @@ if TYPE_CHECKING:
     from cusick_bench.datasets.stats import ClothStatistics
 
 
-app = typer.Typer(help="What a data set holds, what is irregular in it, and what its drapes are like.")
+app = typer.Typer(
+    help="What a data set holds, what is irregular in it, what its drapes are like; and data sets from photographs."
+)
 app.command()(synthetic)
+app.command()(prepare)
+app.command()(board)
+app.command()(photographs)
+app.command("photograph-errors")(photograph_errors)
 
 _SHOWN = 3  # irregularities of a kind that are listed without --all
 

@@ -46,10 +46,11 @@ from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 if TYPE_CHECKING:
     from cusick_bench.metrics.found_stiffness import FoundStiffness
+    from cusick_bench.runner import Submitted
 
 app = typer.Typer()
 
-EXECUTORS = ("process",)
+EXECUTORS = ("process", "slurm", "local")
 
 STIFFNESS_FILE = "stiffness.csv"
 
@@ -98,8 +99,15 @@ def run_command(
         simulation_option(help="How the cloth is laid down: image, with the training image's folds, or random."),
     ] = "image",
     with_effect: WithEffect = None,
-    executor: Annotated[str, running_option(help="What runs the cells: process.")] = "process",
+    executor: Annotated[
+        str,
+        running_option(help="What runs the cells: process, slurm, or local (as slurm, but on this machine)."),
+    ] = "process",
     workers: Workers = 1,
+    job: Annotated[
+        list[str] | None,
+        running_option(help="What a Slurm task asks for: time=60 (minutes), mem=8G, ...; repeatable."),
+    ] = None,
     only: Annotated[
         str | None,
         running_option("--shard", help="Run the i-th of n parts of the grid: i/n."),
@@ -114,8 +122,7 @@ def run_command(
     from cusick_bench.runner import ProblemSettings, Source, load_once, plan, require_space, run, shard
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    if executor not in EXECUTORS:
-        raise RunnerError(f"unknown executor {executor!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
+    cell_executor = _executor(executor, workers, job or [])
     if space is not None:
         require_space(solver or [], space)
     settings = ProblemSettings(
@@ -143,9 +150,13 @@ def run_command(
     )
     cells = shard(cells, only) if only else cells
     with GridProgress() as grid, interruptible(partial(cells_kept, grid, out), go_on=True):
-        results = run(source, cells, out, workers=workers, watcher=grid, command=sys.argv, force=force)
-    found = [_stiffness(result) for result in results]
-    rows = [_row(result, out / "cells" / cell.key) for cell, result in zip(cells, results, strict=True)]
+        results = run(
+            source, cells, out, workers=workers, executor=cell_executor, watcher=grid, command=sys.argv, force=force
+        )
+    found, rows = [], []
+    for cell, result in zip(cells, results, strict=True):
+        found.append(_stiffness(result))
+        rows.append(_row(result, out / "cells" / cell.key))
     _write_stiffness(out)
     if json:
         print_json({"cells": rows})
@@ -158,6 +169,25 @@ def run_command(
         tell(f"next: cusick-bench leaderboard {out}")
     if any(row["status"] == "failed" for row in rows):
         raise typer.Exit(1)
+
+
+def _executor(name: str, workers: int, job: list[str]) -> "Submitted | None":
+    """Who runs the cells; None for this process and its own workers."""
+    if name not in EXECUTORS:
+        raise RunnerError(f"unknown executor {name!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
+    options: dict[str, str] = {}
+    for text in job:
+        key, equals, value = text.partition("=")
+        if not (key.isidentifier() and equals and value):
+            raise RunnerError(f"--job takes NAME=VALUE, such as time=60; got {text[:60]!r}")
+        options[key] = value
+    if name == "process":
+        if options:
+            raise RunnerError("--job is for --executor slurm or local; leave it out, or give an executor")
+        return None
+    from cusick_bench.runner import Submitted
+
+    return Submitted(name, workers, options)
 
 
 def _stiffness(result: dict[str, Any]) -> "FoundStiffness | None":

@@ -15,7 +15,7 @@ from rich import box
 from rich.table import Table
 
 from cusick_bench.cli.common import UNDECIDED, output, print_json, tell, user_errors
-from cusick_bench.cli.options import Json, Seed
+from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import outside_package
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -43,6 +43,9 @@ def check_command(
     level: Annotated[float, typer.Option(help="Family-wise probability of a false alarm.")] = 0.05,
     minimum: Annotated[float, typer.Option("--minimum-effect", help="Least relative change that matters.")] = 0.02,
     write: Annotated[bool, typer.Option("--write", help="Make the baseline of RUN instead of comparing.")] = False,
+    junit: Annotated[
+        Path | None, output_option(help="File for the verdicts as JUnit XML, which CI shows as tests.")
+    ] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -76,6 +79,12 @@ def check_command(
         gate = replace(gate, metrics=tuple(metric_called(name, both) for name in metric))
     with progress_bar("comparing"):
         outcome = check(cells, baseline, gate)
+    if junit is not None:
+        from cusick_bench.leaderboard.gate.junit import junit as junit_xml
+
+        junit.parent.mkdir(parents=True, exist_ok=True)
+        junit.write_bytes(junit_xml(outcome))
+        tell(f"wrote {junit}")
     _show(outcome, as_json)
     if outcome.regressions:
         raise typer.Exit(1)

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from cusick_bench.leaderboard import Leaderboard, StiffnessRow
 
 
-FORMS = (".csv", ".md", ".tex", ".html")
+FORMS = (".csv", ".parquet", ".md", ".tex", ".html")
+
+STIFFNESS_FORMS = (".csv", ".md", ".tex", ".html")
 
 app = typer.Typer()
 
@@ -35,7 +37,13 @@ def leaderboard(
     folder: RunFolder,
     out: Annotated[
         list[Path] | None,
-        output_option(help="File for the table: .csv (every number), .md, .tex or .html; repeatable."),
+        output_option(help="File for the table: .csv or .parquet (every number), .md, .tex or .html; repeatable."),
+    ] = None,
+    every_cell: Annotated[
+        list[Path] | None,
+        output_option(
+            "--cells", help="File for every number of every finished cell: .csv or .parquet (pyarrow); repeatable."
+        ),
     ] = None,
     stiffness: Annotated[
         list[Path] | None,
@@ -47,7 +55,9 @@ def leaderboard(
     as_json: Json = False,
 ) -> None:
     """Ranks the solvers of a results folder, and says what stiffness they found."""
+    from cusick_bench.files.table_file import TABLE_FORMS, require_pyarrow, table_bytes
     from cusick_bench.leaderboard import (
+        cell_table,
         leaderboards,
         load_cells,
         record,
@@ -58,17 +68,22 @@ def leaderboard(
         text_table,
     )
 
-    for path in [*(out or []), *(stiffness or [])]:
-        if path.suffix not in FORMS:
-            raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(FORMS)}")
+    for paths, forms in ((out, FORMS), (stiffness, STIFFNESS_FORMS), (every_cell, TABLE_FORMS)):
+        for path in paths or []:
+            if path.suffix not in forms:
+                raise LeaderboardError(f"cannot write {path}: its name must end in one of {', '.join(forms)}")
+            if path.suffix == ".parquet":
+                require_pyarrow(str(path))
     cells = load_cells(folder)
     with progress_bar("ranking"):
         boards = leaderboards(cells, by=by, statistic=statistic.value, seed=seed)
     found = stiffness_rows(cells, seed=seed)
     for path in out or []:
-        _write(path, _form(boards, path.suffix))
+        _write(path, _form(boards, path))
+    for path in every_cell or []:
+        _write(path, table_bytes(cell_table(cells), path))
     for path in stiffness or []:
-        _write(path, _stiffness_form(found, path.suffix))
+        _write(path, _stiffness_form(found, path.suffix).encode())
     if as_json:
         skipped = [
             {"path": cell.folder, "status": cell.status, "reason": cell.reason, "solver": cell.solver}
@@ -90,9 +105,9 @@ def leaderboard(
             output.print(note, style="dim")
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    path.write_bytes(content)
     tell(f"wrote {path}")
 
 
@@ -104,10 +119,11 @@ def _stiffness_form(rows: list[StiffnessRow], suffix: str) -> str:
     return {".md": markdown, ".tex": latex, ".html": html_table}[suffix](stiffness_table(rows))
 
 
-def _form(boards: list[Leaderboard], suffix: str) -> str:
-    from cusick_bench.leaderboard import csv, html_table, latex, markdown
+def _form(boards: list[Leaderboard], path: Path) -> bytes:
+    from cusick_bench.files.table_file import TABLE_FORMS, table_bytes
+    from cusick_bench.leaderboard import board_table, html_table, latex, markdown
 
-    if suffix == ".csv":
-        return csv(boards)
-    form = {".md": markdown, ".tex": latex, ".html": html_table}[suffix]
-    return "\n".join(form(board) for board in boards)
+    if path.suffix in TABLE_FORMS:
+        return table_bytes(board_table(boards), path)
+    form = {".md": markdown, ".tex": latex, ".html": html_table}[path.suffix]
+    return "\n".join(form(board) for board in boards).encode()

@@ -1,7 +1,9 @@
 """`cusick-bench benchmark`: speed, memory, scaling and gradient accuracy of the simulator, in one run."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
@@ -61,6 +63,12 @@ def benchmark(
         str | None,
         simulation_option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
     ] = None,
+    runner_cells: Annotated[
+        int | None,
+        simulation_option(
+            min=40, max=1_000_000, help="Instead: what the runner itself costs in a grid of so many trivial cells."
+        ),
+    ] = None,
     out: Annotated[Path, output_option(help="File for the JSON document; Markdown tables go beside it.")] = Path(
         "benchmark.json"
     ),
@@ -76,6 +84,9 @@ def benchmark(
     from cusick_bench.benchmark.text import markdown
     from cusick_bench.datasets.files.plate_drapes import read_plate_drapes
 
+    if runner_cells is not None:
+        _measure_runner(runner_cells, as_json)
+        return
     asked: dict[str, Any] = dict(FULL) if full else {}
     asked |= {"vertices": tuple(vertices)} if vertices else {}
     asked |= {"rounds": rounds} if rounds else {}
@@ -108,6 +119,25 @@ def benchmark(
     _print_laws(document["laws"])
     _print_gradients(document["gradient_error"])
     _print_targets(document["targets"])
+
+
+def _measure_runner(cells: int, as_json: bool) -> None:
+    from cusick_bench.benchmark.runner_overhead import runner_overhead
+
+    with (
+        TemporaryDirectory(prefix="cusick-bench-") as folder,
+        interruptible("nothing was written"),
+        progress_bar("cells", cells) as bar,
+    ):
+        overhead = runner_overhead(cells, Path(folder), progress=bar.show)
+    document = asdict(overhead) | {"memory_a_cell_kib": overhead.memory_a_cell_kib}
+    if as_json:
+        print_json({"runner": document})
+        return
+    output.print(
+        f"{cells} trivial cells: {overhead.wall_ms:.1f} ms each ({overhead.processor_ms:.1f} ms of processor time), "
+        f"{overhead.again_ms:.2f} ms where finished already; {overhead.memory_a_cell_kib:.1f} KiB of memory a cell"
+    )
 
 
 class _Kept:

@@ -17,7 +17,7 @@ from numpy import ndarray
 from cusick_bench.leaderboard import significant
 from cusick_bench.report.cell_view import CellView, shown_surface
 
-_MOST_BYTES = 4 << 20  # of all drapes on a page
+MOST_BYTES = 4 << 20  # of all drapes on a page
 _LEVELS = 254  # of a value; the next byte stands for none
 _NONE = 255
 _COORDINATES = 32767
@@ -190,7 +190,7 @@ def models_document(models: Sequence[DrapeModel], plate_radius: float) -> dict[s
         faces = _encoded(model.faces.astype("<u4"))
         drape = _drape(model) | {"mesh": meshes.get(faces, len(meshes))}
         size += _size(drape) + (0 if faces in meshes else len(faces))
-        if size > _MOST_BYTES:
+        if size > MOST_BYTES:
             break
         meshes.setdefault(faces, len(meshes))
         drapes.append(drape)

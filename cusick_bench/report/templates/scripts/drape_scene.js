@@ -3,23 +3,23 @@
 
 const VERTEX_SHADER = `#version 300 es
 in vec3 position; in vec3 normal; in float value;
-uniform mat4 projection; uniform vec3 eye;
-out vec3 outward; out vec3 towards; out vec2 level;  // value times weight, weight: 0 where a vertex has no value
+uniform mat4 projection;
+out vec3 outward; out vec2 level;  // value times weight, weight: 0 where a vertex has no value
 void main() {
   gl_Position = projection * vec4(position, 1.0);
-  outward = normal; towards = eye - position;
+  outward = normal;
   level = value < 0.0 ? vec2(0.0) : vec2(value, 1.0);
 }`;
 
 const FRAGMENT_SHADER = `#version 300 es
 precision highp float;
-in vec3 outward; in vec3 towards; in vec2 level;
+in vec3 outward; in vec2 level;
 uniform vec3 stops[5]; uniform vec3 plain; uniform float coloured;
 out vec4 colour;
 void main() {
-  vec3 n = normalize(outward), t = normalize(towards);
-  float inside = dot(n, t) < 0.0 ? 0.72 : 1.0;
-  if (inside < 1.0) n = -n;
+  vec3 n = normalize(outward);
+  float inside = gl_FrontFacing ? 1.0 : 0.72;
+  if (!gl_FrontFacing) n = -n;
   float key = max(dot(n, normalize(vec3(-0.62, -0.28, 0.85))), 0.0);
   float light = inside * (0.45 + 0.20 * n.z + 0.45 * key);
   float at = clamp(level.x / max(level.y, 1e-4), 0.0, 1.0) * 4.0;
@@ -137,7 +137,7 @@ class DrapeScene {
     this.draw();
   }
 
-  /* Position of the eye, and the matrix that takes positions to the screen, by columns. */
+  /* The matrix that takes positions to the screen, by columns. */
   camera() {
     const { azimuth, elevation, distance } = this.view, size = this.size;
     const ray = [Math.cos(azimuth) * Math.cos(elevation), Math.sin(azimuth) * Math.cos(elevation), Math.sin(elevation)];
@@ -148,7 +148,7 @@ class DrapeScene {
     const near = 0.05 * size, far = 4 * size, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
     const [re, ue, fe] = [right, up, ray].map((axis) => -dot(axis, eye));
     const matrix = [0, 1, 2].flatMap((k) => [x * right[k], y * up[k], a * ray[k], -ray[k]]);
-    return { eye, matrix: [...matrix, x * re, y * ue, a * fe + b, -fe] };
+    return [...matrix, x * re, y * ue, a * fe + b, -fe];
   }
 
   draw() {
@@ -161,9 +161,8 @@ class DrapeScene {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(this.program);
-    const { eye, matrix } = this.camera(), at = (name) => gl.getUniformLocation(this.program, name);
-    gl.uniformMatrix4fv(at("projection"), false, matrix);
-    gl.uniform3fv(at("eye"), eye);
+    const at = (name) => gl.getUniformLocation(this.program, name);
+    gl.uniformMatrix4fv(at("projection"), false, this.camera());
     gl.uniform3fv(at("stops"), (this.stops || Array(5).fill(PLAIN)).flat());
     gl.uniform1f(at("coloured"), this.stops ? 1 : 0);
     for (const [body, colour] of [[this.cloth, PLAIN], [this.stand, PEDESTAL]]) {

@@ -1,0 +1,276 @@
+"""`cusick-bench data prepare`, `board`, `photographs`, `photograph-errors`: from pictures of a drape meter to data."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Column, Table
+
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.options import LARGEST_SEED, Json, cloth_option, output_option, running_option
+from cusick_bench.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from cusick_bench.photographs.accuracy import Measured
+    from cusick_bench.photographs.preparation.prepare import Preparation, Setting
+
+_MOST_PHOTOGRAPHS = 100_000
+_RULER = 150.0  # [mm] nominal length of the printed ruler, as in photographs/sheet.py
+
+
+class Paper(StrEnum):
+    """Sizes of paper."""
+
+    a4 = "a4"
+    letter = "letter"
+
+
+PlateDiameter = Annotated[str, cloth_option(help="Diameter of the plate, with its unit (mm, cm, m, in).")]
+ClothDiameter = Annotated[str, cloth_option(help="Diameter of the flat cloth, with its unit (mm, cm, m, in).")]
+Photographs = Annotated[
+    Path, typer.Argument(help="Folder of photographs; docs/drape-meter.md says how to name them.", metavar="PHOTOS")
+]
+
+
+@user_errors
+def prepare(
+    photographs: Photographs,
+    out: Annotated[Path, output_option(help="New folder for the data set.")],
+    weight: Annotated[
+        list[str] | None,
+        cloth_option(help="Weight with its unit (g/m2, oz/yd2): of all fabrics, or NUMBER=WEIGHT; repeatable."),
+    ] = None,
+    weights: Annotated[
+        Path | None,
+        cloth_option(help="Table fabric,weight,thickness; by default weights.csv in PHOTOS, if it is there."),
+    ] = None,
+    cloth_diameter: ClothDiameter = "300 mm",
+    plate_diameter: PlateDiameter = "180 mm",
+    captures: Annotated[
+        str, cloth_option(help="Which face lies up in which capture.", metavar="NUMBER=up|down,...")
+    ] = "1=up,2=up,3=down,4=down",
+    camera_height: Annotated[
+        str | None,
+        cloth_option(help="Height of the camera above the plate, measured, with its unit; by default by calibration."),
+    ] = None,
+    printed_ruler: Annotated[
+        str, cloth_option(help="Length of the printed board's ruler of 150 mm, as you measure it, with its unit.")
+    ] = "150 mm",
+    image_size: Annotated[int, output_option(min=64, max=4096, help="Width of the silhouettes [px].")] = 512,
+    template: Annotated[
+        bool, output_option("--template", help="Only write a table for the weights, weights.csv in OUT, to fill in.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Make a data set from photographs: calibrate the camera, find every cloth's outline, draw silhouettes.
+
+    Outlines of low confidence are drawn in OUT/check and listed, but not written as silhouettes; exit status 1 then.
+    """
+    from cusick_bench.photographs.preparation.pictures import find_pictures
+    from cusick_bench.photographs.preparation.prepare import prepare as prepare_folder
+    from cusick_bench.photographs.preparation.weights import TABLE, read_weights
+    from cusick_bench.photographs.preparation.weights import template as table_text
+
+    found = find_pictures(photographs)
+    fabrics = sorted({picture.fabric for picture in found.drapes})
+    if template:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / TABLE).write_text(table_text(fabrics), encoding="utf-8")
+        print_json({"table": out / TABLE}) if as_json else output.print(f"fill in {out / TABLE}, give it as --weights")
+        return
+    table = weights or (photographs / TABLE if (photographs / TABLE).is_file() else None)
+    known = read_weights(table) if table else ({}, {})
+    setting = _setting(known, weight, fabrics, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler)
+    from dataclasses import replace
+
+    with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"pictures are in {out}"):
+        prepared = prepare_folder(
+            photographs, out, replace(setting, image_size=image_size), done=lambda name: bar.advance()
+        )
+    if as_json:
+        print_json(prepared.document())
+    else:
+        _report(prepared)
+    if prepared.unweighed:
+        names = ", ".join(map(str, prepared.unweighed))
+        tell(f"no weight is known of fabric {names}: add it to {out / 'fabrics.csv'}; a fit needs it")
+    if not prepared.view.knows_height:
+        tell(
+            "the camera's height is not known, so perspective stays in the silhouettes: give --camera-height, or add "
+            "pictures of the board held at angles"
+        )
+    if prepared.doubtful:
+        raise typer.Exit(1)
+
+
+def _setting(
+    known: tuple[dict[int, float], dict[int, float]],
+    weight: list[str] | None,
+    fabrics: list[int],
+    cloth_diameter: str,
+    plate_diameter: str,
+    captures: str,
+    camera_height: str | None,
+    printed_ruler: str,
+) -> Setting:
+    from cusick_bench.datasets.files.protocol import CAMERA_HEIGHTS, CLOTH_RADII, PLATE_RADII
+    from cusick_bench.photographs.errors import BadPhotograph
+    from cusick_bench.photographs.preparation.prepare import Setting
+    from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
+    from cusick_bench.photographs.preparation.weights import weights_of_options
+
+    def length(text: str, option: str, bounds: tuple[float, float]) -> float:
+        value = quantity(text, LENGTHS, option)
+        if not bounds[0] <= value <= bounds[1]:
+            raise BadPhotograph(
+                f"{option} must be from {bounds[0]:g} to {bounds[1]:g} m, got {text}", remedy="correct number or unit"
+            )
+        return value
+
+    cloth = length(cloth_diameter, "--cloth-diameter", (2 * CLOTH_RADII[0], 2 * CLOTH_RADII[1])) / 2
+    plate = length(plate_diameter, "--plate-diameter", (2 * PLATE_RADII[0], 2 * PLATE_RADII[1])) / 2
+    if plate >= 0.9 * cloth:
+        sizes = f"plate {2e3 * plate:g} mm, cloth {2e3 * cloth:g} mm"
+        raise BadPhotograph(
+            f"the plate must be smaller than 0.9 of the cloth, got {sizes}", remedy="correct a diameter"
+        )
+    printed = length(printed_ruler, "--printed-ruler", (0.9e-3 * _RULER, 1.1e-3 * _RULER)) / (1e-3 * _RULER)
+    height = None if camera_height is None else length(camera_height, "--camera-height", CAMERA_HEIGHTS)
+    sides: dict[int, str] = {}
+    for part in captures.split(","):
+        number, _, side = (text.strip() for text in part.partition("="))
+        if not number.isdecimal() or side not in ("up", "down", ""):
+            raise BadPhotograph(f"--captures must be NUMBER=up|down,..., got {part!r}", remedy="such as 1=up,2=down")
+        sides[int(number)] = side
+    return Setting(
+        cloth_radius=cloth,
+        plate_radius=plate,
+        weights=known[0] | weights_of_options(weight or (), fabrics),
+        thicknesses=known[1],
+        captures=sides,
+        camera_height=height,
+        printed=printed,
+    )
+
+
+def _report(prepared: Preparation) -> None:
+    view, spread = prepared.view, prepared.view.uncertainty
+    height = f"{view.eye[2]:.3f} ± {spread.height_m:.3f} m high" if view.knows_height else "of unknown height"
+    output.print(
+        f"camera from {view.source}: {view.scale:.0f} px/m ± {100 * spread.scale:.2f} %, middle ± "
+        f"{1e3 * spread.centre_m:.2f} mm, tilted {57.3 * view.tilt:.1f} ± {57.3 * spread.tilt_rad:.1f} degrees, "
+        f"{height}"
+    )
+    written = len(prepared.pictures) - len(prepared.doubtful)
+    output.print(
+        f"{written} of {len(prepared.pictures)} silhouettes in {prepared.out}; look at {prepared.out / 'check'}"
+    )
+    if prepared.doubtful:
+        table = Table("not written", "confidence", Column("why", overflow="fold"))
+        for one in prepared.doubtful:
+            table.add_row(str(one.picture.path), f"{one.confidence:.2f}", "; ".join(one.doubts))
+        output.print(table)
+
+
+@user_errors
+def board(
+    out: Annotated[Path, output_option(help="PDF file to write.")],
+    paper: Annotated[Paper, output_option(help="Size of the paper.")] = Paper.a4,
+    plate_diameter: PlateDiameter = "180 mm",
+    as_json: Json = False,
+) -> None:
+    """Make the printable board (PDF, true scale) that calibrates a camera over the plate, with a ruler to check it."""
+    from cusick_bench.photographs.errors import BadPhotograph
+    from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
+    from cusick_bench.photographs.sheet import write_sheet
+
+    diameter = quantity(plate_diameter, LENGTHS, "--plate-diameter")
+    if not 0.06 <= diameter <= 0.2:
+        raise BadPhotograph(
+            f"--plate-diameter must be from 60 to 200 mm to fit the sheet, got {plate_diameter}",
+            remedy="keep 180 mm and photograph the bare plate as well, which then gives the middle",
+        )
+    if out.suffix.lower() != ".pdf":
+        raise BadPhotograph(f"--out must end in .pdf, got {out.name}", remedy="name it board.pdf")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_sheet(out, paper.value, diameter / 2)
+    if as_json:
+        print_json({"out": out, "paper": paper.value})
+    else:
+        output.print(f"{out}: print at 100 %, and check the ruler")
+
+
+@user_errors
+def photographs(
+    out: Annotated[Path, output_option(help="New folder for the photographs.")],
+    drapes: Annotated[int, typer.Option(min=1, max=1000, help="Photographs of drapes.")] = 4,
+    laboratory: Annotated[
+        int, typer.Option(min=0, max=LARGEST_SEED, help="Number of the laboratory: camera, light, ground.")
+    ] = 0,
+    as_json: Json = False,
+) -> None:
+    """Draw photographs of simulated drapes, with light, shadow, patterns and lens, to try `data prepare` with."""
+    from cusick_bench.photographs.errors import BadPhotograph
+    from cusick_bench.photographs.studio.folder import write_photographs
+    from cusick_bench.photographs.studio.scene import make_laboratory
+
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it")
+    made = make_laboratory(laboratory)
+    with progress_bar("drawing") as bar, interruptible(f"the pictures that were ready are in {out}"):
+        write_photographs(made, out, drapes, done=lambda name: bar.advance())
+    if as_json:
+        print_json({"out": out, "drapes": drapes, "laboratory": laboratory, "calibration": made.calibration})
+    else:
+        output.print(f"{drapes} drapes, calibrated by {made.calibration}, in {out}; truth.json holds the true outlines")
+
+
+@user_errors
+def photograph_errors(
+    count: Annotated[int, typer.Option("--photographs", min=1, max=_MOST_PHOTOGRAPHS, help="Photographs.")] = 200,
+    laboratory: Annotated[
+        int,
+        typer.Option(
+            min=0, max=LARGEST_SEED, help="Number of the first laboratory; those below 1000 were used for tuning."
+        ),
+    ] = 1000,
+    troubles: Annotated[
+        bool, typer.Option("--troubles", help="Spoil every photograph: hands, glare, cloth like the ground, and so on.")
+    ] = False,
+    minimum_share: Annotated[
+        float,
+        running_option(min=0, max=1, help="Share of outlines within .5 mm; with --troubles, of wrong ones recognised."),
+    ] = 0.95,
+    as_json: Json = False,
+) -> None:
+    """Measure errors of outlines on synthetic photographs, and whether confidence knows them; exit status 1 if not."""
+    from dataclasses import asdict
+
+    from cusick_bench.photographs.accuracy import accuracy, document, measure
+
+    measured: list[Measured] = []
+    with progress_bar("photographs", count) as bar:
+        for one in measure(count, laboratory, troubles=troubles):
+            measured.append(one)
+            bar.advance()
+    found = accuracy(measured)
+    if as_json:
+        print_json({"laboratory": laboratory, "troubles": troubles, **asdict(found), "rows": document(measured)})
+    else:
+        table = Table("laboratory", "shot", "calibration", "trouble", "rms mm", "largest mm", "confidence")
+        for one in sorted(measured, key=lambda one: -one.rms_mm)[:20]:
+            numbers = (f"{one.rms_mm:.2f}", f"{one.largest_mm:.1f}", f"{one.confidence:.2f}")
+            table.add_row(str(one.laboratory), str(one.shot), one.calibration, one.trouble, *numbers)
+        output.print(table)
+        output.print(
+            f"{100 * found.within:.1f} % of {found.photographs} photographs within .5 mm "
+            f"(median {found.median_mm:.2f}, 95 % below {found.most_mm:.2f} mm); {100 * found.accepted:.1f} % "
+            f"accepted, of these {100 * found.accepted_within:.1f} % within .5 mm; {100 * found.recognised:.1f} % of "
+            f"{found.wrong} wrong ones recognised"
+        )
+    reached = found.recognised if troubles else found.within
+    if reached < minimum_share:
+        raise typer.Exit(1)

@@ -1,0 +1,137 @@
+"""Calibration from pictures of the printed board, by Zhang's method as OpenCV has it.
+
+One picture shows the board on the plate and gives the plane. Two and more of the board held at other angles give the
+lens and, with it, the camera's height.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.photographs.board import charuco_board, in_plate_axes
+from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
+from cusick_bench.photographs.errors import BadPhotograph
+from cusick_bench.photographs.reading import Photograph
+
+_LEAST_CORNERS = 12
+_LEAST_PICTURES = 3  # that give a lens: one on the plate, two held at angles
+_WORST_FIT = 2.0  # [px] of corners off their places, per 1000 px of width
+_RULER = 5e-4  # relative uncertainty of the printed size after a look at the check ruler
+_HEADER_FOCAL = 0.03  # relative uncertainty of the focal length in a picture's header
+_PLACED = 3e-4  # [m] by which a board cut along its circle may lie off the plate's axis
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBoard:
+    """The board's corners in a picture.
+
+    Attributes:
+        places: On the board, about its middle, z = 0 [m].
+        pixels: In the picture.
+    """
+
+    places: Float[ndarray, "corners 3"]
+    pixels: Float[ndarray, "corners 2"]
+
+
+def find_board(photograph: Photograph, name: str, printed: float = 1.0) -> SeenBoard:
+    """Finds the board in a picture.
+
+    Args:
+        photograph: The picture.
+        name: Its file, for the message.
+        printed: Size on paper over the nominal size.
+
+    Returns:
+        Corners of the board that are seen.
+
+    Raises:
+        BadPhotograph: Fewer than 12 corners are seen.
+    """
+    board = charuco_board(printed)
+    grey = cv2.cvtColor(photograph.levels, cv2.COLOR_BGR2GRAY)
+    found, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+    seen = 0 if numbers is None else len(numbers)
+    if seen < _LEAST_CORNERS:
+        raise BadPhotograph(
+            f"shows {seen} corners of the board, at least {_LEAST_CORNERS} are needed",
+            where=name,
+            remedy="print it with `cusick-bench data board`, take the picture closer, sharper and without glare",
+            kind="no-board",
+        )
+    places = in_plate_axes(np.asarray(board.getChessboardCorners())[np.asarray(numbers, int).ravel()], printed)
+    return SeenBoard(places, found.reshape(-1, 2))
+
+
+def view_from_boards(
+    plane: SeenBoard,
+    held: Sequence[SeenBoard],
+    size: tuple[int, int],
+    *,
+    focal: float | None = None,
+    height: float | None = None,
+) -> PlateView:
+    """Calibrates the camera.
+
+    Args:
+        plane: The board on the plate.
+        held: The board at other angles.
+        size: Width and height of the pictures [px].
+        focal: Focal length from the pictures' header [px], used where `held` has fewer than two.
+        height: Measured height of the camera above the plate [m], used then and preferred to `focal`.
+
+    Returns:
+        The view, its origin in the middle of the board.
+
+    Raises:
+        BadPhotograph: The corners do not fit any camera.
+    """
+    whole = len(held) + 1 >= _LEAST_PICTURES
+    boards = [plane, *held] if whole else [plane]
+    guess = focal or 1.2 * max(size)
+    if not whole and height is not None:
+        guess *= height / _fitted(boards, size, guess, whole)[3][2]
+    error, matrix, distortion, eye, rotation, translation, spread = _fitted(boards, size, guess, whole)
+    if error > _WORST_FIT * size[0] / 1000:
+        raise BadPhotograph(
+            f"corners of the board lie {error:.1f} px off where any camera would see them",
+            where="board pictures",
+            remedy="lay the board flat, keep the camera's zoom and focus, remove blurred pictures",
+            kind="no-board",
+        )
+    known = whole or focal is not None or height is not None
+    relative = spread if whole else (0.01 if height is not None else _HEADER_FOCAL)
+    in_plane = error / np.sqrt(len(plane.places)) * eye[2] / matrix[0, 0]
+    reach = float(np.hypot(*plane.places[:, :2].std(axis=0)))
+    uncertainty = Uncertainty(
+        scale=float(np.hypot(_RULER, in_plane / reach)),
+        centre_m=float(np.hypot(_PLACED, in_plane)),
+        tilt_rad=float(in_plane / reach * eye[2] / reach),
+        height_m=float(eye[2] * relative) if known else np.inf,
+    )
+    words = f"{len(boards)} pictures of the board" if whole else "one picture of the board"
+    return PlateView(size, matrix, distortion, rotation, translation, uncertainty, words).centred(np.zeros(2))
+
+
+def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, whole: bool) -> tuple:
+    """Error [px], matrix, distortion, eye, rotation, translation, relative deviation of the focal length."""
+    matrix = np.array([[guess, 0, (size[0] - 1) / 2], [0, guess, (size[1] - 1) / 2], [0, 0, 1]])
+    flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST
+    flags |= cv2.CALIB_FIX_K3
+    if not whole:  # one level picture tells neither focal length nor axis
+        flags |= cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_K2
+    places = [board.places.astype(np.float32) for board in boards]
+    pixels = [board.pixels.astype(np.float32).reshape(-1, 1, 2) for board in boards]
+    error, matrix, distortion, turns, shifts, deviations, _, _ = cv2.calibrateCameraExtended(
+        places, pixels, size, matrix, np.zeros(5), flags=flags
+    )
+    rotation, _ = cv2.Rodrigues(turns[0])
+    translation = shifts[0].ravel()
+    return (
+        float(error), matrix, distortion.ravel()[:5], -rotation.T @ translation, rotation, translation,
+        float(deviations.ravel()[:2].max() / matrix[0, 0]),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""From a folder of photographs to a data set in the project's layout."""

@@ -1,0 +1,78 @@
+"""The camera over the plate, from whichever pictures of board and plate there are."""
+
+from collections.abc import Sequence
+
+from cusick_bench.photographs.calibration.boards import find_board, view_from_boards
+from cusick_bench.photographs.calibration.plate import centred_on_plate, view_from_plate
+from cusick_bench.photographs.calibration.view import PlateView
+from cusick_bench.photographs.errors import BadPhotograph
+from cusick_bench.photographs.reading import Photograph
+
+Named = tuple[str, Photograph]
+"""A picture with its file's name."""
+
+
+def calibrated(
+    board_on_plate: Named | None,
+    boards_held: Sequence[Named],
+    plate: Named | None,
+    plate_radius: float,
+    *,
+    height: float | None = None,
+    printed: float = 1.0,
+) -> PlateView:
+    """Calibrates the camera.
+
+    Args:
+        board_on_plate: The board on the plate; without it the bare plate is the ruler.
+        boards_held: The board at other angles.
+        plate: The bare plate; beside a board it gives the axis.
+        plate_radius: Radius of the plate [m].
+        height: Measured height of the camera above the plate [m], None where it was not measured.
+        printed: Size of the board on paper over its nominal size.
+
+    Returns:
+        The view.
+
+    Raises:
+        BadPhotograph: No board or plate is seen, or pictures of different sizes.
+    """
+    pictures = [picture for picture in (board_on_plate, *boards_held, plate) if picture is not None]
+    if not pictures:
+        raise BadPhotograph(
+            "neither board nor plate was photographed", remedy="see docs/drape-meter.md", kind="no-ruler"
+        )
+    for name, photograph in pictures:
+        require_size(photograph, pictures[0][1].size, name)
+    if board_on_plate is None:
+        assert plate is not None
+        return view_from_plate(plate[1], plate[0], plate_radius, height=height)
+    name, photograph = board_on_plate
+    view = view_from_boards(
+        find_board(photograph, name, printed),
+        [find_board(held, title, printed) for title, held in boards_held],
+        photograph.size,
+        focal=photograph.focal,
+        height=height,
+    )
+    return view if plate is None else centred_on_plate(view, plate[1], plate[0], plate_radius)
+
+
+def require_size(photograph: Photograph, size: tuple[int, int], name: str) -> None:
+    """Refuses a picture that another camera, or the camera held otherwise, has taken.
+
+    Args:
+        photograph: The picture.
+        size: Width and height that it should have [px].
+        name: Its file, for the message.
+
+    Raises:
+        BadPhotograph: It has another size.
+    """
+    if photograph.size != size:
+        raise BadPhotograph(
+            f"has {photograph.size[0]} x {photograph.size[1]} px, the calibration's pictures {size[0]} x {size[1]}",
+            where=name,
+            remedy="take all pictures with one camera in one place, at one zoom and orientation",
+            kind="other-size",
+        )

@@ -1,0 +1,137 @@
+"""Which picture of a folder shows what, by its name: drapes, the board on the plate, boards held, the bare plate."""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from cusick_bench.photographs.errors import BadPhotograph
+from cusick_bench.photographs.reading import SUFFIXES
+
+_NUMBERS = {name: re.compile(rf"{name}[ _-]*(\d{{1,6}})", re.IGNORECASE) for name in ("fabric", "sample", "capture")}
+_RULE = "Fabric_1_Sample_2_Capture_1.jpg, or Fabric 1/Sample_2_Capture_1.jpg"
+_MOST_FILES = 20_000
+
+
+@dataclass(frozen=True, order=True)
+class DrapePicture:
+    """A photograph of a drape.
+
+    Attributes:
+        fabric, sample, capture: Its numbers.
+        path: Its file.
+    """
+
+    fabric: int
+    sample: int
+    capture: int
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Name of its silhouette, without suffix."""
+        return f"Fabric_{self.fabric}_Sample_{self.sample}_Capture_{self.capture}"
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Photographs of a folder.
+
+    Attributes:
+        drapes: Sorted by fabric, sample, capture.
+        board_on_plate: The board on the plate, None if there is none.
+        boards_held: The board at other angles.
+        plate: The bare plate, None if there is none.
+    """
+
+    drapes: tuple[DrapePicture, ...]
+    board_on_plate: Path | None
+    boards_held: tuple[Path, ...]
+    plate: Path | None
+
+
+def find_pictures(folder: Path) -> Pictures:
+    """Sorts the pictures of a folder and its subfolders.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        What each picture shows.
+
+    Raises:
+        BadPhotograph: No folder, no pictures of drapes, a name that says nothing or the same as another, or nothing
+            to calibrate with.
+    """
+    if not folder.is_dir():
+        raise BadPhotograph("is no folder", where=folder, remedy="give the folder of the photographs", kind="no-folder")
+    drapes: dict[tuple[int, int, int], DrapePicture] = {}
+    others: dict[str, list[Path]] = {"board-plane": [], "board": [], "plate": []}
+    for path in _files(folder):
+        stem = path.stem.lower().replace("_", "-").replace(" ", "-")
+        kind = next((kind for kind in others if stem.startswith(kind)), None)
+        if kind:
+            others[kind].append(path)
+            continue
+        drape = _drape(path, folder)
+        key = (drape.fabric, drape.sample, drape.capture)
+        if key in drapes:
+            raise BadPhotograph(
+                f"is {drape.name}, as {drapes[key].path} is",
+                where=path,
+                remedy="give every picture its own fabric, sample and capture",
+                kind="duplicate-name",
+            )
+        drapes[key] = drape
+    if not drapes:
+        raise BadPhotograph(
+            "holds no photographs of drapes", where=folder, remedy=f"name them as {_RULE}", kind="no-pictures"
+        )
+    for kind in ("board-plane", "plate"):
+        if len(others[kind]) > 1:
+            raise BadPhotograph(
+                f"{len(others[kind])} pictures are called {kind}",
+                where=folder,
+                remedy="keep one, and one folder for each place of the camera",
+                kind="duplicate-name",
+            )
+    if not others["board-plane"] and not others["plate"]:
+        raise BadPhotograph(
+            "holds no ruler: neither board-plane.jpg (the printed board on the plate) nor plate.jpg (the bare plate)",
+            where=folder,
+            remedy="take one with the camera where it was, see docs/drape-meter.md",
+            kind="no-ruler",
+        )
+    return Pictures(
+        tuple(sorted(drapes.values())),
+        next(iter(others["board-plane"]), None),
+        tuple(others["board"]),
+        next(iter(others["plate"]), None),
+    )
+
+
+def _files(folder: Path) -> list[Path]:
+    found: list[Path] = []
+    for place, folders, files in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        found += [Path(place) / name for name in sorted(files) if Path(name).suffix.lower() in SUFFIXES]
+        if len(found) > _MOST_FILES:
+            raise BadPhotograph(
+                f"holds more than {_MOST_FILES} pictures", where=folder, remedy="give a smaller folder", kind="too-many"
+            )
+    return found
+
+
+def _drape(path: Path, folder: Path) -> DrapePicture:
+    text = str(path.relative_to(folder))
+    found = {name: pattern.findall(text) for name, pattern in _NUMBERS.items()}
+    missing = [name for name in ("fabric", "sample") if not found[name]]
+    if missing:
+        raise BadPhotograph(
+            f"its name does not say which {' and '.join(missing)} it shows",
+            where=path,
+            remedy=f"name it as {_RULE}; pictures of the board begin with board, of the bare plate with plate",
+            kind="unknown-name",
+        )
+    numbers = (int(found["fabric"][-1]), int(found["sample"][-1]), int((found["capture"] or ["1"])[-1]))
+    return DrapePicture(*numbers, path)

@@ -1,0 +1,132 @@
+"""Weights and thicknesses of the fabrics: from options, or from a table that people fill in, in their own units."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cusick_bench.files import BadFile, read_csv
+from cusick_bench.photographs.errors import BadPhotograph
+from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
+
+TABLE = "weights.csv"
+_MOST_BYTES = 1 << 20
+_THICKNESSES = (1e-5, 0.02)  # [m]
+
+
+def template(fabrics: Sequence[int]) -> str:
+    """A table to fill in.
+
+    Args:
+        fabrics: Numbers of the fabrics.
+
+    Returns:
+        Its text.
+    """
+    return "fabric,weight,thickness\n" + "".join(f"{number},,\n" for number in fabrics)
+
+
+def read_weights(path: Path) -> tuple[dict[int, float], dict[int, float]]:
+    """Reads a table `fabric,weight,thickness`, such as `1,5.3 oz/yd2,0.4 mm`; empty fields are not known.
+
+    Args:
+        path: The table.
+
+    Returns:
+        Areal density [kg/m2] and thickness [m] by fabric.
+
+    Raises:
+        BadPhotograph: Not such a table; the line is named.
+    """
+    try:
+        found = read_csv(
+            path, remedy="write it as UTF-8 with commas", required=("fabric", "weight"), most_bytes=_MOST_BYTES
+        )
+    except BadFile as error:
+        raise BadPhotograph(error.what, where=error.where, remedy=error.remedy, kind="bad-table") from error
+    weights: dict[int, float] = {}
+    thicknesses: dict[int, float] = {}
+    for line, cells in found.rows:
+        text = cells["fabric"].strip().lower().removeprefix("fabric").strip(" _-")
+        where = f"{path}, line {line}"
+        if not (text.isascii() and text.isdecimal()):
+            raise BadPhotograph(
+                f"fabric must be a number, got {cells['fabric'][:40]!r}",
+                where=where, remedy="write the number in the pictures' names", kind="bad-table",
+            )  # fmt: skip
+        try:
+            if cells["weight"].strip():
+                weights[int(text)] = weight(cells["weight"])
+            if cells.get("thickness", "").strip():
+                thicknesses[int(text)] = thickness(cells["thickness"])
+        except BadPhotograph as error:
+            raise BadPhotograph(error.what, where=where, remedy=error.remedy, kind=error.kind) from error
+    return weights, thicknesses
+
+
+def weight(text: str) -> float:
+    """Reads a weight.
+
+    Args:
+        text: Such as "180 g/m2" or "5.3 oz/yd2".
+
+    Returns:
+        Areal density [kg/m2].
+
+    Raises:
+        BadPhotograph: Not understood, or no cloth's.
+    """
+    return _within(quantity(text, WEIGHTS, "weight"), (LIGHTEST_CLOTH, HEAVIEST_CLOTH), "kg/m2", text)
+
+
+def thickness(text: str) -> float:
+    """Reads a thickness.
+
+    Args:
+        text: Such as "0.4 mm".
+
+    Returns:
+        Thickness [m].
+
+    Raises:
+        BadPhotograph: Not understood, or no cloth's.
+    """
+    return _within(quantity(text, LENGTHS, "thickness"), _THICKNESSES, "m", text)
+
+
+def _within(value: float, bounds: tuple[float, float], unit: str, text: str) -> float:
+    if not bounds[0] <= value <= bounds[1]:
+        raise BadPhotograph(
+            f"{text.strip()[:40]} are {value:.4g} {unit}; cloths have {bounds[0]:g} to {bounds[1]:g} {unit}",
+            remedy="correct the number or its unit",
+            kind="bad-quantity",
+        )
+    return value
+
+
+def weights_of_options(texts: Sequence[str], fabrics: Sequence[int]) -> dict[int, float]:
+    """Reads the values of `--weight`: one for all fabrics, or NUMBER=VALUE.
+
+    Args:
+        texts: Values as given.
+        fabrics: Fabrics of the pictures.
+
+    Returns:
+        Areal density by fabric [kg/m2].
+
+    Raises:
+        BadPhotograph: A value or a fabric that is not there.
+    """
+    found: dict[int, float] = {}
+    for text in texts:
+        number, equals, value = text.partition("=")
+        if not equals:
+            found |= dict.fromkeys(fabrics, weight(text))
+        elif number.strip().isdecimal() and int(number) in fabrics:
+            found[int(number)] = weight(value)
+        else:
+            raise BadPhotograph(
+                f"--weight {text!r} is for a fabric that no picture shows",
+                remedy=f"fabrics are {', '.join(map(str, fabrics))}",
+                kind="bad-quantity",
+            )
+    return found

@@ -1,0 +1,92 @@
+"""Reads photographs safely: Pillow looks at the header and turns the picture as the phone was held."""
+
+import math
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+from PIL import ExifTags, Image, ImageOps
+
+from cusick_bench.photographs.errors import BadPhotograph
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
+_FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP")
+_MOST_PIXELS = 120_000_000
+_LEAST_SIDE = 240  # [px]
+_FULL_FRAME = math.hypot(36, 24)  # [mm] diagonal of the film that "35 mm equivalent" refers to
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A picture.
+
+    Attributes:
+        levels: Levels 0 to 255, blue first.
+        focal: Focal length that its header tells [px], None if it tells none.
+    """
+
+    levels: UInt8[ndarray, "height width 3"]
+    focal: float | None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+        return self.levels.shape[1], self.levels.shape[0]
+
+
+def read_photograph(path: Path) -> Photograph:
+    """Reads a photograph.
+
+    Args:
+        path: JPEG, PNG, TIFF, BMP or WebP file.
+
+    Returns:
+        The picture, upright.
+
+    Raises:
+        BadPhotograph: Missing, unreadable, too small or too large.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=_FORMATS) as image:
+                if image.width * image.height > _MOST_PIXELS:
+                    raise _bad(path, f"has {image.width} x {image.height} px, at most {_MOST_PIXELS // 10**6} million")
+                if min(image.size) < _LEAST_SIDE:
+                    raise _bad(path, f"has {image.width} x {image.height} px, at least {_LEAST_SIDE} a side are needed")
+                focal = _focal(image)
+                upright = ImageOps.exif_transpose(image).convert("RGB")
+    except BadPhotograph:
+        raise
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, EOFError) as error:
+        raise _bad(path, "cannot be read as a picture") from error
+    return Photograph(np.ascontiguousarray(np.asarray(upright)[:, :, ::-1]), focal)
+
+
+def linear_light(levels: ndarray) -> Float[ndarray, "*places 3"]:
+    """Undoes the curve of sRGB, so that a pixel half covered is halfway between.
+
+    Args:
+        levels: Levels 0 to 255, between pixels, too.
+
+    Returns:
+        Light, 0 to 1.
+    """
+    share = np.asarray(levels, np.float32) / 255
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def _focal(image: Image.Image) -> float | None:
+    """Focal length from the 35 mm equivalent in the header [px]."""
+    try:
+        value = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+    except (TypeError, ValueError, SyntaxError, KeyError):
+        return None
+    return value / _FULL_FRAME * math.hypot(*image.size) if 5 <= value <= 1000 else None
+
+
+def _bad(path: Path, what: str) -> BadPhotograph:
+    return BadPhotograph(what, where=path, remedy="take it again, or remove it", kind="unreadable-photograph")

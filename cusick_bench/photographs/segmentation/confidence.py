@@ -1,0 +1,112 @@
+"""Confidence of an outline: the probability that it is right within half a millimetre, from what can be seen of it."""
+
+import math
+from dataclasses import dataclass
+
+ACCEPTED = 0.5
+"""Outlines of less confidence are not written."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for an outline and against it.
+
+    Attributes:
+        edge: Median strength of the edge along it, in standard deviations.
+        weak_edge: Share of it without an edge.
+        rival: Share of it where a stronger edge lies elsewhere.
+        colour: Share of places beside it whose colour suits their side.
+        undecided: Share of places beside it whose colour suits both.
+        learning_mm: How far most of it moved when colours were learnt again [mm].
+        disagreement_mm: How far most of it lies from outlines by colour alone and by edges alone [mm].
+        roughness_mm: Its deviation from a smooth curve [mm].
+        unfound: Share of it where the light crosses no level between cloth and ground.
+        at_limit: Share of it at the limits of what cloth can do.
+        unseen: Share of it outside the picture.
+        width_mm: Width of the edge along it [mm].
+        strange: Largest share of places between plate and ground, in a sector of 15 degrees, that are like neither
+            cloth nor ground.
+        off_axis_mm: Error that a camera beside the axis is expected to leave [mm].
+        beyond_plate: How far it lies outside the plate, in plate radii.
+    """
+
+    edge: float
+    weak_edge: float
+    rival: float
+    colour: float
+    undecided: float
+    roughness_mm: float
+    at_limit: float
+    unseen: float
+    beyond_plate: float
+    learning_mm: float = 0.0
+    disagreement_mm: float = 0.0
+    unfound: float = 0.0
+    width_mm: float = 0.0
+    strange: float = 0.0
+    off_axis_mm: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Doubt:
+    """A reason against an outline.
+
+    Attributes:
+        measure: Field of the evidence.
+        limit: Value at which it speaks as much against as for the outline.
+        softness: Change of the value that makes it e times as likely to be wrong; negative where less is worse.
+        words: The reason.
+    """
+
+    measure: str
+    limit: float
+    softness: float
+    words: str
+
+    def trust(self, evidence: Evidence) -> float:
+        """Probability that the outline is right, by this alone."""
+        excess = (getattr(evidence, self.measure) - self.limit) / self.softness
+        return 1 / (1 + math.exp(min(max(excess, -50.0), 50.0)))
+
+
+_DOUBTS = (
+    _Doubt("weak_edge", 0.045, 0.012, "no edge along {:.0%} of it"),
+    _Doubt("colour", 0.965, -0.008, "the colours of cloth and ground beside it fit only {:.0%}"),
+    _Doubt("undecided", 0.06, 0.015, "{:.0%} of the places beside it could be cloth as well as ground"),
+    _Doubt("disagreement_mm", 6.0, 1.2, "colours and edges disagree by {:.1f} mm"),
+    _Doubt("learning_mm", 2.2, 0.4, "its place depends by {:.1f} mm on which colours are learnt"),
+    _Doubt("roughness_mm", 0.42, 0.05, "it is ragged, by {:.2f} mm"),
+    _Doubt("unfound", 0.03, 0.008, "no crossing from cloth to ground along {:.0%} of it"),
+    _Doubt("width_mm", 1.55, 0.08, "the picture is blurred over {:.1f} mm"),
+    _Doubt("strange", 0.16, 0.03, "{:.0%} of a sector is neither cloth nor ground: something lies on it"),
+    _Doubt("at_limit", 0.01, 0.003, "{:.0%} of it lies where no cloth can end"),
+    _Doubt("unseen", 0.002, 0.0005, "{:.0%} of it leaves the picture"),
+    _Doubt("off_axis_mm", 0.25, 0.03, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
+    _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
+)
+
+
+def confidence(evidence: Evidence) -> float:
+    """Probability that an outline is right within half a millimetre, every doubt taken for itself.
+
+    Args:
+        evidence: What can be seen of it.
+
+    Returns:
+        From 0 to 1.
+    """
+    return math.prod(doubt.trust(evidence) for doubt in _DOUBTS)
+
+
+def doubts(evidence: Evidence) -> tuple[str, ...]:
+    """Reasons against an outline, the gravest first.
+
+    Args:
+        evidence: What can be seen of it.
+
+    Returns:
+        Reasons in words; the gravest alone where none is grave.
+    """
+    ordered = sorted(_DOUBTS, key=lambda doubt: doubt.trust(evidence))
+    grave = [doubt for doubt in ordered if doubt.trust(evidence) < 0.5] or ordered[:1]
+    return tuple(doubt.words.format(getattr(evidence, doubt.measure)) for doubt in grave[:3])

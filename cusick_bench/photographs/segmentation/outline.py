@@ -1,0 +1,111 @@
+"""The outline of the cloth in a photograph, and how sure it is."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.photographs.calibration.view import PlateView
+from cusick_bench.photographs.reading import Photograph
+from cusick_bench.photographs.segmentation.colour import learnt, likelihood
+from cusick_bench.photographs.segmentation.confidence import Evidence, confidence
+from cusick_bench.photographs.segmentation.edge import edge_strength
+from cusick_bench.photographs.segmentation.path import closed_path
+from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture, polar_picture
+from cusick_bench.photographs.segmentation.refine import refined
+from cusick_bench.photographs.segmentation.shading import evenly_lit
+
+_REGION = 0.7  # weight of a millimetre of wrongly coloured places
+_EDGE = 1.0  # weight of an edge's strength
+_STIFFNESS = 0.12
+_LEAST, _MOST = 0.97, 1.06  # plate radii and flat radii between which the outline lies
+_WEAK = 1.2  # standard deviations below which there is no edge
+_SECTOR = 15  # judged angles, 1 degree apart, whose strange places are counted together
+_ROUNDS = 1  # times that colours are learnt again from the outline
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Where the cloth ends, seen at the scale of the plate's plane.
+
+    Attributes:
+        radii: Radii [m] at equidistant angles, counter-clockwise from the right of the picture.
+        evidence: What speaks for it and against it.
+        confidence: Probability that it is right within half a millimetre.
+    """
+
+    radii: Float[ndarray, " angles"]
+    evidence: Evidence
+    confidence: float
+
+
+def find_outline(photograph: Photograph, view: PlateView, plate: float, cloth: float) -> Outline:
+    """Finds the cloth's outline.
+
+    Args:
+        photograph: The picture.
+        view: The calibrated camera.
+        plate: Radius of the plate [m].
+        cloth: Radius of the flat cloth [m].
+
+    Returns:
+        The outline with its confidence.
+    """
+    raw = polar_picture(photograph, view, plate, cloth)
+    picture = evenly_lit(raw)
+    generator = np.random.default_rng(0)  # of the places that colours are learnt from: a picture always reads the same
+    edges = edge_strength(picture)
+    span = slice(picture.column(_LEAST * plate), picture.column(_MOST * cloth) + 1)
+    ratio, strange = likelihood(picture, learnt(picture, generator))
+    path = earlier = _path(ratio, edges, span, _REGION, _EDGE)
+    for _ in range(_ROUNDS):
+        ratio, _ = likelihood(picture, learnt(picture, generator, picture.radii[path]))
+        earlier, path = path, _path(ratio, edges, span, _REGION, _EDGE)
+    radii, missing, width = refined(picture, path)
+    alone = [_path(ratio, edges, span, *weights) for weights in ((_REGION, 0.15), (0.05, _EDGE))]
+    evidence = replace(
+        _evidence(picture, ratio, edges, span, path, radii),
+        learning_mm=float(1e3 * STEP * np.percentile(np.abs(path - earlier), 97)),
+        disagreement_mm=float(1e3 * STEP * max(np.percentile(np.abs(path - other), 95) for other in alone)),
+        unfound=missing,
+        width_mm=1e3 * width,
+        strange=float(cv2.blur(np.tile(strange, 3).reshape(1, -1), (_SECTOR, 1))[0].max()),
+    )
+    return Outline(radii, evidence, confidence(evidence))
+
+
+def _path(ratio: ndarray, edges: ndarray, span: slice, region: float, edge: float) -> ndarray:
+    gain = np.cumsum(ratio, axis=1) * STEP * 1e3  # [mm] of places that are rightly inside
+    cost = -2 * region * gain - edge * edges
+    return closed_path(cost[:, span], _STIFFNESS) + span.start
+
+
+def _evidence(
+    picture: PolarPicture, ratio: ndarray, edges: ndarray, span: slice, path: ndarray, radii: ndarray
+) -> Evidence:
+    """What speaks for a path beside itself."""
+    row = np.arange(len(path))
+    last = len(picture.radii) - 1
+
+    def beside(step: ndarray | int) -> ndarray:
+        return np.clip(path[:, None] + step, 0, last)
+
+    strip = 2 + np.arange(1, round(4e-3 / STEP))
+    sureness = np.concatenate([ratio[row[:, None], beside(-strip)], -ratio[row[:, None], beside(strip)]], axis=1)
+    along = edges[row[:, None], beside(np.arange(-2, 3))].max(axis=1)
+    columns = np.arange(edges.shape[1])[None]
+    far = (np.abs(columns - path[:, None]) > 3e-3 / STEP) & (columns >= span.start) & (columns < span.stop)
+    smooth = cv2.GaussianBlur(np.pad(radii, 8, mode="wrap").reshape(1, -1), (9, 1), 2.0)[0, 8:-8]
+    return Evidence(
+        edge=float(np.median(along)),
+        weak_edge=float((along < _WEAK).mean()),
+        rival=float((np.where(far, edges, 0).max(axis=1) > along).mean()),
+        colour=float((sureness > 0).mean()),
+        undecided=float((np.abs(sureness) < 0.5).mean()),
+        roughness_mm=float(1e3 * np.std(radii - smooth)),
+        at_limit=float(((path <= span.start + 1) | (path >= span.stop - 2)).mean()),
+        unseen=float(1 - picture.seen[row, beside(8)[:, 0]].mean()),
+        beyond_plate=float(np.median(radii) / picture.plate - 1),
+    )

@@ -1,0 +1,47 @@
+"""Uneven light, from the ground around the cloth: a smooth surface through log brightness, taken off the picture."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.photographs.segmentation.polar import PolarPicture, angles
+
+_DARK = 4e-3  # linear light below which noise rules
+_EVERY = 4  # rows and columns of the ring of which one is used
+_ROUNDS = 6
+
+
+def _terms(x: ndarray, y: ndarray) -> Float[ndarray, "*places 6"]:
+    return np.stack([np.ones_like(x), x, y, x**2 + y**2, x**2 - y**2, x * y], axis=-1)
+
+
+def evenly_lit(picture: PolarPicture) -> PolarPicture:
+    """Divides a picture by the light that the ground around the cloth tells of.
+
+    Args:
+        picture: As it was taken.
+
+    Returns:
+        The same as if the light were even; the brightness of the ground stays.
+    """
+    scale = picture.radii[-1]
+    x, y = (function(angles())[:, None] * picture.radii / scale for function in (np.cos, np.sin))
+    part = (slice(None, None, _EVERY), slice(picture.ring.start, None, _EVERY))
+    good = picture.seen[part].ravel()
+    brightness = np.log(picture.light[part].mean(axis=-1).ravel() + _DARK)
+    terms = _terms(x[part].ravel(), y[part].ravel())
+    if good.sum() < 50:
+        return picture
+    weights = good.astype(float)
+    fitted = np.zeros(6)
+    for _ in range(_ROUNDS):  # Tukey's weights: clutter and shadows count little
+        root = np.sqrt(weights)[:, None]
+        ridge = np.diag([0, 1e-3, 1e-3, 0.3, 0.3, 0.3]) * weights.sum() * 0.02
+        fitted = np.linalg.solve((terms * root).T @ (terms * root) + ridge, (terms * weights[:, None]).T @ brightness)
+        miss = brightness - terms @ fitted
+        spread = 1.4826 * np.median(np.abs(miss[good])) + 1e-3
+        weights = np.where(good & (np.abs(miss) < 4 * spread), (1 - (miss / (4 * spread)) ** 2) ** 2, 0.0)
+    surface = _terms(x, y) @ fitted - fitted[0]
+    return replace(picture, light=(picture.light / np.exp(surface)[..., None]).astype(np.float32))

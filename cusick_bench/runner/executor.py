@@ -1,0 +1,33 @@
+"""What runs cells: the one interface that the pool of processes, other people's executors and clusters have."""
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+from cusick_bench.runner.grid import Cell
+from cusick_bench.runner.progress import Watcher
+from cusick_bench.runner.source import Source
+from cusick_bench.runner.store import Store
+
+
+@runtime_checkable
+class CellExecutor(Protocol):
+    """Runs cells somewhere."""
+
+    @property
+    def death(self) -> str:
+        """What is recorded of a cell whose process ended before it could say why: the likely reason, the remedy."""
+        ...
+
+    def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+        """Runs cells; the failure of one cancels no other.
+
+        Args:
+            source: Where the data come from.
+            cells: What to run.
+            store: Where results lie, as the workers see it, too.
+            watcher: Called to tell how the grid gets on.
+
+        Returns:
+            Cells that were tried again after their process had died, and died again.
+        """
+        ...

@@ -1,0 +1,256 @@
+"""Cells as tasks that submitit hands to Slurm, or to processes on this machine (to try the same without a cluster).
+
+A task is a batch of cells, run one after the other. A task that runs into its time limit, or is pre-empted, is put into
+the queue again; it passes over the cells that are finished and goes on with the one that was cut off from its journal.
+Where a task ends before its cells do, they are submitted once more, each as a task of its own.
+
+submitit keeps what it submits, and the logs, in OUT/jobs. Nothing is read from there but by the tasks themselves:
+whether a cell is finished, its own folder says.
+"""
+
+import logging
+import subprocess
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cusick_bench.runner.environment import cores
+from cusick_bench.runner.errors import CellIsRunning, RunnerError
+from cusick_bench.runner.grid import Cell
+from cusick_bench.runner.pool import work
+from cusick_bench.runner.processes import threads_of_new_processes
+from cusick_bench.runner.progress import Watcher
+from cusick_bench.runner.source import Source
+from cusick_bench.runner.store import Store, disk_errors
+
+CLUSTERS = ("slurm", "local")
+
+MOST_TASKS = 1000  # of an array: Slurm's own default limit
+TASKS_A_WORKER = 4  # batches of a worker: the more, the more evenly cells are dealt, the fewer, the fewer starts
+REQUEUES = 20  # times that a task may run into its time limit
+MINUTES = {"slurm": 60, "local": 7 * 24 * 60}  # time limit of a task, unless one is given
+POLL_SECONDS = {"slurm": 3.0, "local": 0.3}  # between looks at what is finished
+MISSED = 3  # looks in a row at which a task is neither in the queue nor finished, after which it is lost
+RUNNING_ELSEWHERE_SECONDS = 5.0  # between looks at a cell that another task runs
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one task does: cells one after the other.
+
+    Attributes:
+        source: Where the data come from.
+        cells: What to run.
+        out: Results folder.
+    """
+
+    source: Source
+    cells: tuple[Cell, ...]
+    out: Path
+
+    def __call__(self) -> None:
+        """Runs the cells; an error that is no cell's own is told when all have been tried."""
+        errors: list[str] = []
+        for cell in self.cells:
+            try:
+                self._run(cell)
+            except Exception as error:
+                errors.append(f"{cell.solver} on {cell.cloth}, seed {cell.seed}: {error}")
+        if errors:
+            raise RunnerError("\n".join(errors))
+
+    def _run(self, cell: Cell) -> None:
+        """A task of an earlier command may still run the cell; it is waited for, and what it has finished is kept."""
+        while True:
+            try:
+                work(self.source, cell, self.out)
+                return
+            except CellIsRunning:
+                time.sleep(RUNNING_ELSEWHERE_SECONDS)
+
+    def checkpoint(self, *arguments: Any, **options: Any) -> Any:
+        """What submitit puts into the queue again at the time limit: the same, since finished cells are passed over."""
+        from submitit.helpers import DelayedSubmission
+
+        return DelayedSubmission(self, *arguments, **options)
+
+
+@dataclass(frozen=True)
+class Submitted:
+    """Runs cells through submitit.
+
+    Attributes:
+        cluster: "slurm", or "local" for processes on this machine.
+        workers: Tasks at a time.
+        options: What a task asks for, by submitit's names: `time` (minutes), `partition`, `mem`, `cpus_per_task`,
+            `account` and so on; "local" knows `time` only.
+    """
+
+    cluster: str
+    workers: int = 1
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.cluster not in CLUSTERS:
+            raise RunnerError(f"unknown executor {self.cluster!r}; use one of process, {', '.join(CLUSTERS)}")
+        if self.workers < 1:
+            raise RunnerError(f"workers must be >= 1, got {self.workers}")
+
+    @property
+    def death(self) -> str:
+        """What is recorded of a cell whose task ended before it, twice."""
+        what = "ask for more with --job mem=..." if self.cluster == "slurm" else "reduce --workers"
+        return f"The cell's task ended before the cell did, probably out of memory; see its log in OUT/jobs, or {what}"
+
+    def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+        """Runs cells.
+
+        Args:
+            source: Where the data come from.
+            cells: What to run.
+            store: Where results lie, on a file system that all nodes see.
+            watcher: Called when a cell is finished.
+
+        Returns:
+            Cells whose own task ended before them.
+
+        Raises:
+            RunnerError: submitit is not installed, there is no Slurm, or it does not take the job.
+        """
+        if not cells:
+            return []
+        lost = self._once(source, self._dealt(cells), store, watcher)
+        return self._once(source, [(cell,) for cell in lost], store, watcher) if lost else []
+
+    def _dealt(self, cells: Sequence[Cell]) -> list[tuple[Cell, ...]]:
+        """Cells of each task; on this machine a task a worker, on a cluster some."""
+        tasks = self.workers if self.cluster == "local" else min(MOST_TASKS, TASKS_A_WORKER * self.workers)
+        tasks = min(tasks, len(cells))
+        return [tuple(cells[task::tasks]) for task in range(tasks)]
+
+    def _once(self, source: Source, dealt: Sequence[tuple[Cell, ...]], store: Store, watcher: Watcher) -> list[Cell]:
+        """Submits tasks and waits for them; gives the cells that they have not finished."""
+        lost: list[Cell] = []
+        most = self.workers if self.cluster == "local" else MOST_TASKS
+        for first in range(0, len(dealt), most):
+            batches = [Batch(source, cells, store.out.resolve()) for cells in dealt[first : first + most]]
+            tasks = [_Task(batch, store) for batch in batches]
+            with disk_errors(store.out), self._jobs(batches, store) as jobs:
+                lost += self._wait(jobs, tasks, watcher)
+        return lost
+
+    @contextmanager
+    def _jobs(self, batches: list[Batch], store: Store) -> Iterator[list[Any]]:
+        """Jobs of submitit, cancelled where waiting for them is broken off: nothing runs on that nobody waits for."""
+        executor = self._executor(store.out / "jobs")
+        threads = int(self.options.get("cpus_per_task", 1)) if self.cluster == "slurm" else cores() // self.workers
+        try:
+            with threads_of_new_processes(max(1, threads)):
+                jobs = executor.submit_array(batches)
+        except Exception as error:  # submitit has an error of its own for a command that fails
+            raise RunnerError(f"{self.cluster} does not take the job: {error}; mend --job") from error
+        names = sorted({job.job_id.partition("_")[0] for job in jobs})
+        _log.info("submitted %d tasks to %s: %s; logs in %s", len(jobs), self.cluster, names, store.out / "jobs")
+        try:
+            yield jobs
+        except BaseException:
+            if self.cluster == "slurm":
+                subprocess.run(["scancel", *names], check=False, capture_output=True)
+            else:
+                for job in jobs:
+                    job.cancel()
+            raise
+
+    def _executor(self, folder: Path) -> Any:
+        try:
+            import submitit
+        except ImportError as error:
+            raise RunnerError(
+                f"--executor {self.cluster} needs submitit; install it with `pip install 'cusick-bench[slurm]'`, or "
+                "use --shard i/n in a job array of your own"
+            ) from error
+        asked: dict[str, Any] = {name: int(text) if text.isdigit() else text for name, text in self.options.items()}
+        asked = {"time": MINUTES[self.cluster]} | asked
+        if self.cluster == "local":
+            if set(asked) - {"time"}:
+                raise RunnerError(f"--executor local knows --job time=MINUTES only, got {', '.join(sorted(asked))}")
+            executor: Any = submitit.LocalExecutor(folder, max_num_timeout=REQUEUES)
+            executor.update_parameters(timeout_min=asked["time"])
+            return executor
+        try:
+            executor = submitit.SlurmExecutor(folder, max_num_timeout=REQUEUES)
+            executor.update_parameters(**{"job_name": "cusick-bench", "array_parallelism": self.workers} | asked)
+        except (RuntimeError, ValueError, TypeError) as error:
+            what = str(error).replace("\n  - ", "; ")
+            raise RunnerError(f"{what}; run it where Slurm's commands are, and give --job what sbatch knows") from error
+        return executor
+
+    def _wait(self, jobs: list[Any], tasks: "list[_Task]", watcher: Watcher) -> list[Cell]:
+        """Waits for tasks; gives the cells of those that ended before them."""
+        lost: list[Cell] = []
+        open_tasks = list(zip(jobs, tasks, strict=True))
+        while open_tasks:
+            time.sleep(POLL_SECONDS[self.cluster])
+            queued = self._queued([job for job, _ in open_tasks])
+            still = []
+            for job, task in open_tasks:
+                ended = job.job_id not in queued  # asked for before its cells are looked at
+                task.tell(watcher)
+                task.missed = task.missed + 1 if ended else 0
+                if task.left and task.missed < MISSED:
+                    still.append((job, task))
+                else:
+                    lost += task.left
+            open_tasks = still
+        return lost
+
+    def _queued(self, jobs: list[Any]) -> set[str]:
+        """Names of the jobs that wait or run."""
+        names = {job.job_id for job in jobs}
+        if self.cluster == "local":
+            return {job.job_id for job in jobs if not job.done()}
+        asked = ",".join(sorted({name.partition("_")[0] for name in names}))
+        command = ["squeue", "--noheader", "--array", "--format=%i", f"--jobs={asked}"]
+        found = subprocess.run(command, capture_output=True, text=True, check=False)
+        if found.returncode and "Invalid job id" not in found.stderr:
+            _log.warning("squeue failed (%s); asked again", found.stderr.strip())
+            return names
+        return set(found.stdout.split())
+
+
+class _Task:
+    """Cells of a task that are not finished yet.
+
+    Attributes:
+        left: These cells, in the order in which they are run.
+        missed: Looks in a row at which the task was not in the queue.
+    """
+
+    def __init__(self, batch: Batch, store: Store) -> None:
+        self.left = list(batch.cells)
+        self.missed = 0
+        self._store = store
+        self._before = {cell.key: self._stamp(cell) for cell in batch.cells}
+
+    def tell(self, watcher: Watcher) -> None:
+        """Tells of the cells that were finished since."""
+        while self.left and self._stamp(self.left[0]) != self._before[self.left[0].key]:
+            cell = self.left[0]
+            result = self._store.result(cell.key)
+            if result["status"] == "done" and not self._store.is_done(cell.key):
+                return  # its marker is about to be written
+            watcher.end(cell, result["status"], result["failure"])
+            del self._before[self.left.pop(0).key]
+
+    def _stamp(self, cell: Cell) -> tuple[int, int] | None:
+        """Tells a result from that of an earlier try."""
+        try:
+            found = (self._store.folder(cell.key) / "result.json").stat()
+        except FileNotFoundError:
+            return None
+        return found.st_mtime_ns, found.st_ino

@@ -1,0 +1,79 @@
+"""Performance profiles: by hand, for what has no answer, and from traces."""
+
+import json
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shown_cells import write_cell
+
+from cusick_bench.leaderboard import load_cells
+from cusick_bench.leaderboard.performance import cost_profiles, error_profiles, performance_profiles
+
+NEEDS = {
+    "one": {("a", 0): 1.0, ("b", 0): 4.0, ("c", 0): 3.0, ("d", 0): inf},
+    "other": {("a", 0): 2.0, ("b", 0): 2.0, ("d", 0): 5.0},
+}
+
+
+def test_shares_by_hand():
+    one, other = performance_profiles(NEEDS)
+    assert (one.label, other.label) == ("one", "other")
+    np.testing.assert_array_equal(one.ratios, [1, 1, 2, inf])
+    np.testing.assert_array_equal(other.ratios, [1, 1, 2, inf])
+    assert [other.share(factor) for factor in (1, 1.9, 2, 1e9)] == [0.5, 0.5, 0.75, 0.75]
+
+
+def test_a_problem_that_nobody_solves_does_not_count():
+    (only,) = performance_profiles({"one": {("a", 0): 1.0, ("b", 0): inf}})
+    assert only.ratios.tolist() == [1.0]
+    assert performance_profiles({"one": {("a", 0): inf}}) == []
+
+
+def test_who_needs_nothing_leaves_others_behind_without_bound():
+    profiles = {one.label: one for one in performance_profiles({"one": {("a", 0): 0.0}, "two": {("a", 0): 0.1}})}
+    assert profiles["one"].share(1) == 1
+    assert profiles["two"].share(1e12) == 0
+
+
+def _cell(run: Path, solver: str, test_mse: float, losses: list[float | None]) -> None:
+    cell = write_cell(run, solver)
+    result = json.loads((cell / "result.json").read_text())
+    result["metrics"]["test_mse"] = test_mse
+    (cell / "result.json").write_text(json.dumps(result))
+    lines = [
+        {"kind": "value", "forward_equivalents": 1 + place, "wall_seconds": 2.0 * (1 + place), "best_loss": loss}
+        for place, loss in enumerate(losses)
+    ]
+    (cell / "trace.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+@pytest.fixture
+def table(tmp_path):
+    _cell(tmp_path, "homo", 0.02, [None, 0.5, 0.105, 0.1])
+    _cell(tmp_path, "sobol", 0.03, [0.4, 0.3, 0.2, 0.2, 0.2, 0.108])
+    _cell(tmp_path, "cmaes", 0.05, [0.4, 0.3])
+    _cell(tmp_path, "null:disc", 0.01, [])
+    return load_cells(tmp_path).table
+
+
+def test_solvers_compete_by_the_error_that_is_left(table):
+    profiles = {one.label: one for one in error_profiles(table)}
+    assert set(profiles) == {"homo", "sobol", "cmaes"}  # a row without physics is no solver
+    assert profiles["homo"].ratios.tolist() == [1.0]
+    assert profiles["sobol"].ratios == pytest.approx([1.5])
+
+
+def test_solvers_compete_by_the_cost_of_coming_near_the_lowest_loss(table):
+    profiles = {one.label: one for one in cost_profiles(table)}
+    assert profiles["homo"].ratios.tolist() == [1.0]  # within a tenth of .1 at its third drape
+    assert profiles["sobol"].ratios == pytest.approx([6 / 3])
+    assert profiles["cmaes"].ratios.tolist() == [inf]
+
+
+def test_one_solver_alone_is_not_compared(tmp_path):
+    _cell(tmp_path, "homo", 0.02, [0.2, 0.1])
+    table = load_cells(tmp_path).table
+    assert error_profiles(table) == []
+    assert cost_profiles(table) == []

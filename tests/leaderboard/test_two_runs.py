@@ -1,0 +1,63 @@
+"""Two runs side by side: ratios, what only one of them has, and runs that cannot be compared."""
+
+import json
+from pathlib import Path
+
+import pytest
+from shown_cells import write_cell
+
+from cusick_bench.leaderboard import LeaderboardError, load_cells
+from cusick_bench.leaderboard.two_runs import compare_runs
+
+
+def _run(folder: Path, errors: dict[str, float], **record: object) -> Path:
+    """A run on three cloths with two seeds each; errors grow from cloth to cloth."""
+    for solver, error in errors.items():
+        for place, cloth in enumerate(("a", "b", "c")):
+            for seed in (0, 1):
+                cell = write_cell(folder, solver, cloth, seed)
+                result = json.loads((cell / "result.json").read_text()) | record
+                result["metrics"]["test_mse"] = error * (1 + place) * (1 + 0.01 * seed)
+                (cell / "result.json").write_text(json.dumps(result))
+    return folder
+
+
+def test_ratio_is_this_run_over_the_other(tmp_path):
+    here = load_cells(_run(tmp_path / "here", {"homo": 0.03, "sobol": 0.1, "null:disc": 0.05, "heter": 0.1}))
+    settings = {"settings": {"budget": 40}}
+    there = load_cells(
+        _run(tmp_path / "there", {"homo": 0.06, "sobol": 0.05, "null:disc": 0.05, "bdp": 0.1}, **settings)
+    )
+    both = compare_runs(here, there)
+    assert [one.label for one in both.methods] == ["homo", "sobol", "null:disc"]
+    homo, sobol, disc = (one.changes["test_mse"] for one in both.methods)
+    assert homo.ratio.value == pytest.approx(0.5)
+    assert (homo.before, homo.after) == pytest.approx((0.06 * 2 * 1.005, 0.03 * 2 * 1.005))
+    assert sobol.ratio.value == pytest.approx(2)
+    assert [one.verdict for one in (homo, sobol, disc)] == ["better", "worse", "same"]
+    assert (both.only_here, both.only_there) == (["heter"], ["bdp"])
+    assert ("budget", "40", "None") in both.differences
+
+
+def test_cloths_of_one_run_only_do_not_count(tmp_path):
+    here, there = (_run(tmp_path / name, {"homo": 0.03}) for name in ("here", "there"))
+    extra = write_cell(here, "homo", "d")
+    result = json.loads((extra / "result.json").read_text())
+    result["metrics"]["test_mse"] = 0.9
+    (extra / "result.json").write_text(json.dumps(result))
+    (only,) = compare_runs(load_cells(here), load_cells(there)).methods
+    assert only.cells == 6
+    assert only.changes["test_mse"].ratio.value == pytest.approx(1)
+
+
+def test_other_data_are_refused(tmp_path):
+    here = load_cells(_run(tmp_path / "here", {"homo": 0.03}))
+    there = load_cells(_run(tmp_path / "there", {"homo": 0.03}, dataset_hash="xyz"))
+    with pytest.raises(LeaderboardError, match=r"same data, got abc in .* and xyz in"):
+        compare_runs(here, there)
+
+
+def test_runs_without_a_method_in_common_are_refused(tmp_path):
+    here = load_cells(_run(tmp_path / "here", {"homo": 0.03}))
+    with pytest.raises(LeaderboardError, match="share no method"):
+        compare_runs(here, load_cells(_run(tmp_path / "there", {"sobol": 0.03})))

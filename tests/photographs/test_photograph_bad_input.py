@@ -1,0 +1,88 @@
+"""What cannot be prepared is refused in one line that says the picture, the rule and the remedy."""
+
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+
+GREY = np.full((400, 500, 3), 128, np.uint8)
+
+
+def _folder(tmp_path, *names):
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    for name in names:
+        cv2.imwrite(str(folder / name), GREY)
+    return folder
+
+
+def _refused(folder, tmp_path, *options):
+    result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(tmp_path / "set"), *options])
+    assert result.exit_code == 2, result.output
+    assert not (tmp_path / "set").exists()
+    return " ".join(result.output.split())
+
+
+DRAPE = "Fabric_1_Sample_1_Capture_1.jpg"
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        ([], "holds no photographs of drapes"),
+        (["plate.jpg"], "holds no photographs of drapes"),
+        ([DRAPE], "holds no ruler"),
+        (["IMG_2041.jpg", "plate.jpg"], "does not say which fabric and sample"),
+        ([DRAPE, "fabric 1 sample 1.png", "plate.jpg"], "is Fabric_1_Sample_1_Capture_1, as"),
+        ([DRAPE, "board-plane.jpg"], "shows 0 corners of the board"),
+        ([DRAPE, "plate.jpg"], "the bare plate is not found"),
+    ],
+)
+def test_a_folder_that_lacks_something(tmp_path, names, says):
+    assert says in _refused(_folder(tmp_path, *names), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--weight", "180"], "weight must be a number > 0 with a unit"),
+        (["--weight", "180 kg/m2"], "cloths have"),
+        (["--weight", "7=180 g/m2"], "for a fabric that no picture shows"),
+        (["--cloth-diameter", "30"], "--cloth-diameter must be a number > 0 with a unit"),
+        (["--plate-diameter", "400 mm"], "the plate must be smaller than 0.9 of the cloth"),
+        (["--captures", "1=left"], "--captures must be"),
+        (["--printed-ruler", "15 mm"], "--printed-ruler must be from"),
+        (["--camera-height", "5 cm"], "--camera-height must be from"),
+    ],
+)
+def test_an_option_that_makes_no_sense(tmp_path, options, says):
+    assert says in _refused(_folder(tmp_path, DRAPE, "plate.jpg"), tmp_path, *options)
+
+
+def test_no_folder(tmp_path):
+    assert "is no folder" in _refused(tmp_path / "nowhere", tmp_path)
+
+
+def test_a_file_that_is_no_picture(tmp_path):
+    folder = _folder(tmp_path, DRAPE)
+    (folder / "plate.jpg").write_bytes(b"no picture")
+    assert "cannot be read as a picture" in _refused(folder, tmp_path)
+
+
+def test_a_picture_of_another_size(tmp_path, photographs):
+    folder = tmp_path / "photographs"
+    shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
+    levels = cv2.imread(str(folder / DRAPE))
+    cv2.imwrite(str(folder / DRAPE), levels[:900])
+    assert "has 1280 x 900 px, the calibration's pictures 1280 x 960" in _refused(folder, tmp_path)
+
+
+def test_the_output_folder_must_be_new(tmp_path):
+    folder = _folder(tmp_path, DRAPE, "plate.jpg")
+    result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(folder)])
+    assert result.exit_code == 2
+    assert "is not empty" in " ".join(result.output.split())

@@ -1,0 +1,178 @@
+"""Calibration, board, quantities and confidence, each against what is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cusick_bench.photographs.accuracy import Measured, accuracy, measure
+from cusick_bench.photographs.board import HEIGHT, WIDTH, charuco_board, in_plate_axes
+from cusick_bench.photographs.calibration.plate import view_from_plate
+from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
+from cusick_bench.photographs.errors import BadPhotograph
+from cusick_bench.photographs.preparation.on_axis import seen_on_axis
+from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
+from cusick_bench.photographs.preparation.weights import read_weights, template
+from cusick_bench.photographs.reading import Photograph
+from cusick_bench.photographs.segmentation.confidence import ACCEPTED, Evidence, confidence, doubts
+from cusick_bench.photographs.segmentation.path import closed_path
+from cusick_bench.photographs.segmentation.refine import outermost
+from cusick_bench.photographs.sheet import write_sheet
+from cusick_bench.photographs.studio.scene import bare_plate, make_laboratory
+from cusick_bench.photographs.studio.shot import photograph
+from cusick_bench.photographs.studio.truth import apparent_radii
+
+SURE = Evidence(
+    edge=4.0, weak_edge=0.0, rival=0.1, colour=1.0, undecided=0.0, roughness_mm=0.1, at_limit=0.0, unseen=0.0,
+    beyond_plate=0.3, learning_mm=0.25, disagreement_mm=0.5, unfound=0.0, width_mm=1.15, strange=0.01,
+)  # fmt: skip
+
+
+def _view(eye=(0.0, 0.0, 0.8), k1=0.0, focal=1500.0):
+    rotation = np.diag([1.0, -1.0, -1.0])
+    matrix = np.array([[focal, 0, 640], [0, focal, 480], [0, 0, 1.0]])
+    nothing = Uncertainty(0, 0, 0, 0)
+    return PlateView((1280, 960), matrix, np.array([k1, 0, 0, 0, 0]), rotation, -rotation @ eye, nothing, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "value"),
+    [
+        ("180 g/m2", WEIGHTS, 0.18),
+        ("180g/m²", WEIGHTS, 0.18),
+        ("5.3 oz/yd^2", WEIGHTS, 0.17970),
+        ("30 cm", LENGTHS, 0.3),
+        ("11.811 in", LENGTHS, 0.3),
+    ],
+)
+def test_quantities_have_units(text, units, value):
+    assert quantity(text, units, "it") == pytest.approx(value, rel=1e-4)
+
+
+@pytest.mark.parametrize("text", ["", "180", "-3 mm", "0 mm", "3 parsec", "nan mm"])
+def test_what_is_no_quantity_is_refused(text):
+    with pytest.raises(BadPhotograph, match="must be a number > 0 with a unit"):
+        quantity(text, LENGTHS, "it")
+
+
+def test_a_filled_template_is_read(tmp_path):
+    table = tmp_path / "weights.csv"
+    table.write_text(template([1, 2]).replace("1,,", "1,150 g/m2,0.4 mm"))
+    weights, thicknesses = read_weights(table)
+    assert weights == {1: pytest.approx(0.15)}
+    assert thicknesses == {1: pytest.approx(4e-4)}
+
+
+def test_a_bad_cell_is_named_by_its_line(tmp_path):
+    table = tmp_path / "weights.csv"
+    table.write_text("fabric,weight\n1,150 g/m2\n2,lots\n")
+    with pytest.raises(BadPhotograph, match=r"weights\.csv, line 3: weight must be"):
+        read_weights(table)
+
+
+def test_the_board_lies_about_its_middle():
+    places = in_plate_axes(np.asarray(charuco_board().getChessboardCorners()))
+    assert places.mean(axis=0) == pytest.approx(0, abs=1e-6)
+    assert np.ptp(places[:, 0]) == pytest.approx(WIDTH - 0.04)
+    assert np.ptp(places[:, 1]) == pytest.approx(HEIGHT - 0.04)
+
+
+def test_the_sheet_has_its_true_size(tmp_path):
+    write_sheet(tmp_path / "board.pdf", "a4", 0.09)
+    text = (tmp_path / "board.pdf").read_bytes()
+    box = text[text.index(b"/MediaBox") :].partition(b"]")[0].partition(b"[")[2].split()
+    assert [float(value) / 72 * 25.4 for value in box[2:]] == pytest.approx([210, 297], abs=0.01)
+
+
+def test_a_view_looks_where_it_projects():
+    view = _view(eye=(0.03, -0.02, 0.8), k1=-0.1)
+    places = np.random.default_rng(0).uniform(-0.15, 0.15, (20, 2))
+    pixels = view.project(np.column_stack([places, np.zeros(20)]))
+    assert view.on_plane(pixels) == pytest.approx(places, abs=1e-6)
+    level = replace(view, distortion=np.zeros(5))
+    pixels = level.project(np.column_stack([places, np.zeros(20)]))
+    assert level.centred(np.array([0.01, 0.0])).on_plane(pixels) == pytest.approx(places - [0.01, 0], abs=1e-6)
+
+
+def test_the_bare_plate_is_a_ruler():
+    laboratory = make_laboratory(3)
+    assert laboratory.calibration == "plate"
+    taken = Photograph(photograph(laboratory, bare_plate(laboratory, 0.09), 0), laboratory.camera.focal)
+    view = view_from_plate(taken, "plate", 0.09)
+    turn = np.arange(12) * np.pi / 6
+    ring = 0.12 * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(12)])
+    found = view.on_plane(laboratory.camera.project(ring))
+    assert np.hypot(*found.T) == pytest.approx(0.12, abs=5e-4)
+    assert 0 < view.uncertainty.tilt_rad < 0.05
+
+
+def test_an_eye_beside_the_axis_is_corrected():
+    """Exact for a cloth that hangs as a cone of straight generators."""
+    height, plate, cloth, rim = 0.8, 0.09, 0.15, 0.12
+    depth = np.sqrt((cloth - plate) ** 2 - (rim - plate) ** 2)
+    turn = np.arange(2000) * 2 * np.pi / 2000
+    foot = np.array([0.04, -0.02])
+    seen = foot + (rim * np.column_stack([np.cos(turn), np.sin(turn)]) - foot) * height / (height + depth)
+    view = _view(eye=(*foot, height))
+    corrected = seen_on_axis(outermost(seen), view, plate, cloth)
+    assert corrected == pytest.approx(rim * height / (height + depth), abs=2e-5)
+    unknown = replace(view, uncertainty=Uncertainty(0, 0, 0, np.inf))
+    assert np.ptp(seen_on_axis(outermost(seen), unknown, plate, cloth)) > 2e-3
+
+
+def test_the_truth_of_a_cone():
+    turn = np.arange(360) * np.pi / 180
+    rim = np.column_stack([0.12 * np.cos(turn), 0.12 * np.sin(turn), np.full(360, -0.05)])
+    vertices = np.concatenate([rim, [[0, 0, 0.0]]])
+    faces = np.column_stack([np.arange(360), (np.arange(360) + 1) % 360, np.full(360, 360)])
+    radii = apparent_radii(vertices, faces, 0.8, turn)
+    assert radii == pytest.approx(0.12 * 0.8 / 0.85, rel=1e-4)
+
+
+def test_the_cheapest_closed_path_is_found():
+    cost = np.ones((72, 60))
+    wanted = np.round(30 + 8 * np.cos(np.arange(72) * 2 * np.pi / 72)).astype(int)
+    cost[np.arange(72), wanted] = 0
+    assert closed_path(cost, 0.01) == pytest.approx(wanted)
+
+
+def test_confidence_is_high_where_nothing_speaks_against():
+    assert confidence(SURE) > 0.7
+    assert doubts(SURE)
+
+
+@pytest.mark.parametrize(
+    ("measure_", "value"),
+    [
+        ("weak_edge", 0.2), ("colour", 0.9), ("undecided", 0.2), ("disagreement_mm", 12.0), ("learning_mm", 5.0),
+        ("roughness_mm", 0.6), ("unfound", 0.1), ("width_mm", 2.0), ("strange", 0.4), ("at_limit", 0.05),
+        ("unseen", 0.01), ("off_axis_mm", 0.8), ("beyond_plate", 0.0),
+    ],
+)  # fmt: skip
+def test_each_doubt_counts_alone(measure_, value):
+    doubtful = replace(SURE, **{measure_: value})
+    assert confidence(doubtful) < ACCEPTED
+    assert doubts(doubtful)[0] != doubts(SURE)[0] or len(doubts(doubtful)) == 1
+
+
+def test_accuracy_counts_wrong_ones_and_those_that_are_known():
+    rows = [
+        Measured(0, n, "", "", rms, 0, 0, sure, {}) for n, (rms, sure) in enumerate([(0.1, 0.9), (2, 0.1), (3, 0.9)])
+    ]
+    found = accuracy(rows)
+    assert (found.photographs, found.wrong) == (3, 2)
+    assert found.within == pytest.approx(1 / 3)
+    assert found.recognised == pytest.approx(0.5)
+    assert found.accepted_within == pytest.approx(0.5)
+
+
+@pytest.mark.slow
+def test_two_hundred_photographs():
+    found = accuracy(list(measure(200, 1000)))
+    assert found.within >= 0.65
+    assert found.median_mm <= 0.4
+
+
+@pytest.mark.slow
+def test_wrong_outlines_are_recognised():
+    assert accuracy(list(measure(80, 2000, troubles=True))).recognised >= 0.8

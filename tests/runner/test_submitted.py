@@ -1,0 +1,141 @@
+"""Cells through submitit: processes of this machine everywhere, and Slurm where there is one."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.problem import Budget
+from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Submitted, Unwatched, plan, run
+from cusick_bench.runner.submitted import Batch
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+SETTINGS = ProblemSettings(vertices=97, drape=DrapeSettings(steps=12), budget=Budget(8))
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def _slurm_runs() -> bool:
+    if not (shutil.which("sbatch") and shutil.which("sinfo")):
+        return False
+    return bool(subprocess.run(["sinfo", "--noheader"], capture_output=True, text=True, check=False).stdout)
+
+
+needs_slurm = pytest.mark.skipif(not _slurm_runs(), reason="no Slurm answers here")
+
+
+@pytest.fixture(scope="module")
+def data(make_lab) -> Path:
+    return make_lab((2.0, 4.0), samples=2)
+
+
+@pytest.fixture
+def cells(data) -> list[Cell]:
+    return plan(load(data), solvers=["null:disc", "null:copy"], cloths=["fabric_1"], settings=SETTINGS)
+
+
+class _Told(Unwatched):
+    def __init__(self) -> None:
+        self.ended: list[tuple[str, str]] = []
+
+    def end(self, cell: Cell, status: str, failure: str) -> None:
+        self.ended.append((cell.solver, status))
+
+
+@pytest.mark.parametrize("cluster", ["local", pytest.param("slurm", marks=needs_slurm)])
+def test_cells_that_are_submitted_end_with_the_numbers_of_this_process(data, cells, tmp_path, cluster):
+    pytest.importorskip("submitit")
+    watcher = _Told()
+    here = run(Source(str(data)), cells, tmp_path / "here")
+    there = run(Source(str(data)), cells, tmp_path / "there", executor=Submitted(cluster), watcher=watcher)
+    assert [result["status"] for result in there] == ["done", "done"]
+    for one, two in zip(here, there, strict=True):
+        known = {name: value for name, value in one["metrics"].items() if value is not None}
+        assert {name: two["metrics"][name] for name in known} == pytest.approx(known, rel=1e-9)
+    assert sorted(watcher.ended) == [("null:copy", "done"), ("null:disc", "done")]
+    assert any((tmp_path / "there" / "jobs").iterdir())
+
+
+@needs_slurm
+@pytest.mark.slow
+def test_a_task_that_is_killed_costs_its_own_cell_only(data, tmp_path):
+    """It is submitted again, alone; where that is killed, too, the record says so."""
+    pytest.importorskip("submitit")
+    out = tmp_path / "out"
+    arguments = ["run", "--data", str(data), "--out", str(out), "--solver", "cmaes", "--solver", "null:disc"]
+    arguments += ["--cloth", "fabric_1", "--vertices", "97", "--steps", "12", "--space", "homo", "--budget", "1e6"]
+    command = [sys.executable, "-m", "cusick_bench.cli", *arguments, "--executor", "slurm", "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline, killed = time.monotonic() + 400, 0
+    while process.poll() is None and time.monotonic() < deadline:
+        for worker in _workers(out):
+            os.kill(worker, signal.SIGKILL)
+            killed += 1
+        time.sleep(1)
+    said, log = process.communicate(timeout=10)
+    assert process.returncode == 1, log
+    assert killed >= 2
+    assert '"failed"' in said
+    assert '"done"' in said
+    assert "ended before the cell did" in said
+
+
+def _workers(out: Path) -> list[int]:
+    """Processes that run a cell of the solver that never ends."""
+    found = []
+    for trace in out.glob("cells/*/trace.jsonl"):
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                held = {os.readlink(link) for link in (process / "fd").iterdir()}
+            except OSError:
+                continue
+            if str(trace.resolve()) in held and trace.stat().st_size:
+                found.append(int(process.name))
+    return found
+
+
+def test_what_is_put_into_the_queue_again_is_the_same_batch(data, cells, tmp_path):
+    pytest.importorskip("submitit")
+    batch = Batch(Source(str(data)), tuple(cells), tmp_path)
+    again = batch.checkpoint()
+    assert again.function == batch
+    assert not again.args
+    assert not again.kwargs
+
+
+def test_one_error_keeps_no_other_cell_from_being_run(data, cells, tmp_path):
+    (tmp_path / "cells" / cells[0].key / "cell.json.part").mkdir(parents=True)  # cannot be removed as a file
+    with pytest.raises(RunnerError, match=cells[0].solver):
+        Batch(Source(str(data)), tuple(cells), tmp_path)()
+    assert [(tmp_path / "cells" / cell.key / "done").exists() for cell in cells] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        (["--executor", "lsf"], "use one of process, slurm, local"),
+        (["--executor", "local", "--job", "time"], "--job takes NAME=VALUE"),
+        (["--executor", "local", "--job", "partition=a"], "knows --job time=MINUTES only"),
+        (["--job", "time=3"], "--job is for --executor slurm or local"),
+    ],
+)
+def test_wrong_options_are_refused(data, tmp_path, arguments, rule):
+    pytest.importorskip("submitit")
+    words = ["run", "--data", str(data), "--cloth", "fabric_1", "--solver", "null:disc", "--out", str(tmp_path)]
+    found = CliRunner().invoke(app, [*words, "--vertices", "97", *arguments])
+    assert found.exit_code == 2
+    assert rule in " ".join(found.stderr.split())
+
+
+def test_a_missing_library_names_the_extra(data, cells, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "submitit", None)
+    with pytest.raises(RunnerError, match=r"cusick-bench\[slurm\]"):
+        run(Source(str(data)), cells, tmp_path, executor=Submitted("local"))
