@@ -4,7 +4,6 @@ Cells are paired by cloth and shared seed (`gate.paired`). The ratio this / othe
 its 95 % bootstrap interval. Settings may differ, since that is what is compared; data and split may not.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cusick_bench.files import parse_json
 from cusick_bench.leaderboard.anytime import method_label
 from cusick_bench.leaderboard.board import variants
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
@@ -156,7 +156,7 @@ def _differences(here: Cells, there: Cells) -> Iterator[tuple[str, str, str]]:
 def _surroundings(cells: Cells) -> dict[str, str]:
     values: dict[str, set[str]] = {}
     for settings in cells.table["settings"].unique():
-        for name, value in _flat(json.loads(settings)):
+        for name, value in _flat(parse_json(settings, "settings of a run's cells", remedy="run it again")):
             values.setdefault(name, set()).add(value)
     found = {name: ", ".join(sorted(some)) for name, some in values.items()}
     found["seeds"] = ", ".join(str(seed) for seed in sorted(set(cells.table["seed"])))

@@ -141,7 +141,7 @@ _RUN: dict[str, tuple[str, str]] = {
     "a part of 10^5000": (DISC + " --shard 1/1" + "0" * 5000, "shard"),
     "10^9 vertices for a run": (DISC + " --vertices 1000000000", "--vertices.*(greater|less) than or equal"),
     "no vertices for a run": (DISC + " --vertices 0", "--vertices.*(greater|less) than or equal"),
-    "unknown executor": (DISC + " --executor slurm", "unknown executor 'slurm'"),
+    "unknown executor": (DISC + " --executor cloud", "unknown executor 'cloud'"),
     "unknown protocol": (DISC + " --protocol papers", "unknown split 'papers'"),
     "unknown cloth": (DISC + " --cloth fabric_8", "fabric_8.*fabric_7"),
     "cloth by another name": (DISC + " --cloth ../lab", "\\.\\./lab"),
