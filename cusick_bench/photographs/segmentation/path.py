@@ -1,9 +1,10 @@
 """The outline as the best closed path around the plate, by dynamic programming over angles and radii."""
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+
+from cusick_bench.sim.kernel_cache import numba
 
 _FARTHEST = 12  # columns that the path may move from one angle to the next
 
