@@ -1,9 +1,10 @@
 """Which triangle of a mesh every pixel sees, and where in it: a depth buffer."""
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+
+from cusick_bench.sim.kernel_cache import numba
 
 
 @numba.njit(cache=True)
