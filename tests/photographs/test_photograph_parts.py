@@ -167,12 +167,12 @@ def test_accuracy_counts_wrong_ones_and_those_that_are_known():
 
 
 @pytest.mark.slow
-def test_two_hundred_photographs():
-    found = accuracy(list(measure(200, 1000)))
-    assert found.within >= 0.65
+def test_outlines_of_photographs_are_as_near_as_the_docs_say():
+    found = accuracy(list(measure(60, 5000)))
+    assert found.within >= 0.6
     assert found.median_mm <= 0.4
 
 
 @pytest.mark.slow
 def test_wrong_outlines_are_recognised():
-    assert accuracy(list(measure(80, 2000, troubles=True))).recognised >= 0.8
+    assert accuracy(list(measure(30, 2000, troubles=True))).recognised >= 0.8
