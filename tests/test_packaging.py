@@ -47,7 +47,7 @@ DISTRIBUTIONS = packages_distributions()
 @pytest.mark.parametrize(("name", "path"), third_party().items(), ids=third_party())
 def test_an_imported_package_is_a_plain_dependency(name, path):
     found = {normalised(distribution) for distribution in DISTRIBUTIONS.get(name, [name])}
-    assert found & (DECLARED | ASKED_FOR), f"{path.relative_to(ROOT)} imports {name}, which pyproject.toml does not declare"
+    assert found & (DECLARED | ASKED_FOR), f"{path.relative_to(ROOT)} imports {name}, not declared in pyproject.toml"
 
 
 def test_every_dependency_is_pinned():

@@ -138,7 +138,7 @@ def laboratory(
             done += 1
             progress(done / total)
     mean = np.array([np.mean(chain.log_joints) for chain in chains])
-    return _pooled(chains, np.exp(mean - logsumexp(mean)))
+    return _pooled(chains, np.exp(mean - float(np.logaddexp.reduce(mean))))
 
 
 def laboratory_of(

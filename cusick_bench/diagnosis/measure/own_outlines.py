@@ -51,6 +51,7 @@ class OwnOutlines:
 
     captures: Captures
     _known: dict[tuple[str, bytes], OutlineChange] = field(default_factory=dict, repr=False)
+    _at_nodes: dict[tuple[str, float], ndarray] = field(default_factory=dict, repr=False)
 
     def change(
         self, effect: str, severity: Float[ndarray, "values"], direction: Float[ndarray, "2 values"] | None
@@ -95,15 +96,20 @@ class OwnOutlines:
         self, effect: str, size: float, angle: Float[ndarray, "values captures"]
     ) -> Float[ndarray, "values captures statistics"]:
         """Statistics without the effect; of many directions, by trigonometric interpolation between a few."""
-        seen, few = self.captures, len(angle) <= len(_NODES)
-        nodes = angle if few else np.tile(_NODES[:, None], (1, len(seen)))
-        radii = _undone(effect, seen.radii, size, nodes)[:, np.arange(len(seen))[:, None], seen.seen_at()]
-        values = capture_statistics(radii.reshape(-1, ANGLES), seen.protocol).reshape(len(nodes), len(seen), -1)
-        if few:
-            return values
+        if len(angle) <= len(_NODES):
+            return self._directly(effect, size, angle)
+        if (effect, size) not in self._at_nodes:  # the same in both frames
+            nodes = np.tile(_NODES[:, None], (1, len(self.captures)))
+            self._at_nodes[effect, size] = self._directly(effect, size, nodes)
+        values = self._at_nodes[effect, size]
         away = angle[..., None] - _NODES
         kernel = 1 + 2 * sum(np.cos(m * away) for m in range(1, len(_NODES) // 2)) + np.cos(len(_NODES) // 2 * away)
         return np.einsum("vcn,nck->vck", kernel / len(_NODES), values)
+
+    def _directly(self, effect: str, size: float, angle: Float[ndarray, "values captures"]) -> ndarray:
+        seen = self.captures
+        radii = _undone(effect, seen.radii, size, angle)[:, np.arange(len(seen))[:, None], seen.seen_at()]
+        return capture_statistics(radii.reshape(-1, ANGLES), seen.protocol).reshape(len(angle), len(seen), -1)
 
 
 def _averages(seen: Captures) -> tuple[Float[ndarray, "specimens captures"], Float[ndarray, "2 captures"], ndarray]:
