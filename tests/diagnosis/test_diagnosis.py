@@ -335,6 +335,7 @@ def test_random_values_are_within_bounds() -> None:
             assert all(low <= values[name] <= high for name, (low, high) in bounds.items())
 
 
+@pytest.mark.slow
 def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: None) -> None:
     """Creep on another mesh than the atlas': named, most of the gap closed on samples that were not fitted."""
     captures = simulated_captures("creep", 0.4)
@@ -356,6 +357,7 @@ def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: No
     assert "creep" not in again.probability
 
 
+@pytest.mark.slow
 def test_a_pinhole_camera_is_an_imaging_cause(emulator: Emulator, one_thread: None) -> None:
     """The published programs look through a camera .7 m above, the silhouettes are parallel projections."""
     found = diagnose(simulated_captures("perspective", 1 / 0.7, samples=16), emulator, options=Options(samples=0))

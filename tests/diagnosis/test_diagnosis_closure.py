@@ -105,6 +105,7 @@ def test_errors_of_the_atlas_are_mended(emulator: Emulator, monkeypatch: pytest.
     assert gaps[1] < 0.5 * gaps[0]
 
 
+@pytest.mark.slow
 def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each alternative has its closure; creep, of which the gap sees nothing, has none and adds nothing."""
     monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))

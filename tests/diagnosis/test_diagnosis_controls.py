@@ -467,6 +467,7 @@ class TestRealData:
         assert set(fabrics_to_control(release)) >= {*ten, "fabric_1_observations"}
         assert not {"cotton_blue", "viscose_white", "fabric_12"} & set(fabrics_to_control(release))
 
+    @pytest.mark.slow
     def test_a_shift_of_a_real_fabric_is_measured(self, release):
         """Whatever else it shows: its offset is estimated as larger by what was planted."""
         under = fabric_under_control(release, "fabric_4")
