@@ -252,10 +252,11 @@ def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
 def _stop_behind(error: BaseException) -> BaseException | None:
     """The request to stop (Ctrl-C, SIGTERM, the end of a time limit) that an error stands for, None where it is none.
 
-    A request that arrives while a compiled kernel runs comes out of it as the cause of a SystemError.
+    A request that arrives while a compiled kernel runs comes out of it as the cause of a SystemError. Other exceptions
+    that are no errors (the end of a generator) are no request.
     """
     behind: BaseException | None = error
-    while behind is not None and isinstance(behind, Exception):
+    while behind is not None and not isinstance(behind, KeyboardInterrupt | SystemExit):
         behind = behind.__cause__ or behind.__context__
     return behind
 

@@ -100,7 +100,10 @@ def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watche
 
 
 def _record_death(cell: Cell, failure: str, store: Store, watcher: Watcher) -> None:
-    """A cell whose process was killed cannot say so itself."""
+    """A cell whose process was killed cannot say so itself; one that had finished before keeps its result."""
+    if store.is_done(cell.key):
+        watcher.end(cell, "done", "")
+        return
     outcome = {"status": "failed", "failure": failure, "traceback": "", "metrics": {}, "spent": {}}
     folder = store.folder(cell.key)
     with disk_errors(store.out):

@@ -28,6 +28,6 @@ class CellExecutor(Protocol):
             watcher: Called to tell how the grid gets on.
 
         Returns:
-            Cells that were tried again after their process had died, and died again.
+            Cells whose process died before they were finished; an executor that can try them again has done so.
         """
         ...

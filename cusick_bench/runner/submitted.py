@@ -31,6 +31,7 @@ CLUSTERS = ("slurm", "local")
 MOST_TASKS = 1000  # of an array: Slurm's own default limit
 TASKS_A_WORKER = 4  # batches of a worker: the more, the more evenly cells are dealt, the fewer, the fewer starts
 REQUEUES = 20  # times that a task may run into its time limit
+WHOLE_NUMBERS = {"time": "minutes", "cpus_per_task": "processors"}  # options that this module or submitit reckons with
 MINUTES = {"slurm": 60, "local": 7 * 24 * 60}  # time limit of a task, unless one is given
 POLL_SECONDS = {"slurm": 3.0, "local": 0.3}  # between looks at what is finished
 MISSED = 3  # looks in a row at which a task is neither in the queue nor finished, after which it is lost
@@ -100,6 +101,10 @@ class Submitted:
             raise RunnerError(f"unknown executor {self.cluster!r}; use one of process, {', '.join(CLUSTERS)}")
         if self.workers < 1:
             raise RunnerError(f"workers must be >= 1, got {self.workers}")
+        for name, unit in WHOLE_NUMBERS.items():
+            text = self.options.get(name, "1")
+            if not (text.isascii() and text.isdecimal() and int(text) > 0):
+                raise RunnerError(f"--job {name} must be a whole number of {unit}, > 0, got {text[:40]!r}; correct it")
 
     @property
     def death(self) -> str:
@@ -174,7 +179,7 @@ class Submitted:
                 f"--executor {self.cluster} needs submitit; install it with `pip install 'cusick-bench[slurm]'`, or "
                 "use --shard i/n in a job array of your own"
             ) from error
-        asked: dict[str, Any] = {name: int(text) if text.isdigit() else text for name, text in self.options.items()}
+        asked: dict[str, Any] = {name: int(text) if text.isdecimal() else text for name, text in self.options.items()}
         asked = {"time": MINUTES[self.cluster]} | asked
         if self.cluster == "local":
             if set(asked) - {"time"}:
@@ -239,13 +244,17 @@ class _Task:
 
     def tell(self, watcher: Watcher) -> None:
         """Tells of the cells that were finished since."""
-        while self.left and self._stamp(self.left[0]) != self._before[self.left[0].key]:
-            cell = self.left[0]
-            result = self._store.result(cell.key)
-            if result["status"] == "done" and not self._store.is_done(cell.key):
-                return  # its marker is about to be written
-            watcher.end(cell, result["status"], result["failure"])
-            del self._before[self.left.pop(0).key]
+        while self.left and (result := self._ended(self.left[0])) is not None:
+            watcher.end(self.left.pop(0), result["status"], result["failure"])
+
+    def _ended(self, cell: Cell) -> dict[str, Any] | None:
+        """Result of a cell that has ended, by this task or by one of an earlier command; None of one that has not."""
+        if self._store.is_done(cell.key):
+            return self._store.result(cell.key)
+        if self._stamp(cell) == self._before[cell.key]:
+            return None
+        result = self._store.result(cell.key)
+        return None if result["status"] == "done" else result  # done: its marker is about to be written
 
     def _stamp(self, cell: Cell) -> tuple[int, int] | None:
         """Tells a result from that of an earlier try."""

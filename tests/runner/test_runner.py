@@ -272,6 +272,16 @@ class TestStop:
             run_cell(dataset, cell, store, lambda *_: None)
         assert not (store.folder(cell.key) / "result.json").exists()
 
+    def test_the_end_of_a_generator_behind_an_error_is_no_stop(self, data, tmp_path, dataset, monkeypatch):
+        def failing(self, problem, generator, progress):
+            raise ValueError("planted") from GeneratorExit()
+
+        monkeypatch.setattr(Homo, "_solve", failing)
+        (cell,) = plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=SMALL)
+        store = Store(tmp_path)
+        store.prepare()
+        assert run_cell(dataset, cell, store, lambda *_: None)["failure"] == "ValueError: planted"
+
 
 class TestKill:
     def test_killed_process_resumes_to_the_same_numbers(self, data, tmp_path):
@@ -336,20 +346,31 @@ class TestPool:
         assert [result["status"] for result in results] == ["failed", "done"]
         assert "Worker process died" in results[0]["failure"]
 
+    def test_a_cell_that_had_finished_before_its_worker_died_keeps_its_result(self, data, tmp_path):
+        """The answer is lost with the worker, but what it has written is not."""
+        cells, results = _run(data, tmp_path, ["null:disc"], executor=_Mortal(after=True))
+        assert [result["status"] for result in results] == ["done"]
+        assert Store(tmp_path).is_done(cells[0].key)
+
     def test_number_of_workers(self, data, tmp_path):
         with pytest.raises(RunnerError, match="workers must be >= 1"):
             _run(data, tmp_path, ["null:disc"], workers=0)
 
 
 class _Mortal(Executor):
-    """A pool that dies of every null:copy cell, and takes along what else it was given."""
+    """A pool that dies of every null:copy cell, and takes along what else it was given.
 
-    def __init__(self):
-        self.broken = False
+    Or, with `after`, of every cell, right after that was finished.
+    """
+
+    def __init__(self, *, after: bool = False):
+        self.broken, self.after = False, after
 
     def submit(self, function, /, *arguments, **options):
         future: Future = Future()
-        self.broken = self.broken or arguments[1].solver == "null:copy"
+        if self.after:
+            function(*arguments, **options)
+        self.broken = self.broken or self.after or arguments[1].solver == "null:copy"
         if self.broken:
             future.set_exception(BrokenProcessPool("planted"))
         else:

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
-from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Submitted, Unwatched, plan, run
+from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Store, Submitted, Unwatched, plan, run
 from cusick_bench.runner.submitted import Batch
 from cusick_bench.sim.engine.settings import DrapeSettings
 
@@ -62,6 +62,15 @@ def test_cells_that_are_submitted_end_with_the_numbers_of_this_process(data, cel
         assert {name: two["metrics"][name] for name in known} == pytest.approx(known, rel=1e-9)
     assert sorted(watcher.ended) == [("null:copy", "done"), ("null:disc", "done")]
     assert any((tmp_path / "there" / "jobs").iterdir())
+
+
+def test_cells_that_an_earlier_commands_task_finishes_are_not_lost(data, cells, tmp_path):
+    """They were found open, and are finished before the task that is submitted for them looks."""
+    pytest.importorskip("submitit")
+    finished, watcher = run(Source(str(data)), cells, tmp_path), _Told()
+    assert Submitted("local").run(Source(str(data)), cells, Store(tmp_path), watcher) == []
+    assert sorted(watcher.ended) == [("null:copy", "done"), ("null:disc", "done")]
+    assert [result["status"] for result in finished] == ["done", "done"]
 
 
 @needs_slurm
@@ -123,6 +132,8 @@ def test_one_error_keeps_no_other_cell_from_being_run(data, cells, tmp_path):
     [
         (["--executor", "lsf"], "use one of process, slurm, local"),
         (["--executor", "local", "--job", "time"], "--job takes NAME=VALUE"),
+        (["--executor", "local", "--job", "time=2:00:00"], "--job time must be a whole number of minutes"),
+        (["--executor", "slurm", "--job", "cpus_per_task=two"], "--job cpus_per_task must be a whole number"),
         (["--executor", "local", "--job", "partition=a"], "knows --job time=MINUTES only"),
         (["--job", "time=3"], "--job is for --executor slurm or local"),
     ],
