@@ -1,7 +1,7 @@
-"""How right outlines of synthetic photographs are, and how well their confidence knows."""
+"""Errors of the outlines of synthetic photographs, and how well confidence tells wrong outlines from right ones."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.calibrate import calibrated
 from cusick_bench.photographs.preparation.reading_on_axis import outline_on_axis
-from cusick_bench.photographs.reading import Photograph
+from cusick_bench.photographs.reading import Photograph, focal_in_pixels
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED
 from cusick_bench.photographs.studio.folder import calibration_pictures, focal_in_film, true_radii
 from cusick_bench.photographs.studio.scene import Laboratory, Piece, make_drape, make_laboratory
@@ -24,7 +24,6 @@ TOLERANCE_MM = 0.5
 SHOTS = 5  # photographs of a laboratory
 TUNED = range(0, 1000)
 """Laboratories on which segmentation and confidence were tuned; figures are reported on others."""
-_FULL_FRAME = math.hypot(36, 24)  # [mm]
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,8 @@ class Measured:
         rms_mm: Root-mean-square error of the radii [mm].
         bias_mm: Their mean error [mm].
         largest_mm: Their largest error [mm].
-        confidence: Of the outline.
-        evidence: What the confidence is from.
+        confidence: Score of the outline, from 0 to 1.
+        evidence: What the confidence is computed from.
     """
 
     laboratory: int
@@ -111,16 +110,13 @@ def accuracy(measured: Sequence[Measured]) -> Accuracy:
     )
 
 
-def measure(
-    photographs: int, first: int, *, troubles: bool = False, done: Callable[[], None] = lambda: None
-) -> Iterator[Measured]:
+def measure(photographs: int, first: int, *, troubles: bool = False) -> Iterator[Measured]:
     """Draws photographs, finds their outlines and holds them against the truth.
 
     Args:
         photographs: Number of them.
         first: Number of the first laboratory.
         troubles: Whether to spoil every photograph in one of the ways of `TROUBLES`.
-        done: Called after each.
 
     Yields:
         What was measured.
@@ -131,12 +127,11 @@ def measure(
         for shot in range(min(SHOTS, photographs - number * SHOTS)):
             trouble = TROUBLES[(number * SHOTS + shot) % len(TROUBLES)] if troubles else ""
             yield _measured(laboratory, view, shot, trouble)
-            done()
 
 
 def _photograph(laboratory: Laboratory, levels: ndarray) -> Photograph:
     camera = laboratory.camera
-    return Photograph(levels, focal_in_film(camera) / _FULL_FRAME * math.hypot(camera.width, camera.height))
+    return Photograph(levels, focal_in_pixels(focal_in_film(camera), (camera.width, camera.height)))
 
 
 def _view(laboratory: Laboratory) -> PlateView:

@@ -59,18 +59,22 @@ def read_photograph(path: Path) -> Photograph:
                     raise _bad(path, f"has {image.width} x {image.height} px, at least {_LEAST_SIDE} a side are needed")
                 focal = _focal(image)
                 upright = ImageOps.exif_transpose(image).convert("RGB")
-    except BadPhotograph:
+    except (BadPhotograph, MemoryError):
         raise
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, EOFError) as error:
+    except PermissionError as error:
+        raise BadPhotograph("may not be read", where=path, remedy="change its mode", kind="no-permission") from error
+    except Image.DecompressionBombError as error:
+        raise _bad(path, f"has more than {_MOST_PIXELS // 10**6} million px") from error
+    except Exception as error:  # decoders raise anything on damaged or hostile files
         raise _bad(path, "cannot be read as a picture") from error
     return Photograph(np.ascontiguousarray(np.asarray(upright)[:, :, ::-1]), focal)
 
 
 def linear_light(levels: ndarray) -> Float[ndarray, "*places 3"]:
-    """Undoes the curve of sRGB, so that a pixel half covered is halfway between.
+    """Undoes the curve of sRGB, so that a pixel half covered by cloth has half of the cloth's light.
 
     Args:
-        levels: Levels 0 to 255, between pixels, too.
+        levels: Levels 0 to 255 (*places, 3); whole, or interpolated between pixels.
 
     Returns:
         Light, 0 to 1.
@@ -79,13 +83,26 @@ def linear_light(levels: ndarray) -> Float[ndarray, "*places 3"]:
     return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
+def focal_in_pixels(film: float, size: tuple[int, int]) -> float:
+    """Focal length of a picture whose header tells the 35 mm equivalent.
+
+    Args:
+        film: Focal length of a camera for 35 mm film that sees as much along the diagonal [mm].
+        size: Width and height of the picture [px].
+
+    Returns:
+        Focal length [px].
+    """
+    return film / _FULL_FRAME * math.hypot(*size)
+
+
 def _focal(image: Image.Image) -> float | None:
     """Focal length from the 35 mm equivalent in the header [px]."""
     try:
         value = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
-    except (TypeError, ValueError, SyntaxError, KeyError):
+    except Exception:  # a damaged header, of which decoders raise anything, tells no focal length
         return None
-    return value / _FULL_FRAME * math.hypot(*image.size) if 5 <= value <= 1000 else None
+    return focal_in_pixels(value, image.size) if 5 <= value <= 1000 else None
 
 
 def _bad(path: Path, what: str) -> BadPhotograph:

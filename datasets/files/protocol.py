@@ -262,7 +262,7 @@ def read_protocol(path: Path) -> Protocol:
         protocol = Protocol(**values, extra=extra)
     except ValidationError as error:
         of_one_key = bool(error.errors()[0]["loc"])
-        what = (not of_one_key and _defaults_of_another_size(values)) or _first_fault(error)
+        what = (not of_one_key and _defaults_of_another_size(values)) or first_fault(error)
         raise BadTable(what, where=path, remedy="correct it", kind="protocol-invalid") from error
     if what := _defaults_of_another_size(values):
         raise BadTable(what, where=path, remedy="add them", kind="protocol-invalid")
@@ -278,8 +278,15 @@ def _defaults_of_another_size(values: Mapping[str, Any]) -> str:
     return f"image_size_px {size} needs {' and '.join(missing)} of these images too; defaults are for {IMAGE_SIZE} px"
 
 
-def _first_fault(error: ValidationError) -> str:
-    """Key, rule and value of the first field that breaks its rule; the model's own rules say all three themselves."""
+def first_fault(error: ValidationError) -> str:
+    """Key, rule and value of the first field that breaks its rule; the model's own rules say all three themselves.
+
+    Args:
+        error: What making a `Protocol` raised.
+
+    Returns:
+        One line.
+    """
     fault = error.errors()[0]
     rule = str(fault.get("ctx", {}).get("error", fault["msg"]))
     return f"{fault['loc'][0]} {rule}, got {json.dumps(fault['input'])[:80]}" if fault["loc"] else rule

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.photographs.preparation.pictures import find_pictures
 
 GREY = np.full((400, 500, 3), 128, np.uint8)
 
@@ -61,6 +62,25 @@ def test_a_folder_that_lacks_something(tmp_path, names, says):
 )
 def test_an_option_that_makes_no_sense(tmp_path, options, says):
     assert says in _refused(_folder(tmp_path, DRAPE, "plate.jpg"), tmp_path, *options)
+
+
+def test_hidden_files_are_no_pictures(tmp_path):
+    """macOS puts a file ._NAME beside NAME on foreign disks."""
+    found = find_pictures(_folder(tmp_path, DRAPE, f"._{DRAPE}", "plate.jpg", "._plate.jpg"))
+    assert [picture.path.name for picture in found.drapes] == [DRAPE]
+
+
+def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_into(tmp_path):
+    folder, out = _folder(tmp_path, DRAPE, "plate.jpg"), tmp_path / "set"
+    words = ["data", "prepare", str(folder), "--out", str(out)]
+    assert CliRunner().invoke(app, [*words, "--template"]).exit_code == 0
+    (out / "weights.csv").write_text("fabric,weight,thickness\n1,180 g/m2,\n")
+    again = CliRunner().invoke(app, [*words, "--template"])
+    assert again.exit_code == 2
+    assert "weights.csv: exists" in " ".join(again.output.split())
+    assert "180 g/m2" in (out / "weights.csv").read_text()
+    prepared = CliRunner().invoke(app, [*words, "--weights", str(out / "weights.csv")])
+    assert "the bare plate is not found" in " ".join(prepared.output.split())  # not that the folder is not empty
 
 
 def test_no_folder(tmp_path):

@@ -10,7 +10,9 @@ from cusick_bench.photographs.board import HEIGHT, WIDTH, charuco_board, in_plat
 from cusick_bench.photographs.calibration.plate import view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
+from cusick_bench.photographs.preparation.calibrate import calibrated
 from cusick_bench.photographs.preparation.on_axis import seen_on_axis
+from cusick_bench.photographs.preparation.prepare import Setting, protocol_of
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
 from cusick_bench.photographs.preparation.weights import read_weights, template
 from cusick_bench.photographs.reading import Photograph
@@ -68,6 +70,34 @@ def test_a_bad_cell_is_named_by_its_line(tmp_path):
     table.write_text("fabric,weight\n1,150 g/m2\n2,lots\n")
     with pytest.raises(BadPhotograph, match=r"weights\.csv, line 3: weight must be"):
         read_weights(table)
+
+
+def test_a_fabric_that_is_given_twice_is_refused(tmp_path):
+    table = tmp_path / "weights.csv"
+    table.write_text("fabric,weight\n1,150 g/m2\nFabric 1,160 g/m2\n")
+    with pytest.raises(BadPhotograph, match=r"weights\.csv, line 3: fabric 1 is given twice"):
+        read_weights(table)
+
+
+@pytest.mark.parametrize(
+    ("eye", "plate", "says"),
+    [
+        ((0.0, 0.0, 0.1), 0.09, "camera_height_m must be from 0.2 to 20 m, got 0.1"),
+        ((0.0, 0.0, 0.8), 0.012, "px_per_m must suit images of 512 px: the plate would be"),
+    ],
+)
+def test_values_that_no_drape_meter_has_are_refused(eye, plate, says):
+    with pytest.raises(BadPhotograph, match=says):
+        protocol_of(_view(eye=eye), Setting(cloth_radius=0.15, plate_radius=plate))
+
+
+def test_a_plate_outside_the_picture_is_refused(monkeypatch):
+    calibrate = "cusick_bench.photographs.preparation.calibrate"
+    monkeypatch.setattr(f"{calibrate}.find_board", lambda *_: None)
+    monkeypatch.setattr(f"{calibrate}.view_from_boards", lambda *_, **__: _view(eye=(2.0, 0.0, 0.8)))
+    picture = Photograph(np.zeros((960, 1280, 3), np.uint8), None)
+    with pytest.raises(BadPhotograph, match=r"board\.jpg: the plate's middle lies outside the picture"):
+        calibrated(("board.jpg", picture), [], None, 0.09)
 
 
 def test_the_board_lies_about_its_middle():
@@ -142,17 +172,28 @@ def test_confidence_is_high_where_nothing_speaks_against():
 
 
 @pytest.mark.parametrize(
-    ("measure_", "value"),
+    ("measure_", "value", "says"),
     [
-        ("weak_edge", 0.2), ("colour", 0.9), ("undecided", 0.2), ("disagreement_mm", 12.0), ("learning_mm", 5.0),
-        ("roughness_mm", 0.6), ("unfound", 0.1), ("width_mm", 2.0), ("strange", 0.4), ("at_limit", 0.05),
-        ("unseen", 0.01), ("off_axis_mm", 0.8), ("beyond_plate", 0.0),
+        ("weak_edge", 0.2, "no edge along 20% of it"),
+        ("colour", 0.9, "fit only 90%"),
+        ("undecided", 0.2, "20% of the places beside it could be cloth as well as ground"),
+        ("disagreement_mm", 12.0, "disagree by 12.0 mm"),
+        ("learning_mm", 5.0, "depends by 5.0 mm on which colours are learnt"),
+        ("roughness_mm", 0.6, "ragged, by 0.60 mm"),
+        ("unfound", 0.1, "no crossing from cloth to ground along 10% of it"),
+        ("width_mm", 2.0, "blurred over 2.0 mm"),
+        ("strange", 0.4, "something lies on it"),
+        ("at_limit", 0.05, "no cloth can end"),
+        ("unseen", 0.01, "leaves the picture"),
+        ("off_axis_mm", 0.8, "beside the axis"),
+        ("beyond_plate", 0.0, "is there a cloth?"),
     ],
-)  # fmt: skip
-def test_each_doubt_counts_alone(measure_, value):
+)
+def test_each_doubt_counts_alone(measure_, value, says):
     doubtful = replace(SURE, **{measure_: value})
     assert confidence(doubtful) < ACCEPTED
-    assert doubts(doubtful)[0] != doubts(SURE)[0] or len(doubts(doubtful)) == 1
+    (reason,) = doubts(doubtful)
+    assert says in reason
 
 
 def test_accuracy_counts_wrong_ones_and_those_that_are_known():

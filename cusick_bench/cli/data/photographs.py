@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from cusick_bench.photographs.preparation.prepare import Preparation, Setting
 
 _MOST_PHOTOGRAPHS = 100_000
-_RULER = 150.0  # [mm] nominal length of the printed ruler, as in photographs/sheet.py
 
 
 class Paper(StrEnum):
@@ -69,6 +68,9 @@ def prepare(
 
     Outlines of low confidence are drawn in OUT/check and listed, but not written as silhouettes; exit status 1 then.
     """
+    from dataclasses import replace
+
+    from cusick_bench.photographs.errors import BadPhotograph
     from cusick_bench.photographs.preparation.pictures import find_pictures
     from cusick_bench.photographs.preparation.prepare import prepare as prepare_folder
     from cusick_bench.photographs.preparation.weights import TABLE, read_weights
@@ -77,6 +79,8 @@ def prepare(
     found = find_pictures(photographs)
     fabrics = sorted({picture.fabric for picture in found.drapes})
     if template:
+        if (out / TABLE).exists():
+            raise BadPhotograph("exists", where=out / TABLE, remedy="fill that one in, or move it away")
         out.mkdir(parents=True, exist_ok=True)
         (out / TABLE).write_text(table_text(fabrics), encoding="utf-8")
         print_json({"table": out / TABLE}) if as_json else output.print(f"fill in {out / TABLE}, give it as --weights")
@@ -84,8 +88,6 @@ def prepare(
     table = weights or (photographs / TABLE if (photographs / TABLE).is_file() else None)
     known = read_weights(table) if table else ({}, {})
     setting = _setting(known, weight, fabrics, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler)
-    from dataclasses import replace
-
     with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"pictures are in {out}"):
         prepared = prepare_folder(
             photographs, out, replace(setting, image_size=image_size), done=lambda name: bar.advance()
@@ -121,6 +123,7 @@ def _setting(
     from cusick_bench.photographs.preparation.prepare import Setting
     from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
     from cusick_bench.photographs.preparation.weights import weights_of_options
+    from cusick_bench.photographs.sheet import RULER
 
     def length(text: str, option: str, bounds: tuple[float, float]) -> float:
         value = quantity(text, LENGTHS, option)
@@ -137,7 +140,7 @@ def _setting(
         raise BadPhotograph(
             f"the plate must be smaller than 0.9 of the cloth, got {sizes}", remedy="correct a diameter"
         )
-    printed = length(printed_ruler, "--printed-ruler", (0.9e-3 * _RULER, 1.1e-3 * _RULER)) / (1e-3 * _RULER)
+    printed = length(printed_ruler, "--printed-ruler", (0.9e-3 * RULER, 1.1e-3 * RULER)) / (1e-3 * RULER)
     height = None if camera_height is None else length(camera_height, "--camera-height", CAMERA_HEIGHTS)
     sides: dict[int, str] = {}
     for part in captures.split(","):

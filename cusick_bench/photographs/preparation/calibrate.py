@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cusick_bench.photographs.calibration.boards import find_board, view_from_boards
 from cusick_bench.photographs.calibration.plate import centred_on_plate, view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView
@@ -35,7 +37,7 @@ def calibrated(
         The view.
 
     Raises:
-        BadPhotograph: No board or plate is seen, or pictures of different sizes.
+        BadPhotograph: No board or plate is seen, its middle lies outside the pictures, or they have different sizes.
     """
     pictures = [picture for picture in (board_on_plate, *boards_held, plate) if picture is not None]
     if not pictures:
@@ -55,7 +57,17 @@ def calibrated(
         focal=photograph.focal,
         height=height,
     )
-    return view if plate is None else centred_on_plate(view, plate[1], plate[0], plate_radius)
+    if plate is not None:
+        view = centred_on_plate(view, plate[1], plate[0], plate_radius)
+    column, row = view.project(np.zeros((1, 3)))[0]
+    if not (0 <= column < view.size[0] and 0 <= row < view.size[1]):
+        raise BadPhotograph(
+            f"the plate's middle lies outside the picture, at column {column:.0f}, row {row:.0f}",
+            where=name,
+            remedy="aim the camera at the plate, and take all pictures again",
+            kind="no-plate",
+        )
+    return view
 
 
 def require_size(photograph: Photograph, size: tuple[int, int], name: str) -> None:

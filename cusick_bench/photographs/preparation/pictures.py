@@ -114,7 +114,8 @@ def _files(folder: Path) -> list[Path]:
     found: list[Path] = []
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        found += [Path(place) / name for name in sorted(files) if Path(name).suffix.lower() in SUFFIXES]
+        shown = sorted(name for name in files if not name.startswith("."))  # macOS puts ._NAME beside NAME
+        found += [Path(place) / name for name in shown if Path(name).suffix.lower() in SUFFIXES]
         if len(found) > _MOST_FILES:
             raise BadPhotograph(
                 f"holds more than {_MOST_FILES} pictures", where=folder, remedy="give a smaller folder", kind="too-many"

@@ -10,16 +10,18 @@ from typing import Any
 
 import cv2
 import numpy as np
+from pydantic import ValidationError
 
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
-from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.protocol import Protocol, first_fault
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.calibrate import Named, calibrated, require_size
 from cusick_bench.photographs.preparation.pictures import DrapePicture, Pictures, find_pictures
 from cusick_bench.photographs.preparation.reading_on_axis import outline_on_axis
 from cusick_bench.photographs.preparation.silhouette import overlay, silhouette
+from cusick_bench.photographs.preparation.weights import TABLE
 from cusick_bench.photographs.reading import read_photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED, doubts
 
@@ -61,7 +63,7 @@ class Prepared:
 
     Attributes:
         picture: The photograph.
-        confidence: Probability that its outline is right within half a millimetre.
+        confidence: Score from 0 to 1 of how likely its outline is right within half a millimetre.
         doubts: Reasons against it, in words.
         written: Whether its silhouette was written.
     """
@@ -148,21 +150,31 @@ def protocol_of(view: PlateView, setting: Setting) -> Protocol:
 
     Returns:
         The protocol; pinhole where the camera's height is known.
+
+    Raises:
+        BadPhotograph: A value that no drape meter has, such as the height that calibration found.
     """
     size = setting.image_size
     known = {"camera_height_m": float(view.eye[2]), "projection": "pinhole"} if view.knows_height else {}
-    return Protocol(
-        cloth_radius_m=setting.cloth_radius,
-        plate_radius_m=setting.plate_radius,
-        gravity_m_s2=9.81,
-        image_size_px=size,
-        px_per_m=size / (_VIEW * setting.cloth_radius),
-        centre_px=((size - 1) / 2, (size - 1) / 2),
-        image_y="up",
-        foreground="dark",
-        captures=dict(setting.captures),
-        **known,
-    )
+    try:
+        return Protocol(
+            cloth_radius_m=setting.cloth_radius,
+            plate_radius_m=setting.plate_radius,
+            gravity_m_s2=9.81,
+            image_size_px=size,
+            px_per_m=size / (_VIEW * setting.cloth_radius),
+            centre_px=((size - 1) / 2, (size - 1) / 2),
+            image_y="up",
+            foreground="dark",
+            captures=dict(setting.captures),
+            **known,
+        )
+    except ValidationError as error:
+        raise BadPhotograph(
+            first_fault(error),
+            remedy="correct the diameters or --camera-height, or calibrate with more pictures of the board",
+            kind="protocol-invalid",
+        ) from error
 
 
 def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], None] = lambda name: None) -> Preparation:
@@ -170,7 +182,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
 
     Args:
         folder: The photographs.
-        out: Folder to write; must not exist, or be empty.
+        out: Folder to write; must not exist, or hold nothing but a table of weights.
         setting: What one tells of the experiment.
         done: Called with the name of each photograph that is finished.
 
@@ -180,7 +192,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     Raises:
         BadPhotograph: Anything that one has to mend first.
     """
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if out.exists() and (not out.is_dir() or any(path.name != TABLE for path in out.iterdir())):
         raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
     pictures = find_pictures(folder)
     view = _view(pictures, setting)

@@ -45,6 +45,7 @@ def read_weights(path: Path) -> tuple[dict[int, float], dict[int, float]]:
         raise BadPhotograph(error.what, where=error.where, remedy=error.remedy, kind="bad-table") from error
     weights: dict[int, float] = {}
     thicknesses: dict[int, float] = {}
+    named: set[int] = set()
     for line, cells in found.rows:
         text = cells["fabric"].strip().lower().removeprefix("fabric").strip(" _-")
         where = f"{path}, line {line}"
@@ -53,6 +54,9 @@ def read_weights(path: Path) -> tuple[dict[int, float], dict[int, float]]:
                 f"fabric must be a number, got {cells['fabric'][:40]!r}",
                 where=where, remedy="write the number in the pictures' names", kind="bad-table",
             )  # fmt: skip
+        if int(text) in named:
+            raise BadPhotograph(f"fabric {text} is given twice", where=where, remedy="keep one line", kind="bad-table")
+        named.add(int(text))
         try:
             if cells["weight"].strip():
                 weights[int(text)] = weight(cells["weight"])
@@ -121,7 +125,7 @@ def weights_of_options(texts: Sequence[str], fabrics: Sequence[int]) -> dict[int
         number, equals, value = text.partition("=")
         if not equals:
             found |= dict.fromkeys(fabrics, weight(text))
-        elif number.strip().isdecimal() and int(number) in fabrics:
+        elif number.strip().isascii() and number.strip().isdecimal() and int(number) in fabrics:
             found[int(number)] = weight(value)
         else:
             raise BadPhotograph(

@@ -68,7 +68,7 @@ class _Doubt:
     words: str
 
     def trust(self, evidence: Evidence) -> float:
-        """Probability that the outline is right, by this alone."""
+        """Score of the outline by this alone, from 0 to 1."""
         excess = (getattr(evidence, self.measure) - self.limit) / self.softness
         return 1 / (1 + math.exp(min(max(excess, -50.0), 50.0)))
 
@@ -91,7 +91,7 @@ _DOUBTS = (
 
 
 def confidence(evidence: Evidence) -> float:
-    """Probability that an outline is right within half a millimetre, every doubt taken for itself.
+    """Score of how likely an outline is right within half a millimetre: the product of what each doubt leaves.
 
     Args:
         evidence: What can be seen of it.

@@ -33,7 +33,7 @@ class Outline:
     Attributes:
         radii: Radii [m] at equidistant angles, counter-clockwise from the right of the picture.
         evidence: What speaks for it and against it.
-        confidence: Probability that it is right within half a millimetre.
+        confidence: Score from 0 to 1 of how likely it is right within half a millimetre; no fitted probability.
     """
 
     radii: Float[ndarray, " angles"]

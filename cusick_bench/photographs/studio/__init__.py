@@ -1,4 +1,5 @@
 """Synthetic photographs of drapes: light, shadow, texture and lens are drawn, the true outline is known.
 
-Nothing here is shared with the code that reads photographs, so that neither can hide the other's mistakes.
+Nothing here but the printed board is shared with the code that reads photographs, so that neither can hide the other's
+mistakes.
 """

@@ -1,7 +1,5 @@
 """Takes the picture: cloth and ground in their light, through the lens, onto the sensor."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -162,17 +160,3 @@ def held_boards(laboratory: Laboratory, count: int) -> list[UInt8[ndarray, "heig
         middle = np.array([*generator.uniform(-0.05, 0.05, 2), generator.uniform(0.02, 0.1)])
         taken.append(board_photograph(laboratory, 100 + number, (rotation @ spin, middle)))
     return taken
-
-
-def with_blur(laboratory: Laboratory, blur: float, noise: float) -> Laboratory:
-    """The same laboratory with a worse picture.
-
-    Args:
-        laboratory: The laboratory.
-        blur: Of the picture [px].
-        noise: Of the sensor [levels].
-
-    Returns:
-        The laboratory.
-    """
-    return replace(laboratory, blur=blur, noise=noise)

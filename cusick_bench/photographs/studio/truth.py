@@ -16,7 +16,7 @@ def apparent_radii(
         vertices: Positions [m].
         faces: Triangles.
         height: Height of the eye above the plate [m]; infinite for a parallel view.
-        angles: Where to measure [rad], equidistant from 0.
+        angles: Where to measure [rad].
 
     Returns:
         Radii at the scale of the plate's plane [m].
