@@ -1,8 +1,7 @@
 """Reading of files that others wrote, within limits: nothing is unpickled, and sizes are looked at before content.
 
-json_file: one JSON object; npz_file: arrays; csv_file: tables, which csv_text writes, without formulas, and table_file
-as Parquet too. All raise
-`BadFile`: the file, what is wrong with it, and the remedy.
+json_file: one JSON object; npz_file: arrays; csv_file: tables. All raise `BadFile`: the file, what is wrong with it,
+and the remedy. Tables are written too: csv_text, without formulas; table_file, the same or Parquet.
 """
 
 from cusick_bench.files.csv_file import CsvTable, read_csv

@@ -80,7 +80,7 @@ def croissant(files: dict[str, str]) -> dict[str, Any]:
         "distribution": [
             {
                 "@type": "cr:FileObject",
-                "@id": name.replace(" ", "_"),  # names have none in Croissant
+                "@id": name.replace(" ", "_"),  # identifiers hold no blanks in Croissant
                 "name": name,
                 "contentUrl": name,
                 "encodingFormat": _MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream"),

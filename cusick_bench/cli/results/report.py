@@ -62,6 +62,7 @@ def report(
             protocol=protocol,
             pictures=pictures,
             compared=other,
+            seed=seed,
             progress=lambda message: bar.begin(f"drawing {message}"),
         )
     for path in files:

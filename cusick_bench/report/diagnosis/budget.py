@@ -40,7 +40,7 @@ def budget_table(document: DiagnosisDocument) -> BudgetTable | None:
         "Share of the misfit in units of noise that each effect takes on samples that its severity was not fitted to, "
         "the mean over all orders in which effects can be taken off."
     )
-    return BudgetTable(" ".join([words, *(f"{one}.".capitalize() for one in alike)]), rows)
+    return BudgetTable(" ".join([words, *(f"{one[0].upper()}{one[1:]}." for one in alike)]), rows)
 
 
 def _interval(ends: tuple[float, float] | None) -> str:

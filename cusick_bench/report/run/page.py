@@ -60,6 +60,7 @@ def write_report(
     protocol: Protocol = RELEASE,
     pictures: Path | None = None,
     compared: Cells | None = None,
+    seed: int = 0,
     progress: Progress = lambda message: None,
 ) -> list[Path]:
     """Writes the page, and on demand its pictures as files.
@@ -72,6 +73,7 @@ def write_report(
         protocol: How the run's silhouettes were taken.
         pictures: Folder for one side-by-side PNG a cell.
         compared: Another run, to compare this one with.
+        seed: Seed of the resamples of that comparison.
         progress: Called to tell each cell that is drawn.
 
     Returns:
@@ -80,7 +82,7 @@ def write_report(
     Raises:
         LeaderboardError: The other run cannot be compared with this one.
     """
-    comparison = None if compared is None else comparison_section(cells, compared)
+    comparison = None if compared is None else comparison_section(cells, compared, seed=seed)
     files: list[Path] = []
     sections, models = [], []
     for number, cloth in enumerate(sorted(set(cells.table["cloth"]))):
@@ -136,7 +138,7 @@ def _linked(sections: Sequence[ClothSection]) -> list[ClothSection]:
     return [replace(section, cards=[linked(card) for card in section.cards]) for section in sections]
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Drawn:
     """A cloth's part of the page, its drapes to be turned, and the pictures written to the folder."""
 
