@@ -1,4 +1,7 @@
-"""Errors of the outlines of synthetic photographs, and how well confidence tells wrong outlines from right ones."""
+"""Errors of the outlines of synthetic photographs, and how well confidence tells wrong outlines from right ones.
+
+Segmentation and confidence were tuned on laboratories below number 1000; figures are to be reported on others.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,8 +25,6 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 TOLERANCE_MM = 0.5
 SHOTS = 5  # photographs of a laboratory
-TUNED = range(0, 1000)
-"""Laboratories on which segmentation and confidence were tuned; figures are reported on others."""
 
 
 @dataclass(frozen=True)

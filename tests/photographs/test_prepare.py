@@ -53,7 +53,7 @@ def test_there_is_a_picture_to_check(prepared):
     assert drawn.shape == (960, 1280, 3)
 
 
-@pytest.mark.parametrize("change", ["hidden", "bare"])
+@pytest.mark.parametrize("change", ["hidden", "bare", "damaged"])
 def test_a_doubtful_picture_is_named_and_not_written(photographs, tmp_path, change):
     folder = tmp_path / "photographs"
     shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
@@ -64,6 +64,8 @@ def test_a_doubtful_picture_is_named_and_not_written(photographs, tmp_path, chan
     else:
         levels[:] = np.median(levels[:100], axis=(0, 1))
     cv2.imwrite(str(spoilt), levels)
+    if change == "damaged":
+        spoilt.write_bytes(spoilt.read_bytes()[:300])
     out = tmp_path / "set"
     result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(out), "--json"])
     assert result.exit_code == 1, result.output

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,7 +67,8 @@ def prepare(
 ) -> None:
     """Make a data set from photographs: calibrate the camera, find every cloth's outline, draw silhouettes.
 
-    Outlines of low confidence are drawn in OUT/check and listed, but not written as silhouettes; exit status 1 then.
+    Outlines of low confidence are drawn in OUT/check and listed, but not written as silhouettes; exit status 1 then, as
+    where a photograph cannot be read.
     """
     from dataclasses import replace
 
@@ -88,7 +90,7 @@ def prepare(
     table = weights or (photographs / TABLE if (photographs / TABLE).is_file() else None)
     known = read_weights(table) if table else ({}, {})
     setting = _setting(known, weight, fabrics, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler)
-    with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"pictures are in {out}"):
+    with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"{out} is not complete; remove it"):
         prepared = prepare_folder(
             photographs, out, replace(setting, image_size=image_size), done=lambda name: bar.advance()
         )
@@ -164,7 +166,7 @@ def _report(prepared: Preparation) -> None:
     height = f"{view.eye[2]:.3f} ± {spread.height_m:.3f} m high" if view.knows_height else "of unknown height"
     output.print(
         f"camera from {view.source}: {view.scale:.0f} px/m ± {100 * spread.scale:.2f} %, middle ± "
-        f"{1e3 * spread.centre_m:.2f} mm, tilted {57.3 * view.tilt:.1f} ± {57.3 * spread.tilt_rad:.1f} degrees, "
+        f"{1e3 * spread.centre_m:.2f} mm, tilted {degrees(view.tilt):.1f} ± {degrees(spread.tilt_rad):.1f} degrees, "
         f"{height}"
     )
     written = len(prepared.pictures) - len(prepared.doubtful)

@@ -187,10 +187,11 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
         done: Called with the name of each photograph that is finished.
 
     Returns:
-        What became of it. Doubtful outlines are drawn in `check/`, and not written as silhouettes.
+        What became of it. Doubtful outlines are drawn in `check/`, and not written as silhouettes; photographs that
+        cannot be read count as doubtful.
 
     Raises:
-        BadPhotograph: Anything that one has to mend first.
+        BadPhotograph: Anything that one has to mend first: the folder, the calibration, a picture of another camera.
     """
     if out.exists() and (not out.is_dir() or any(path.name != TABLE for path in out.iterdir())):
         raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
@@ -226,7 +227,10 @@ def _view(pictures: Pictures, setting: Setting) -> PlateView:
 
 
 def _prepared(picture: DrapePicture, view: PlateView, protocol: Protocol, setting: Setting, out: Path) -> Prepared:
-    photograph = read_photograph(picture.path)
+    try:
+        photograph = read_photograph(picture.path)
+    except BadPhotograph as error:  # the others are prepared all the same
+        return Prepared(picture, 0.0, (error.what,), False)
     require_size(photograph, view.size, str(picture.path))
     outline, on_axis = outline_on_axis(photograph, view, setting.plate_radius, setting.cloth_radius)
     good = outline.confidence >= setting.accepted

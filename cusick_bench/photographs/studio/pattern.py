@@ -72,9 +72,9 @@ def _shares(pattern: str, side: float, generator: np.random.Generator) -> Float[
     if pattern == "blotches":
         return (_smooth_noise(generator, generator.uniform(0.008, 0.03), side) > 0.3).astype(np.float32)
     if pattern == "tiles":
-        line = 0.04 * np.maximum(period, 0.015) / 0.02
+        joint = 0.04 * np.maximum(period, 0.015) / 0.02
         large = 6 * period
-        return ((along % large < line * 0.1) | (across % large < line * 0.1)).astype(np.float32)
+        return ((along % large < joint * 0.1) | (across % large < joint * 0.1)).astype(np.float32)
     if pattern == "grain":
         warped = across + 0.01 * _smooth_noise(generator, 0.2, side)
         field = np.sin(2 * np.pi * warped / generator.uniform(0.008, 0.02)) + 0.6 * _smooth_noise(generator, 0.02, side)
