@@ -37,6 +37,7 @@ DRAPE = "Fabric_1_Sample_1_Capture_1.jpg"
         ([], "holds no photographs of drapes"),
         (["plate.jpg"], "holds no photographs of drapes"),
         ([DRAPE], "holds no ruler"),
+        ([DRAPE, "board-1.jpg", "plate.jpg"], "but none of the board on the plate (board-plane.jpg)"),
         (["IMG_2041.jpg", "plate.jpg"], "does not say which fabric and sample"),
         ([DRAPE, "fabric 1 sample 1.png", "plate.jpg"], "is Fabric_1_Sample_1_Capture_1, as"),
         ([DRAPE, "board-plane.jpg"], "shows 0 corners of the board"),

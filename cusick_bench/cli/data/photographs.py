@@ -54,7 +54,10 @@ def prepare(
     ] = "1=up,2=up,3=down,4=down",
     camera_height: Annotated[
         str | None,
-        cloth_option(help="Height of the camera above the plate, measured, with its unit; by default by calibration."),
+        cloth_option(
+            help="Height of the camera above the plate, measured, with its unit; not used where two or more pictures "
+            "of the board held at angles give it."
+        ),
     ] = None,
     printed_ruler: Annotated[
         str, cloth_option(help="Length of the printed board's ruler of 150 mm, as you measure it, with its unit.")

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.photographs.board import charuco_board, in_plate_axes
-from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
+from cusick_bench.photographs.calibration.view import HEADER_FOCAL, MEASURED_HEIGHT, PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph
 
@@ -21,7 +21,6 @@ _LEAST_CORNERS = 12
 _LEAST_PICTURES = 3  # that give a lens: one on the plate, two held at angles
 _WORST_FIT = 2.0  # [px] of corners off their places, per 1000 px of width
 _RULER = 5e-4  # relative uncertainty of the printed size after a look at the check ruler
-_HEADER_FOCAL = 0.03  # relative uncertainty of the focal length in a picture's header
 _PLACED = 3e-4  # [m] by which a board cut along its circle may lie off the plate's axis
 
 
@@ -104,7 +103,7 @@ def view_from_boards(
             kind="no-board",
         )
     known = whole or focal is not None or height is not None
-    relative = spread if whole else (0.01 if height is not None else _HEADER_FOCAL)
+    relative = spread if whole else (MEASURED_HEIGHT if height is not None else HEADER_FOCAL)
     in_plane = error / np.sqrt(len(plane.places)) * eye[2] / matrix[0, 0]
     reach = float(np.hypot(*plane.places[:, :2].std(axis=0)))
     uncertainty = Uncertainty(

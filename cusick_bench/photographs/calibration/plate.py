@@ -8,14 +8,13 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import least_squares
 
-from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
+from cusick_bench.photographs.calibration.view import HEADER_FOCAL, MEASURED_HEIGHT, PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph, linear_light
 
 _ANGLES = 360
 _TILT = np.radians(2.0)  # prior deviation of a camera that was put up level
 _LEAST_TILT = np.radians(0.3)  # uncertainty of a tilt that does not show
-_HEADER_FOCAL = 0.03  # relative uncertainty of the focal length in a picture's header
 _LEAST_EDGE = 0.6  # share of the circle that must be seen
 _MOST_OFF = 0.04  # relative difference between the radius of the plate that is seen and the one that is told
 
@@ -119,7 +118,7 @@ def view_from_plate(
         raise _no_plate(name, f"only {good.mean():.0%} of a circle is seen")
     view = _view_of(np.concatenate([[0.0, 0.0], level.x]), matrix, size)
     known = height is not None or focal_known is not None
-    relative = 0.01 if height is not None else _HEADER_FOCAL
+    relative = MEASURED_HEIGHT if height is not None else HEADER_FOCAL
     along = radius / across  # [m/px] in the plane
     uncertainty = Uncertainty(
         scale=float(np.hypot(1e-3, spread / radius / np.sqrt(good.sum()))),

@@ -30,7 +30,8 @@ def calibrated(
         boards_held: The board at other angles.
         plate: The bare plate; beside a board it gives the axis.
         plate_radius: Radius of the plate [m].
-        height: Measured height of the camera above the plate [m], None where it was not measured.
+        height: Measured height of the camera above the plate [m], None where it was not measured; not used where
+            two and more of `boards_held` give it.
         printed: Size of the board on paper over its nominal size.
 
     Returns:

@@ -95,6 +95,14 @@ def find_pictures(folder: Path) -> Pictures:
                 remedy="keep one, and one folder for each place of the camera",
                 kind="duplicate-name",
             )
+    if others["board"] and not others["board-plane"]:
+        raise BadPhotograph(
+            "holds pictures of the board held at angles, but none of the board on the plate (board-plane.jpg), without "
+            "which they are of no use",
+            where=folder,
+            remedy="take one with the camera where it was, or remove the others",
+            kind="no-ruler",
+        )
     if not others["board-plane"] and not others["plate"]:
         raise BadPhotograph(
             "holds no ruler: neither board-plane.jpg (the printed board on the plate) nor plate.jpg (the bare plate)",

@@ -40,7 +40,8 @@ class Setting:
         weights: Areal density by fabric [kg/m2]; what is not here stays empty.
         thicknesses: Thickness by fabric [m].
         captures: Which face lies up in which capture.
-        camera_height: Of the camera above the plate, measured with a rule [m]; None where it was not.
+        camera_height: Of the camera above the plate, measured with a rule [m]; None where it was not. Not used where
+            pictures of the board held at angles give it.
         printed: Size of the printed board over its nominal size.
         image_size: Width of the silhouettes [px].
         accepted: Least confidence of an outline that is written.
