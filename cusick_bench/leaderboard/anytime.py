@@ -162,7 +162,10 @@ def steps_of(folder: Path | str, cost: str) -> Steps:
 
 
 def _point(line: Mapping[str, Any], cost: str) -> tuple[float, float] | None:
-    """Cost and best loss of a line, the loss infinite before the first success; None of a damaged line."""
+    """Cost and best loss of a line, the loss infinite before the first success.
+
+    None of a damaged line, and of one before anything was spent, which has no place on a logarithmic axis.
+    """
     try:
         spent, loss = float(line[cost]), inf if line["best_loss"] is None else float(line["best_loss"])
     except (KeyError, TypeError, ValueError):
