@@ -69,10 +69,15 @@ def test_a_doubtful_picture_is_named_and_not_written(photographs, tmp_path, chan
     out = tmp_path / "set"
     result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(out), "--json"])
     assert result.exit_code == 1, result.output
-    rows = {row["name"]: row for row in json.loads(result.stdout)["photographs"]}
+    document = json.loads(result.stdout)
+    rows = {row["name"]: row for row in document["images"]}
     assert rows["Fabric_1_Sample_1_Capture_1"]["written"]
     doubtful = rows["Fabric_1_Sample_2_Capture_1"]
     assert not doubtful["written"]
-    assert doubtful["doubts"]
+    assert doubtful["warnings"]
+    assert doubtful["path"] == str(spoilt)
+    assert document["protocol"] == {
+        name: value for name, value in json.loads((out / "protocol.json").read_text()).items() if name != "notes"
+    }
     silhouettes = [path.name for path in out.rglob("*.png")]
     assert silhouettes == ["Fabric_1_Sample_1_Capture_1.png"]

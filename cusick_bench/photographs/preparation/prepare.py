@@ -82,12 +82,14 @@ class Preparation:
     Attributes:
         out: Folder of the data set.
         view: The calibrated camera.
+        protocol: Nominal values of the silhouettes.
         pictures: What became of each photograph.
         unweighed: Fabrics whose areal density is not known.
     """
 
     out: Path
     view: PlateView
+    protocol: Protocol
     pictures: tuple[Prepared, ...]
     unweighed: tuple[int, ...]
 
@@ -100,16 +102,17 @@ class Preparation:
         """What the JSON document says of it."""
         return {
             "out": self.out,
+            "protocol": self.protocol.document(),
             "calibration": calibration_notes(self.view),
             "written": len(self.pictures) - len(self.doubtful),
             "doubtful": len(self.doubtful),
             "fabrics_without_weight": list(self.unweighed),
-            "photographs": [
+            "images": [
                 {
-                    "file": one.picture.path,
+                    "path": one.picture.path,
                     "name": one.picture.name,
                     "confidence": one.confidence,
-                    "doubts": list(one.doubts),
+                    "warnings": list(one.doubts),
                     "written": one.written,
                 }
                 for one in self.pictures
@@ -209,7 +212,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     (out / PROTOCOL).write_text(json.dumps(protocol.document() | {"notes": notes}, indent=1) + "\n", encoding="utf-8")
     (out / FABRICS).write_text(fabrics_table(fabrics, setting), encoding="utf-8")
     unweighed = tuple(number for number in fabrics if number not in setting.weights)
-    return Preparation(out, view, tuple(prepared), unweighed)
+    return Preparation(out, view, protocol, tuple(prepared), unweighed)
 
 
 def _view(pictures: Pictures, setting: Setting) -> PlateView:
