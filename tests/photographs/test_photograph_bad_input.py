@@ -104,6 +104,7 @@ def test_a_picture_of_another_size(tmp_path, photographs):
 
 def test_the_output_folder_must_be_new(tmp_path):
     folder = _folder(tmp_path, DRAPE, "plate.jpg")
-    result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(folder)])
-    assert result.exit_code == 2
-    assert "is not empty" in " ".join(result.output.split())
+    for out, says in ((folder, "is not empty"), (folder / "set", "lies in the folder of the photographs")):
+        result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(out)])
+        assert result.exit_code == 2
+        assert says in " ".join(result.output.split())

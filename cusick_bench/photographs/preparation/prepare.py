@@ -199,6 +199,11 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     """
     if out.exists() and (not out.is_dir() or any(path.name != TABLE for path in out.iterdir())):
         raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise BadPhotograph(
+            "lies in the folder of the photographs, where its pictures would be taken for photographs the next time",
+            where=out, remedy="give a folder beside it", kind="not-empty",
+        )  # fmt: skip
     pictures = find_pictures(folder)
     view = _view(pictures, setting)
     protocol = protocol_of(view, setting)
