@@ -156,6 +156,27 @@ def test_command_writes_the_page_and_says_where(tmp_path):
     assert CliRunner().invoke(app, [str(tmp_path / "nothing")]).exit_code == 2
 
 
+def test_command_compares_with_another_run(tmp_path):
+    app = typer.Typer()
+    app.command()(report)
+    here, other = tmp_path / "here", tmp_path / "other"
+    for folder, solvers in ((here, ("homo", "sobol")), (other, ("homo", "heter"))):
+        for solver in solvers:
+            write_cell(folder, solver)
+    result = json.loads((cell := next(other.glob("cells/homo*")) / "result.json").read_text())
+    result["metrics"]["test_mse"] *= 2
+    cell.write_text(json.dumps(result))
+    outcome = CliRunner().invoke(app, [str(here), "--compare", str(other)])
+    assert outcome.exit_code == 0, outcome.output
+    page = Page((here / "report.html").read_text())
+    assert "Change from the other run to this one" in page.text
+    assert "× 0.50" in page.text
+    assert "Only in this run: sobol" in page.text
+    assert "Only in the other run: heter" in page.text
+    assert page.asks_for() == []
+    assert CliRunner().invoke(app, [str(here), "--compare", str(tmp_path / "nothing")]).exit_code == 2
+
+
 # -- pictures and graphs
 
 
