@@ -1,10 +1,14 @@
 """The printable sheet: the board at true scale, a circle to cut along, and a ruler to check the printer with."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cusick_bench.photographs.board import COLUMNS, HEIGHT, ROWS, WIDTH, board_cells
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}  # [mm]
 RULER = 150.0  # [mm]
@@ -63,7 +67,7 @@ def write_sheet(path: Path, paper: str, plate_radius: float) -> None:
     figure.savefig(path, format="pdf", metadata={"Title": "cusick-bench board", "CreationDate": None})
 
 
-def _ruler(page, left: float, y: float) -> None:
+def _ruler(page: "Axes", left: float, y: float) -> None:
     """Draws a ruler with a tick every millimetre."""
     page.plot([left, left + RULER], [y, y], color="black", linewidth=0.5)
     for millimetre in range(round(RULER) + 1):

@@ -93,31 +93,55 @@ def view_from_boards(
     boards = [plane, *held] if whole else [plane]
     guess = focal or 1.2 * max(size)
     if not whole and height is not None:
-        guess *= height / _fitted(boards, size, guess, whole)[3][2]
-    error, matrix, distortion, eye, rotation, translation, spread = _fitted(boards, size, guess, whole)
-    if error > _WORST_FIT * size[0] / 1000:
+        guess *= height / _fitted(boards, size, guess, whole).height
+    camera = _fitted(boards, size, guess, whole)
+    if camera.error > _WORST_FIT * size[0] / 1000:
         raise BadPhotograph(
-            f"corners of the board lie {error:.1f} px off where any camera would see them",
+            f"corners of the board lie {camera.error:.1f} px off where any camera would see them",
             where="board pictures",
             remedy="lay the board flat, keep the camera's zoom and focus, remove blurred pictures",
             kind="no-board",
         )
     known = whole or focal is not None or height is not None
-    relative = spread if whole else (MEASURED_HEIGHT if height is not None else HEADER_FOCAL)
-    in_plane = error / np.sqrt(len(plane.places)) * eye[2] / matrix[0, 0]
+    relative = camera.focal_spread if whole else (MEASURED_HEIGHT if height is not None else HEADER_FOCAL)
+    in_plane = camera.error / np.sqrt(len(plane.places)) * camera.height / camera.matrix[0, 0]
     reach = float(np.hypot(*plane.places[:, :2].std(axis=0)))
     uncertainty = Uncertainty(
         scale=float(np.hypot(_RULER, in_plane / reach)),
         centre_m=float(np.hypot(_PLACED, in_plane)),
-        tilt_rad=float(in_plane / reach * eye[2] / reach),
-        height_m=float(eye[2] * relative) if known else np.inf,
+        tilt_rad=float(in_plane / reach * camera.height / reach),
+        height_m=float(camera.height * relative) if known else np.inf,
     )
     words = f"{len(boards)} pictures of the board" if whole else "one picture of the board"
-    return PlateView(size, matrix, distortion, rotation, translation, uncertainty, words).centred(np.zeros(2))
+    view = PlateView(size, camera.matrix, camera.distortion, camera.rotation, camera.translation, uncertainty, words)
+    return view.centred(np.zeros(2))
 
 
-def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, whole: bool) -> tuple:
-    """Error [px], matrix, distortion, eye, rotation, translation, relative deviation of the focal length."""
+@dataclass(frozen=True, eq=False)
+class _FittedCamera:
+    """A camera that fits what is seen of the boards; the first of them lies on the plate.
+
+    Attributes:
+        error: Root-mean-square distance of the corners from where the camera would see them [px].
+        matrix, distortion, rotation, translation: As in `PlateView`.
+        focal_spread: Standard deviation of the focal length over itself.
+    """
+
+    error: float
+    matrix: Float[ndarray, "3 3"]
+    distortion: Float[ndarray, " 5"]
+    rotation: Float[ndarray, "3 3"]
+    translation: Float[ndarray, " 3"]
+    focal_spread: float
+
+    @property
+    def height(self) -> float:
+        """Height of the pupil above the first board [m]."""
+        return float((-self.rotation.T @ self.translation)[2])
+
+
+def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, whole: bool) -> _FittedCamera:
+    """Fits a camera, from a guess of its focal length [px]; its lens too, where `whole`."""
     matrix = np.array([[guess, 0, (size[0] - 1) / 2], [0, guess, (size[1] - 1) / 2], [0, 0, 1]])
     flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST
     flags |= cv2.CALIB_FIX_K3
@@ -129,8 +153,5 @@ def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, wh
         places, pixels, size, matrix, np.zeros(5), flags=flags
     )
     rotation, _ = cv2.Rodrigues(turns[0])
-    translation = shifts[0].ravel()
-    return (
-        float(error), matrix, distortion.ravel()[:5], -rotation.T @ translation, rotation, translation,
-        float(deviations.ravel()[:2].max() / matrix[0, 0]),
-    )  # fmt: skip
+    focal_spread = float(deviations.ravel()[:2].max() / matrix[0, 0])
+    return _FittedCamera(float(error), matrix, distortion.ravel()[:5], rotation, shifts[0].ravel(), focal_spread)

@@ -8,7 +8,10 @@ from cusick_bench.sim.kernel_cache import numba
 
 
 @numba.njit(cache=True)
-def _fill(corners: ndarray, depths: ndarray, faces: ndarray, face_of: ndarray, weights: ndarray, nearest: ndarray):
+def _fill(
+    corners: ndarray, depths: ndarray, faces: ndarray, face_of: ndarray, weights: ndarray, nearest: ndarray
+) -> None:
+    """Draws the triangles into `face_of`, `weights` and `nearest`, the depth of what is drawn so far."""
     height, width = face_of.shape
     for face in range(faces.shape[0]):
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
