@@ -153,6 +153,9 @@ def test_tabs_show_one_cloth_and_follow_arrows_and_links(opened):
     assert page.get_by_role("tab", name="viscose_white").get_attribute("aria-selected") == "true"
     page.locator(".board").first.get_by_role("link", name="homo").click()
     playwright.expect(blue).to_be_visible()
+    page.get_by_role("tab", name="viscose_white").click()
+    page.locator(".board").first.get_by_role("link", name="homo").click()  # the same address once more
+    playwright.expect(blue).to_be_visible()
     page.emulate_media(media="print")
     assert blue.is_visible()
     assert white.is_visible()

@@ -15,8 +15,8 @@ function makeTabs(list) {
   }
 
   /* A link to something inside a hidden panel shows that panel first. */
-  function follow() {
-    const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  function follow(hash) {
+    const target = document.getElementById(decodeURIComponent(hash.slice(1)));
     const place = target ? panels.findIndex((panel) => panel.contains(target)) : -1;
     if (place < 0) return;
     show(place);
@@ -41,8 +41,12 @@ function makeTabs(list) {
     });
   });
   show(0);
-  addEventListener("hashchange", follow);
-  follow();
+  addEventListener("hashchange", () => follow(location.hash));
+  document.addEventListener("click", (event) => {  // the address stays as it is where a link is followed again
+    const link = event.target.closest("a[href^='#']");
+    if (link && !event.defaultPrevented) follow(link.hash);
+  });
+  follow(location.hash);
 }
 
 document.querySelectorAll("[data-tabs]").forEach(makeTabs);
