@@ -211,7 +211,7 @@ def test_shares_of_the_budget_add_up(emulator: Emulator, three: tuple[FabricData
 
 
 def posterior(effects: dict[str, float], sets: dict[tuple[str, ...], float], leading: dict[str, float]) -> SetPosterior:
-    return SetPosterior(effects, leading, sets, (), (), np.zeros(0), 0.0, 0.0)
+    return SetPosterior(effects, leading, sets, (), np.zeros(0), 0.0)
 
 
 FITS, FAILS = Novelty(0.5, 0.9), Novelty(0.01, 0.2)

@@ -16,7 +16,7 @@ Where all samples lie on one face, the face-even rows hold that face, whose shif
 one (`as_seen`), and the face-odd rows are unknown.
 """
 
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -24,8 +24,6 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
 from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES
-
-Block = Literal["face-even", "face-odd", "spread", "drift"]
 
 _COUNT = len(NAMES)
 FACE_EVEN: Final = slice(0, _COUNT)
@@ -35,7 +33,6 @@ MEANS: Final = slice(FACE_EVEN.start, FACE_ODD.stop)
 SPREAD: Final = slice(FACE_ODD.stop, FACE_ODD.stop + len(SPREADS))
 DRIFT: Final = slice(SPREAD.stop, SPREAD.stop + len(ORDERS))
 ROWS: Final = DRIFT.stop
-BLOCKS: Final[dict[Block, slice]] = {"face-even": FACE_EVEN, "face-odd": FACE_ODD, "spread": SPREAD, "drift": DRIFT}
 
 
 def _may_be_wrong() -> Bool[ndarray, "rows"]:
@@ -48,24 +45,6 @@ def _may_be_wrong() -> Bool[ndarray, "rows"]:
 MAY_BE_WRONG: Final = _may_be_wrong()
 """Which rows a model without effect may get wrong (see the module): of the even means the phase-free statistics and the
 real parts of even order, and the spreads."""
-
-
-def block_of(row: int) -> Block:
-    """Block of a row.
-
-    Args:
-        row: Its number in the vector.
-
-    Returns:
-        Name of the block.
-
-    Raises:
-        IndexError: No such row.
-    """
-    for name, rows in BLOCKS.items():
-        if rows.start <= row < rows.stop:
-            return name
-    raise IndexError(f"rows are numbered 0 to {ROWS - 1}, got {row}")
 
 
 def in_rows(

@@ -27,14 +27,12 @@ class NamedSet:
 
     Attributes:
         causes: The causes.
-        shifts: Shift by each in the turned rows.
         variance: What other laws for them add to the variance of each row.
         left: What they leave of w.
         tangent: Change of the shift with each free parameter, one a row.
     """
 
     causes: tuple[Candidate, ...]
-    shifts: Float[ndarray, "causes kept"]
     variance: Float[ndarray, "kept"]
     left: Float[ndarray, "kept"]
     tangent: Float[ndarray, "parameters kept"]
@@ -63,7 +61,6 @@ def named_set(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate])
     tangent = [row for one in fitted if one.hypothesis.name not in known for row in fit.tangent(one)]
     return NamedSet(
         sized,
-        shifts,
         fit.variance(sized, shifts),
         sets.model.white - shifts.sum(0),
         np.array(tangent).reshape(len(tangent), shifts.shape[1]),

@@ -40,7 +40,6 @@ class Conditional:
         effects: Probability that each effect is in the set.
         leading: Probability that each effect, then `none`, then `unknown` accounts for most.
         symmetric: Probability of each of `MISFIT_SIZES`.
-        anything: Probability that something moves rows that no base model may get wrong, beside the set.
     """
 
     options: Float[ndarray, "options"]
@@ -48,7 +47,6 @@ class Conditional:
     effects: Float[ndarray, "effects"]
     leading: Float[ndarray, "causes"]
     symmetric: Float[ndarray, "symmetric"]
-    anything: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,21 +57,17 @@ class SetPosterior:
         effects: Probability that each effect acts.
         leading: Probability that an effect, `none` or `unknown` accounts for most; these add up to 1.
         sets: Probability of each set, the likeliest first.
-        draws: Sets of points, as drawn.
         best: The likeliest set of points of all that were drawn.
         weight: Probability of each point.
         misfit: Mean size s of the base model's misfit.
-        anything: Probability that something that is not listed acts beside the set.
     """
 
     effects: Mapping[str, float]
     leading: Mapping[str, float]
     sets: Mapping[tuple[str, ...], float]
-    draws: tuple[tuple[int, ...], ...]
     best: tuple[int, ...]
     weight: Float[ndarray, "points"]
     misfit: float
-    anything: float
 
 
 def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None = None) -> Conditional:
@@ -101,7 +95,7 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
     sizes = np.exp(likelihoods.symmetric - logsumexp(likelihoods.symmetric, axis=1, keepdims=True))
     beyond = np.exp(likelihoods.anything - logsumexp(likelihoods.anything, axis=1, keepdims=True))
     leading = _leading(model, others, options, beyond)
-    return Conditional(options, log_joint, effects, leading, options @ sizes, float(options @ beyond[:, 1:].sum(1)))
+    return Conditional(options, log_joint, effects, leading, options @ sizes)
 
 
 def _leading(model: SetModel, others: Sequence[int], options: ndarray, beyond: ndarray) -> Float[ndarray, "causes"]:
@@ -241,9 +235,7 @@ def _pooled(model: SetModel, chains: Sequence[_Chain]) -> SetPosterior:
         dict(zip(points.names, effects.tolist(), strict=True)),
         dict(zip((*points.names, NONE, UNKNOWN), leading.tolist(), strict=True)),
         {names: count / len(draws) for names, count in sets.most_common()},
-        tuple(draws),
         draws[int(np.argmax(joint))],
         weight,
         float(np.mean([c.symmetric @ MISFIT_SIZES for _, c in steps])),
-        float(np.mean([c.anything for _, c in steps])),
     )
