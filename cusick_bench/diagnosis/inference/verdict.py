@@ -29,7 +29,8 @@ class Finding:
         effects: The named set, the likeliest first.
         groups: Look-alikes of which one acts, beside the named set.
         set90: The fewest causes that hold 90 % of the probability, and the named ones.
-        leading: Probability that each effect, `none` or `unknown` accounts for most; they add up to 1.
+        leading: Probability that each effect, `none` or `unknown` accounts for most; they add up to 1. Every effect of
+            the laboratory is among them.
         notes: What else is to be said.
     """
 
@@ -65,7 +66,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
         p: p-value of the base model.
         posterior: Posterior over sets.
         test: Whether the likeliest set is all that acts.
-        shared: Effects of the laboratory that all its fabrics show; they are named in each.
+        shared: Effects of the laboratory that all its fabrics show, the likeliest first; they are named in each.
 
     Returns:
         What is found.
@@ -125,11 +126,10 @@ def _any_of(posterior: SetPosterior, group: Sequence[str]) -> float:
 
 
 def _with_shared(leading: Mapping[str, float], shared: Sequence[str]) -> dict[str, float]:
-    """Where the fabric itself shows nothing, what its laboratory shows accounts for most."""
+    """Where the fabric itself shows nothing, the likeliest effect of its laboratory accounts for most."""
     if not shared:
         return dict(leading)
-    changed = {name: value for name, value in leading.items() if name != NONE}
-    return {**changed, shared[0]: leading[NONE], NONE: 0.0}
+    return {**leading, **dict.fromkeys(shared, 0.0), shared[0]: leading[NONE], NONE: 0.0}
 
 
 def _raised(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
