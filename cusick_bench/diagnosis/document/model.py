@@ -267,7 +267,7 @@ class DiagnosisDocument(Part):
         budget: Which share of the gap each effect takes: the named ones, and the likeliest of each group.
         unexplained: What they leave.
         gap: How far the simulation is from the data.
-        causes: The likeliest first; of those above 0.5 %.
+        causes: Those that are named, act with 2 % or account for most with 0.5 %; by the latter, the likeliest first.
         set90: The fewest causes that hold 90 % of the probability.
         where: Where the cause acts.
         closure: How far the named effects close the gap.

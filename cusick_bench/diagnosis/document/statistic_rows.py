@@ -72,20 +72,19 @@ def finite(value: float) -> float | None:
 
 
 def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, int]:
-    """Mean statistics of base model and base with the cause, and of how many drapes; 0 where the atlas tells them."""
+    """Mean statistics of base model and base with the causes, and of how many drapes; 0 where the atlas tells them."""
     drapes = diagnosis.simulated
     if drapes is not None and np.isfinite(drapes.base.specimens).any((0, 1)).all():
         base = np.nanmean(drapes.base.specimens, (0, 1))
         changed = np.nan * base if drapes.effect is None else np.nanmean(drapes.effect.specimens, (0, 1))
         return base, changed, int(np.isfinite(drapes.base.specimens[..., 0]).sum())
     residual = diagnosis.residual
-    base, moved = emulator.mean(residual.theta), np.full(len(NAMES), np.nan)
-    if len(diagnosis.causes) == 1:
-        one = diagnosis.causes[0]
+    base, moved = emulator.mean(residual.theta), np.zeros(len(NAMES))
+    for one in diagnosis.causes:
         point = {name: np.array([value]) for name, value in one.value.items()}
         row = shifts(emulator, one.hypothesis, residual.theta, residual.sd, residual.drift, point).features[0]
-        moved = row[FACE_EVEN] * residual.sd
-    return base, base + moved, 0
+        moved += row[FACE_EVEN] * residual.sd
+    return base, base + moved if diagnosis.causes else np.nan * base, 0
 
 
 def _unit(name: str) -> str:
