@@ -4,7 +4,7 @@ from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
 from cusick_bench.diagnosis.diagnose import Diagnosis
-from cusick_bench.diagnosis.inference.evidence import NONE, Candidate
+from cusick_bench.diagnosis.inference.evidence import Candidate
 
 REFUSED = "refused"
 
@@ -29,8 +29,8 @@ class Reading:
     Attributes:
         verdict: Its verdict, or `refused`.
         p: p-value of the base model; None where refused.
-        named: The effects that it names: those of the verdict, or all that it cannot decide between.
-        posterior: Probability of every set of effects; none at all is the empty set, `unknown` a set of its own.
+        named: The effects that it names, and look-alikes of which one acts.
+        posterior: Probability of every set of listed effects; that none acts is the empty set.
         estimates: The strength that it gives every effect, named or not.
         notes: What it left out or doubts; where refused, why.
     """
@@ -67,7 +67,7 @@ def read(diagnosis: Diagnosis) -> Reading:
         diagnosis.verdict,
         diagnosis.p,
         frozenset(diagnosis.effects).union(*diagnosis.groups),
-        {frozenset(names) - {NONE}: share for names, share in diagnosis.sets.items()},
+        {frozenset(names): share for names, share in diagnosis.sets.items()},
         {name: _estimate(one) for name, one in diagnosis.best.items()},
         diagnosis.notes,
     )
