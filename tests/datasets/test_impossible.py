@@ -1,6 +1,7 @@
 """Silhouettes that no cloth on the plate can show stop what would compute from them; odd but possible ones do not."""
 
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -167,11 +168,13 @@ def test_diagnose_and_paper_tables_stop_too(lab, tmp_path):
     refused = _command("diagnose", str(lab), "--samples", "0", "--out", str(out))
     assert refused.exit_code == 2
     assert not list(out.rglob("diagnosis.json"))
-    forced = _command("diagnose", str(lab), "--samples", "0", "--out", str(out), "--force")
+    options = ("--samples", "0", "--without-effect", "creep")
+    forced = _command("diagnose", str(lab), *options, "--out", str(out), "--force")
     assert forced.exit_code == 0
     document = json.loads((out / "fabric_7" / "diagnosis.json").read_text())
     assert any(note.startswith(f"forced: {PICTURE}") for note in document["notes"])
-    assert document["made"]["command"].endswith(" --force")
+    again = ["cusick-bench", "diagnose", str(lab), "--fabric", "fabric_7", *options, "--seed", "0", "--force"]
+    assert shlex.split(document["made"]["command"]) == again
     table = _command("paper", "table-1", "--data", str(lab), "--solver", "null:disc", "--out", str(tmp_path / "table"))
     assert table.exit_code == 2
     assert not list((tmp_path / "table").rglob("result.json"))

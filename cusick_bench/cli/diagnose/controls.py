@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, repeated_option, tell, user_errors
 from cusick_bench.cli.options import Atlas, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis import NUMERICS_VERSION
@@ -78,7 +79,12 @@ def diagnose_controls(
     chosen = fabric or fabrics_to_control(dataset)
     if not chosen:
         raise DiagnosisError(f"no fabric of {data} has samples enough to be controlled; name one with --fabric")
-    facts, judgements = _facts(data, chosen if fabric else [], control or [], halves, seed), []
+    words = ["cusick-bench", "diagnose-controls", data]
+    words += [*repeated_option("--fabric", fabric or ()), *repeated_option("--control", control or ())]
+    words += ["--halves", str(halves), *repeated_option("--without-effect", options.without)]
+    words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
+    words += ["--seed", str(seed), *(["--force"] if force else [])]
+    facts, judgements = _facts(shlex.join(words)), []
     out.parent.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     kept = interruptible(lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written")
     with progress_bar("reading data", len(chosen)) as bar, kept:
@@ -97,16 +103,13 @@ def diagnose_controls(
     _print(judgements, facts, as_json)
 
 
-def _facts(data: str, fabrics: list[str], controls: list[str], halves: int, seed: int) -> dict[str, Any]:
+def _facts(command: str) -> dict[str, Any]:
     """Where the numbers come from."""
     from cusick_bench.runner.environment import version_text
     from cusick_bench.runner.numerics import diagnosis_numerics
 
-    words = ["cusick-bench diagnose-controls", data]
-    words += [f"--fabric {name}" for name in fabrics] + [f"--control {name}" for name in controls]
-    words += [f"--halves {halves} --seed {seed}"]
     version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
-    return {"command": " ".join(words), "code": version}
+    return {"command": command, "code": version}
 
 
 def _write(out: Path, judgements: list[Judgement], facts: dict[str, Any]) -> None:

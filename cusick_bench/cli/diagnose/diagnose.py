@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, repeated_option, user_errors
 from cusick_bench.cli.options import Atlas, Force, Json, Seed, SimulatedSamples, WithoutEffect, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis import NUMERICS_VERSION
@@ -88,14 +89,14 @@ def diagnose_data(
         if found is not None:
             shared = laboratory_document(found)
             shared.write(out / "laboratory.json")
+        together = chosen if found is not None and found.named else []  # fabrics whose answers hang on each other
         for number, name in enumerate(chosen):
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
                 bar.say(f"{name}: {what}")
                 bar.show(number + 1 + share)
 
-            command = f"cusick-bench diagnose {data} --fabric {name} --samples {samples} --seed {seed}"
-            command += " --force" if force else ""
+            command = _command(data, together or [name], options, atlas, force=force)
             try:
                 result = diagnose(
                     captures[name], emulator, calibration, options, shared=found.named if found else (),
@@ -117,6 +118,16 @@ def diagnose_data(
         _print_laboratory(shared)
     for one in written:
         _print(one)
+
+
+def _command(data: str, fabrics: list[str], options: Options, atlas: Path, *, force: bool) -> str:
+    """The command that makes a document again."""
+    words = ["cusick-bench", "diagnose", data]
+    words += [*repeated_option("--fabric", fabrics), "--samples", str(options.samples)]
+    words += repeated_option("--without-effect", options.without)
+    words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
+    words += ["--seed", str(options.seed)]
+    return shlex.join([*words, "--force"] if force else words)
 
 
 def _with_samples(dataset: Any) -> list[str]:
