@@ -71,14 +71,30 @@ def calibrate(
             needed.append(rank)
             step()
         inflation = inflation_at_level(needed)
-        every = max(1, -(-len(cases) // _MOST_TEMPERED))
-        asked = [(captures, truth, inflation) for captures, truth in cases[::every]]
+        asked = [(captures, truth, inflation) for captures, truth in cases[:: _every(len(cases))]]
         surprises = []
         for row in over(partial(surprises_of, emulator=emulator), asked):
             surprises.append(row)
             step()
     scores = np.mean(surprises, axis=0)
     return Calibration(inflation, float(TEMPERINGS[int(np.argmin(scores))]), len(cases))
+
+
+def looks(truths: Sequence[str]) -> int:
+    """How often a calibration looks at a case: at those without effect, then at those that set the power.
+
+    Args:
+        truths: What acts in each case.
+
+    Returns:
+        How often `calibrate` calls its `step`.
+    """
+    return sum(truth == NONE for truth in truths) + len(truths[:: _every(len(truths))])
+
+
+def _every(count: int) -> int:
+    """Step over so many cases that leaves those that set the power."""
+    return max(1, -(-count // _MOST_TEMPERED))
 
 
 @contextmanager

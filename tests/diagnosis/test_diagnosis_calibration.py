@@ -11,7 +11,7 @@ from cusick_bench.diagnosis import calibrate as module
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load
-from cusick_bench.diagnosis.calibrate import INFLATIONS, TEMPERINGS, calibrate, inflation_at_level, parallel_map
+from cusick_bench.diagnosis.calibrate import INFLATIONS, TEMPERINGS, calibrate, inflation_at_level, looks, parallel_map
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.evidence import LEAST_SIZE, NONE, detectable_grids, grid_at
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
@@ -48,7 +48,9 @@ def test_calibration_finds_the_noise_and_the_power_that_suit_the_cases(monkeypat
 
     monkeypatch.setattr(module, "p_value_of", p_value)
     monkeypatch.setattr(module, "surprises_of", surprises)
-    found = calibrate(list(enumerate(truths)), None)  # pyright: ignore[reportArgumentType]
+    told: list[None] = []
+    found = calibrate(list(enumerate(truths)), None, step=lambda: told.append(None))  # pyright: ignore[reportArgumentType]
+    assert len(told) == looks(truths) == 200 + 134
     assert found.inflation == pytest.approx(1.25)
     assert found.tempering == pytest.approx(0.5)
     assert found.cases == 400

@@ -153,12 +153,11 @@ def calibrate_atlas(
 ) -> None:
     """Learns noise and trust in evidence from suites whose labels are open, and which are never scored again."""
     from cusick_bench.diagnosis.atlas.store import load, save
-    from cusick_bench.diagnosis.calibrate import calibrate
-    from cusick_bench.diagnosis.inference.evidence import NONE
+    from cusick_bench.diagnosis.calibrate import calibrate, looks
 
     emulator, before = load(atlas)
     found = [case for cases, labels in _pairs(suites) for case in _open_cases(cases, labels)]
-    with progress_bar("cases", len(found) + sum(truth == NONE for _, truth in found)) as bar:
+    with progress_bar("cases", looks([truth for _, truth in found])) as bar:
         after = calibrate(found, emulator, workers=workers, step=bar.advance)
     save(atlas, emulator, after)
     if as_json:
