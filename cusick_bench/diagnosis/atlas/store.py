@@ -144,6 +144,8 @@ def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
             places = [f"{name}/{place}" for place in range(_MOST_FITS) if f"{name}/{place}/columns" in arrays]
             fits = tuple(fit(place) for place in places)
             columns = tuple(arrays[f"{place}/columns"].astype(np.int64) for place in places)
+            if not places:
+                raise ValueError(f"it lacks {name}/0/columns")
             for place, one, own in zip(places, fits, columns, strict=True):
                 if len(own) != len(one.weights) or own.min(initial=0) < 0 or own.max(initial=0) >= len(fits[0].weights):
                     raise ValueError(f"{place}/columns must number a term for each of its weights")

@@ -68,6 +68,7 @@ _CHANGED: dict[str, Callable[[Arrays], Arrays]] = {
         found | {next(n for n in found if n.endswith("/gain/weights")): np.ones((2, 2), np.float32)}
     ),
     "no correlation": lambda found: {name: value for name, value in found.items() if name != "correlation"},
+    "no columns": lambda found: {name: value for name, value in found.items() if name != "base/0/columns"},
     "nothing about it": lambda found: {name: value for name, value in found.items() if name != "about"},
     "about it: no JSON": lambda found: found | {"about": np.array("{")},
     "about it: a number": lambda found: found | {"about": np.array(5)},
