@@ -27,7 +27,9 @@ from cusick_bench.diagnosis.inference.residual import Residual
 NONE: Final = "none"
 UNKNOWN: Final = "unknown"
 LAW_DIFFERENCE = 0.3
+"""e, how far another law for the same effect may differ from ours, as a share of its shift."""
 LEAST_SIZE = 2.2
+"""|d| of the weakest points that have a prior [standard deviations of noise]."""
 _USUAL = 4.0  # typical severities; larger ones are met less and less often
 _TOO_WEAK = 0.15  # of its grid: the part that no fabric shows; an effect that only its extremes show is less likely
 

@@ -29,7 +29,7 @@ from cusick_bench.diagnosis.inference.fabric_data import FabricData, fabric_data
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, candidate_at, fabric_sets
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses
 from cusick_bench.diagnosis.inference.intervals import ParameterInterval, point_intervals
-from cusick_bench.diagnosis.inference.set_model import SharedShift, likelihoods_of
+from cusick_bench.diagnosis.inference.set_model import MOST, SharedShift, likelihoods_of
 from cusick_bench.diagnosis.inference.set_sampler import conditional, draw_option
 from cusick_bench.diagnosis.inference.verdict import NAMED
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -39,9 +39,10 @@ SHARED: Final = (
     "off-centre", "cut-size",
 )  # fmt: skip
 """Effects that all fabrics of a laboratory may share, in the laboratory's frame."""
-_MOST = 3
-_COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])
+_MOST = 3  # effects of the shared set
+_COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])  # probability of so many
 STEPS: Final = 40
+"""Of every chain that goes on."""
 _SCREENED = 8  # steps of every chain, after which only the likeliest go on
 _CHAINS = 2
 _OWN_STEPS = 30  # of each fabric's own chains before, which give a start only
@@ -124,7 +125,8 @@ def laboratory(
     """
     if len(fabrics) < _LEAST_FABRICS:
         return None
-    tried = [_Chain(fabrics, generator, start) for start in ([], *_starts(fabrics))]
+    points = [_shared_points(fabric) for fabric in fabrics]
+    tried = [_Chain(fabrics, points, generator, start) for start in ([], *_starts(fabrics, points))]
     total, done = len(tried) * _SCREENED + _CHAINS * steps, 0
     for chain in tried:
         for _ in range(_SCREENED):
@@ -175,9 +177,9 @@ def laboratory_of(
     return laboratory(fabrics, generator, progress=lambda share: progress("what they share", (1 + share) / 2))
 
 
-def _starts(fabrics: Sequence[LaboratoryFabric]) -> list[list[int]]:
+def _starts(fabrics: Sequence[LaboratoryFabric], points: Sequence[EffectPoints]) -> list[list[int]]:
     """The best shared point of each effect that may be shared."""
-    chain = _Chain(fabrics, np.random.default_rng(0), [])
+    chain = _Chain(fabrics, points, np.random.default_rng(0), [])
     own = np.sum([chain.given(fabric, ()) for fabric in range(len(fabrics))], axis=0)
     gained = own[:-1] - own[-1] + chain.log_prior
     effect = chain.points[0].effect
@@ -191,15 +193,19 @@ class _Chain:
 
     Args:
         fabrics: The fabrics.
+        points: Points of the effects that may be shared, in the rows of each fabric.
         generator: Generator of the walk.
         start: Shared points to start from.
     """
 
     def __init__(
-        self, fabrics: Sequence[LaboratoryFabric], generator: np.random.Generator, start: Sequence[int]
+        self,
+        fabrics: Sequence[LaboratoryFabric],
+        points: Sequence[EffectPoints],
+        generator: np.random.Generator,
+        start: Sequence[int],
     ) -> None:
-        self.fabrics, self.generator = fabrics, generator
-        self.points = [_shared_points(fabric) for fabric in fabrics]
+        self.fabrics, self.points, self.generator = fabrics, points, generator
         first = self.points[0]
         self.log_prior = _log_prior(self.points)
         self.own = [list(fabric.sets.posterior.best) for fabric in fabrics]
@@ -273,14 +279,14 @@ class _Chain:
             self.compared[number] += 1
 
     def _renew(self, fabric: int) -> None:
-        """Two places of a fabric's own set."""
+        """Empties and fills two places of a fabric's own set."""
         model, points = self.fabrics[fabric].sets.model, self.points[fabric]
         more = SharedShift(points.shift[self.shared].sum(0), points.variance[self.shared].sum(0))
         for _ in range(2):
             own = self.own[fabric]
             place = int(self.generator.integers(max(len(own) + 1, 1)))
             others = own[:place] + own[place + 1 :]
-            if len(others) >= 5:
+            if len(others) >= MOST:
                 continue
             chosen = draw_option(conditional(model, others, more).options, self.generator)
             self.own[fabric] = others + ([chosen] if chosen < len(model.points) else [])
