@@ -237,6 +237,12 @@ class TestJudgement:
         assert spread["threshold"] == pytest.approx(0.4 / 21)
         assert sum(spread.values()) == pytest.approx(1)
 
+    def test_a_refusal_is_no_opinion(self):
+        found = self.judged(answer("refused"), label("none", None))
+        assert (found.detected, found.confidence) == (0, pytest.approx(1 / 24)), "22 effects, none and unknown alike"
+        assert found.surprise == pytest.approx(log(24))
+        assert found.covered == 0
+
     def test_an_effect_that_was_not_offered_is_unknown(self):
         said = answer("unknown", ("creep", 0.1), without=["threshold"])
         found = self.judged(said, label("threshold"))

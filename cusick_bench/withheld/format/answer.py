@@ -28,7 +28,9 @@ from cusick_bench.withheld.format.fields import (
 from cusick_bench.withheld.format.location import Region
 from cusick_bench.withheld.format.place import Place
 
-VERDICTS = ("none", "effect", "several", "ambiguous", "unknown", "refused")
+REFUSED = "refused"
+"""Verdict of an answer that says nothing of the case."""
+VERDICTS = ("none", "effect", "several", "ambiguous", "unknown", REFUSED)
 SET_LEVEL = 0.9
 LEAVE_OUT = "leave_out"
 """Key of a document of leave-one-effect-out answers: from which severity on effects were left out."""
@@ -233,7 +235,7 @@ class BaselineAnswer(Document):
         """Probability of every outcome.
 
         What the stated causes leave belongs to "none" (or to "unknown", if that is the verdict), else to the other of
-        the two, else to all effects not named alike.
+        the two, else to all effects not named alike. A refusal says nothing: what it leaves belongs to all alike.
 
         Returns:
             The probability by name; they sum to 1.
@@ -241,7 +243,7 @@ class BaselineAnswer(Document):
         stated = dict(self.causes)
         rest = 1 - sum(stated.values())
         order = (causes.UNKNOWN, causes.NONE) if self.verdict == causes.UNKNOWN else (causes.NONE, causes.UNKNOWN)
-        others = [name for name in order if name not in stated][:1]
+        others = [name for name in order if name not in stated][:1] if self.verdict != REFUSED else []
         others = others or [name for name in causes.outcomes() if name not in stated]
         if rest > 0 and others:
             stated |= dict.fromkeys(others, rest / len(others))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isfinite, nan
 
 from cusick_bench.withheld.format import causes
-from cusick_bench.withheld.format.answer import BaselineAnswer
+from cusick_bench.withheld.format.answer import REFUSED, BaselineAnswer
 from cusick_bench.withheld.format.fields import finite_or_nan
 from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, SINGLE, Label
 from cusick_bench.withheld.format.location import FULL_TURN, angular_overlap
@@ -12,7 +12,6 @@ from cusick_bench.withheld.scoring.calibration import brier_score, log_score
 
 CLOSURE_TOLERANCE = 0.1
 _NAMING = ("effect", "several", "ambiguous")  # verdicts that name effects
-_REFUSED = "refused"  # nothing is said to be there
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def judgement_of(case: str, answer: BaselineAnswer, label: Label) -> Judgement:
         verdict=answer.verdict,
         p=answer.p,
         none=answer.probability_of_none,
-        detected=float(answer.verdict not in (causes.NONE, _REFUSED)),
+        detected=float(answer.verdict not in (causes.NONE, REFUSED)),
         **(_of_single(answer, label, equivalent) if label.kind == SINGLE else {}),
         **(_of_pair(answer, label) if label.kind == PAIR else _of_probabilities(answer, label)),
         **({"recalled": float(answer.verdict == causes.UNKNOWN)} if label.kind == OUTSIDE else {}),

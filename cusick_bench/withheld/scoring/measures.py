@@ -84,7 +84,7 @@ MEASURES = (
         "false positives",
         "detected",
         (NULL,),
-        "nulls with another verdict than none",
+        "nulls with another verdict than none or refused",
         {ALL: Goal(high=0.05, highest_bound=0.08)},
         by_severity=False,
     ),
@@ -92,7 +92,7 @@ MEASURES = (
         "power",
         "detected",
         (SINGLE,),
-        "single effects with another verdict than none",
+        "single effects with another verdict than none or refused",
         {"1x": Goal(low=0.7), "2x": Goal(low=0.9)},
     ),
     Measure(
@@ -205,7 +205,9 @@ MEASURES = (
         {CLEAR: Goal(low=0.8)},
     ),
     Measure("closure interval covers", "closure_covered", (SINGLE,), "its 90 % interval holds the latter", {}),
-    Measure("pairs: power", "detected", (PAIR,), "pairs with another verdict than none", {}, by_severity=False),
+    Measure(
+        "pairs: power", "detected", (PAIR,), "pairs with another verdict than none or refused", {}, by_severity=False
+    ),
     Measure(
         "pairs: top-2 recall",
         "top_two",
