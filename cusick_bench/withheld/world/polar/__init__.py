@@ -1,6 +1,6 @@
-"""A plate of cubic B-splines on a polar grid: a discretisation that is no triangle mesh and shares no code with `sim`.
+"""A plate of cubic B-splines on a polar grid: no triangle mesh, and none of the mechanics of `sim`.
 
 splines: one-dimensional bases; outer_edge: where the cut runs; grid: their tensor product on a cloth beside its plate;
-kernels: forces and stiffness at the points of integration; band: solver; plate: the mechanical system; drop: its fall;
-history: its laws with internal variables; world: the world that hangs from it.
+material: stiffness at the points of integration; kernels: forces there; band: solver; drop: the plate under its loads,
+and its fall; history: laws with internal variables; cloths: all that together.
 """

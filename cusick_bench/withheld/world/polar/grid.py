@@ -40,7 +40,6 @@ class PolarGrid:
     Attributes:
         radial: Intervals from the plate's edge to the cut.
         angular: Intervals around the cloth.
-        plate: Radius of the plate [m].
         unknowns: Number of the displacement of each of an interval's 16 splines; -1 for those that the plate holds.
         points: Material points of integration, about the plate's axis [m].
         weight: Area for which each point stands in bending and weight [m2].
@@ -51,7 +50,6 @@ class PolarGrid:
 
     radial: int
     angular: int
-    plate: float
     unknowns: Int[ndarray, "intervals 16"]
     points: Float[ndarray, "intervals points 2"]
     weight: Float[ndarray, "intervals points"]
@@ -172,7 +170,6 @@ def polar_grid(radial: int, angular: int, disc: Disc) -> PolarGrid:
     return PolarGrid(
         radial,
         angular,
-        disc.plate,
         unknowns_of(radial, angular),
         x,
         area * _AREA,
