@@ -1,0 +1,76 @@
+"""What undoing a camera's error takes off a fabric's own outlines is what that error did to them."""
+
+import numpy as np
+import pytest
+from numpy import ndarray
+from toy_atlas import statistics_of, toy_outlines, with_planted
+
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.measure.captures import ANGLES, Captures, captures_from_profiles
+from cusick_bench.diagnosis.measure.features import features
+from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
+from cusick_bench.diagnosis.measure.statistics import RESOLUTION, capture_statistics
+
+ANGLE = np.arange(ANGLES) * (2 * np.pi / ANGLES)
+TURNED_OVER = (ANGLES // 2 - np.arange(ANGLES)) % ANGLES
+
+
+@pytest.fixture(scope="module")
+def plain() -> ndarray:
+    """Outlines of six samples, up and down, in the cloth's frame [m]."""
+    return toy_outlines(PRIOR_MEAN, 6, np.random.default_rng(0))
+
+
+def seen(outlines: ndarray) -> Captures:
+    """One capture of each face, as the camera sees it."""
+    radii = np.stack([outlines[:, 0], outlines[:, 1][:, TURNED_OVER]], axis=1)
+    return captures_from_profiles(
+        radii.reshape(-1, ANGLES),
+        sample=np.repeat(np.arange(1, len(outlines) + 1), 2),
+        side=["up", "down"] * len(outlines),
+        capture=np.ones(2 * len(outlines), dtype=int),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "severity", "direction"),
+    [("camera-offset", 3e-3, 40.0), ("camera-offset", 1.5e-3, 250.0), ("camera-scale", -0.03, 0.0)],
+)
+def test_the_shift_is_what_the_error_did(plain: ndarray, name: str, severity: float, direction: float) -> None:
+    wrong = with_planted(plain, name, {"shift": severity, "error": severity, "direction": direction})
+    without, with_error = (features(statistics_of(one)) for one in (plain, wrong))
+    expected = with_error.contrast - without.contrast
+    angle = np.full((2, 1), np.deg2rad(direction))  # of the camera on both faces
+    found = OwnOutlines(seen(wrong)).change(name, np.array([severity]), angle)
+    apart = np.linalg.norm((found.contrast[0] - expected) / RESOLUTION)
+    assert apart < 0.05 * np.linalg.norm(expected / RESOLUTION)
+    np.testing.assert_allclose(found.spread[0], with_error.spread - without.spread, atol=0.02)
+
+
+def test_another_level_moves_an_outline_along_its_normal() -> None:
+    radius, slope = 0.12 + 0.006 * np.cos(8 * ANGLE), -0.048 * np.sin(8 * ANGLE)
+    along = (radius - 1j * slope) / np.hypot(radius, slope)  # the normal, from the ray's direction
+    points = (radius + 1e-3 * along) * np.exp(1j * ANGLE)
+    moved = np.interp(ANGLE, np.angle(points), np.abs(points), period=2 * np.pi)
+    expected = (capture_statistics(moved[None]) - capture_statistics(radius[None]))[0]
+    faces = np.stack([[moved, moved[TURNED_OVER]]] * 2)
+    found = OwnOutlines(seen(faces)).change("threshold", np.array([1e-3]), None)
+    apart = np.linalg.norm((found.contrast[0, 0] - expected) / RESOLUTION)
+    assert apart < 0.05 * np.linalg.norm(expected / RESOLUTION)
+    assert np.abs(found.contrast[0, 1] / RESOLUTION).max() < 0.05, "both faces are moved alike"
+
+
+def test_many_directions_are_as_each_alone(plain: ndarray) -> None:
+    outlines = OwnOutlines(seen(plain))
+    degrees = np.arange(0.0, 360.0, 15.0)
+    angles = np.deg2rad(np.stack([degrees, 180.0 - degrees]))
+    many = outlines.change("camera-offset", np.full(len(degrees), 3e-3), angles)
+    for place in (1, 10, 20):
+        one = outlines.change("camera-offset", np.array([3e-3]), angles[:, [place]])
+        apart = np.linalg.norm((many.contrast[place] - one.contrast[0]) / RESOLUTION)
+        assert apart < 0.02 * np.linalg.norm(one.contrast[0] / RESOLUTION)
+
+
+def test_effects_of_the_cloth_are_not_undone(plain: ndarray) -> None:
+    with pytest.raises(KeyError, match="'creep' does not act on the outline alone"):
+        OwnOutlines(seen(plain)).change("creep", np.array([0.1]), None)
