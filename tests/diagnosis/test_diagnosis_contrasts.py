@@ -141,7 +141,7 @@ def test_a_contrast_of_faces_is_seen_through_samples_that_differ() -> None:
     vector = np.zeros((1, ROWS))
     vector[0, FACE_ODD.start + NAMES.index("mean_radius")] = shift / 2 / plain.sd[NAMES.index("mean_radius")]
     assert np.linalg.norm(plain.whiten(vector)) > 3
-    assert shifted.misfit > plain.misfit + 5
+    assert shifted.squares > plain.squares + 5
 
 
 def replace_between(theta: ndarray, between: float) -> ndarray:

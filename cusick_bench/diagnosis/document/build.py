@@ -63,7 +63,7 @@ def document(
         baselines=answered.baselines,
         sets=tuple(model.EffectSet(effects=names, probability=p) for names, p in diagnosis.sets.items() if p >= _LEAST),
         fit=model.Fit(
-            base=finite(diagnosis.plain.misfit / len(diagnosis.plain.white)),
+            base=finite(diagnosis.plain.squares / len(diagnosis.plain.white)),
             novelty_p=diagnosis.novelty.p,
             misfit=finite(diagnosis.misfit),
         ),
@@ -143,7 +143,7 @@ def answer(diagnosis: Diagnosis) -> Answer:
         set90=diagnosis.set90,
         where=_location(diagnosis),
         closure=stated.Closure(
-            effect=tuple(one.hypothesis.name for one in diagnosis.causes) if gap is not None else (),
+            effect=_simulated_effects(diagnosis) if gap is not None else (),
             fraction=None if gap is None else finite(gap.closure),
             ci90=_interval(gap),
         ),
@@ -173,6 +173,12 @@ def _gap(diagnosis: Diagnosis) -> model.Gap:
 def _interval(gap: Gap | None) -> Interval | None:
     """Interval of the closure, where there is one."""
     return None if gap is None or not isfinite(gap.closure) else gap.closure_interval
+
+
+def _simulated_effects(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Causes that were simulated together: all but creep, which the gap does not see."""
+    effects = (one.hypothesis.effect for one in diagnosis.causes)
+    return tuple(effect.name for effect in effects if not acts_later(effect))
 
 
 def _location(diagnosis: Diagnosis) -> stated.Location:

@@ -88,7 +88,7 @@ class Residual:
         return solve_triangular(self.root, as_seen(shift, self.single)[:, self.kept].T, lower=True).T
 
     @property
-    def misfit(self) -> float:
+    def squares(self) -> float:
         """|w|^2; its mean is the number of rows where the base model holds."""
         return float(self.white @ self.white)
 

@@ -37,7 +37,7 @@ def budget_table(document: DiagnosisDocument) -> BudgetTable | None:
     rows.append((_UNEXPLAINED, percent(left.share), _interval(left.ci90)))
     alike = [f"{group[0]} stands for one of {', '.join(group)}" for group in document.groups]
     words = (
-        "Share of the misfit in units of noise that each effect takes on samples that its severity was not fitted to, "
+        "Share of the gap, in units of noise, that each effect takes on samples that its severity was not fitted to, "
         "the mean over all orders in which effects can be taken off."
     )
     return BudgetTable(" ".join([words, *(f"{one[0].upper()}{one[1:]}." for one in alike)]), rows)

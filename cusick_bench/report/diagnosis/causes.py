@@ -126,7 +126,7 @@ def _remarks(cause: Cause, document: DiagnosisDocument) -> list[str]:
 
 def _share_in_words(one: BudgetShare) -> str:
     span = f" ({percent(one.ci90[0])} to {percent(one.ci90[1])})" if one.ci90 else ""
-    return f"takes {percent(one.share)}{span} of the misfit"
+    return f"takes {percent(one.share)}{span} of the gap"
 
 
 def _parameters(cause: Cause) -> list[Parameter]:

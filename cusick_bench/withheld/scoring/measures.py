@@ -99,7 +99,7 @@ MEASURES = (
         "exact effect",
         "exact",
         (SINGLE,),
-        "the first place is the true effect (verdict effect or ambiguous)",
+        "the first place is the true effect (verdict effect, several or ambiguous)",
         {CLEAR: Goal(low=0.75)},
     ),
     Measure(
