@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from math import nan
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -128,12 +127,14 @@ def _judged(control: Control, references: dict[str, _Diagnosed], own: _Diagnosed
     return judge(control, before.reading, after.reading, shift)
 
 
-def _diagnosed(data: DrapeDataset, *, fabric: str, **atlas: Any) -> _Diagnosed:
+def _diagnosed(
+    data: DrapeDataset, *, fabric: str, emulator: Emulator, calibration: Calibration, options: Options
+) -> _Diagnosed:
     """One diagnosis; pictures that were planted in are taken as they come."""
     try:
         captures = read_captures(data, fabric, force=True)
         statistics = specimen_statistics(captures).mean
-        result = diagnose(captures, atlas["emulator"], atlas["calibration"], atlas["options"])
+        result = diagnose(captures, emulator, calibration, options)
     except (DataError, DiagnosisError) as error:
         return _Diagnosed(refused(str(error)), None)
     return _Diagnosed(read(result), statistics)

@@ -90,9 +90,8 @@ def budget(
         return None
     table = np.array(rows).reshape(len(rows), len(causes) + 1)
     shares = [_share(column) for column in table.T]
-    return Budget(
-        {one.hypothesis.name: share for one, share in zip(causes, shares[:-1], strict=True)}, shares[-1]
-    )  # fmt: skip
+    of_effects = {one.hypothesis.name: share for one, share in zip(causes, shares[:-1], strict=True)}
+    return Budget(of_effects, shares[-1])
 
 
 def _share(values: Float[ndarray, "splits"]) -> Share:

@@ -70,9 +70,8 @@ class FabricData:
         total = np.zeros(len(residual.kept))
         for one in causes:
             point = {name: np.array([value]) for name, value in one.value.items()}
-            total += shifts(
-                self.emulator, one.hypothesis, residual.theta, residual.sd, self.drift, point
-            ).features[0]  # fmt: skip
+            moved = shifts(self.emulator, one.hypothesis, residual.theta, residual.sd, self.drift, point)
+            total += moved.features[0]
         return total
 
     def grids(self, residual: Residual) -> list[Grid]:

@@ -15,9 +15,7 @@ ParameterInterval = tuple[float, float]
 """Lower and upper end; of a direction [deg], the upper may exceed 360."""
 
 
-def parameter_intervals(
-    points: EffectPoints, posterior: SetPosterior
-) -> dict[str, Mapping[str, ParameterInterval]]:  # fmt: skip
+def parameter_intervals(points: EffectPoints, posterior: SetPosterior) -> dict[str, Mapping[str, ParameterInterval]]:
     """90 % intervals of the parameters of every effect that may act, given that it does.
 
     Args:

@@ -165,6 +165,8 @@ def laboratory_of(
     Returns:
         The laboratory; None of fewer than two fabrics.
     """
+    if len(captures) < _LEAST_FABRICS:
+        return None
     fabrics = []
     for number, one in enumerate(captures):
         progress(f"{one.fabric}: sets of effects", number / (2 * len(captures)))
