@@ -490,6 +490,8 @@ def test_a_headline_says_what_acts_and_what_is_left(emulator: Emulator) -> None:
         assert "one of camera-offset, plate-tilt" in said
         assert ("something that is not on the list (55%)" in said) == (UNKNOWN in kept)
         assert "chance" not in said
+    said = headline(replace(found, verdict="ambiguous", probability=doubtful | {NONE: 0.92}, set90=(NONE,)))
+    assert said.startswith("Something shows, but no known effect stands out: it may be chance alone (92%).")
     acting, shared = {"camera-offset": 0.9, "creep": 0.7}, Budget({}, Share(0.25, (0.2, 0.3)))
     said = headline(
         replace(

@@ -37,8 +37,10 @@ def _found(diagnosis: Diagnosis) -> str:
         return f"Several effects act together: {listed}{alike}."
     probability = diagnosis.probability
     some = ", ".join(name for name in diagnosis.set90 if name not in _BESIDE)
-    beside = "".join(f", or {what} ({probability[n]:.0%})" for n, what in _BESIDE.items() if n in diagnosis.set90)
-    return f"Something shows that these drapes alone cannot tell apart: one of {some}{beside}."
+    beside = [f"{what} ({probability[name]:.0%})" for name, what in _BESIDE.items() if name in diagnosis.set90]
+    if not some:
+        return f"Something shows, but no known effect stands out: it may be {' or '.join(beside)}."
+    return f"Something shows that these drapes alone cannot tell apart: {', or '.join([f'one of {some}', *beside])}."
 
 
 def _left(diagnosis: Diagnosis) -> str:
