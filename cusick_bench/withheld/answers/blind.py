@@ -17,10 +17,11 @@ from typing import Any
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.diagnose import Options, diagnose
+from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
+from cusick_bench.diagnosis.options import Options
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import diagnosis_numerics
