@@ -32,15 +32,24 @@ def ring_folds(
     closed = np.append(np.roll(smooth, -lowest), smooth[lowest])  # from valley to valley: prominences are the circle's
     levels = closed[np.append(True, np.diff(closed) != 0)]
     peaks = np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:])) + 1
-    return sum(_prominence(levels, int(peak)) >= prominence for peak in peaks)
+    if not len(peaks):
+        return 0
+    valleys = np.minimum.reduceat(levels, np.append(0, peaks))
+    return sum(height >= prominence for height in _prominences(levels[peaks].tolist(), valleys.tolist()))
 
 
-def _prominence(levels: Float[ndarray, " angles"], peak: int) -> float:
-    """Height of a peak above the higher of the two lowest points between it and the next higher level on each side.
+def _prominences(peaks: list[float], valleys: list[float]) -> list[float]:
+    """Height of each peak above the higher of the two lowest points between it and the next higher level on each side.
 
-    As `scipy.signal.find_peaks` has it, which takes a second to import.
+    As `scipy.signal.find_peaks` has it, which takes a second to import. `valleys` are the lowest points before, between
+    and after the peaks.
     """
-    higher = np.flatnonzero(levels > levels[peak])
-    before, after = higher[higher < peak], higher[higher > peak]
-    left, right = levels[before[-1] if len(before) else 0 : peak], levels[peak + 1 : after[0] if len(after) else None]
-    return float(levels[peak] - max(left.min(), right.min()))
+    found = []
+    for place, height in enumerate(peaks):
+        before = after = place
+        while before > 0 and peaks[before - 1] <= height:
+            before -= 1
+        while after + 1 < len(peaks) and peaks[after + 1] <= height:
+            after += 1
+        found.append(height - max(min(valleys[before : place + 1]), min(valleys[place + 1 : after + 2])))
+    return found
