@@ -10,8 +10,8 @@ warp and weft; exchanging warp and weft turns a drape by 90 degrees.
 
 Most drapes are a cheaper model's. What it gets wrong is the difference to fewer drapes of the same samples under the
 base model's own law and mesh, and for limp cloth that of these to drapes on a still finer mesh: smooth functions of z
-with fewer terms, which are added. Only what these leave unexplained counts as the model's error, with what other laws
-change: the model's discrepancy.
+with fewer terms, which are added. What these leave unexplained counts as the model's error, with what other laws
+change, and with the corrections themselves as one direction each: the model's discrepancy.
 
 References:
     Kennedy, O'Hagan. Predicting the output from a complex computer code when fast approximations are available.
@@ -123,6 +123,9 @@ class Emulator:
     def wrong(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics statistics"]:
         """Discrepancy of the base model's means.
 
+        Beside what is unexplained in the atlas, another simulator or a real cloth may differ from the base model in
+        each direction in which the atlas' cheaper law and coarser meshes did, by as much.
+
         Args:
             theta: Base parameters.
 
@@ -130,7 +133,12 @@ class Emulator:
             Its covariance, in units of sd.
         """
         limp, stiff = _ends(theta[0])
-        return limp * self.discrepancy[0] + stiff * self.discrepancy[1]
+        covariance = limp * self.discrepancy[0] + stiff * self.discrepancy[1]
+        terms, sd = base_terms(theta[None]), self.sd(theta)
+        for correction, columns in zip(self.base.fits[1:], self.base.columns[1:], strict=True):
+            change = correction(terms[:, columns])[0] / sd
+            covariance = covariance + np.outer(change, change)
+        return covariance
 
 
 def _log_variance(points: Mapping[int, Point], numbers: list[int]) -> Float[ndarray, "points statistics"]:

@@ -75,10 +75,10 @@ def detection_p_value(model: SetModel, generator: np.random.Generator, *, draws:
     Returns:
         The p-value; never 0.
     """
-    misfit, kept = model.misfit, len(model.white)
+    misfit = model.misfit
     allowed = model.likelihoods(()).symmetric[-1]
     sizes = generator.choice(MISFIT_SIZES, draws, p=np.exp(allowed - logsumexp(allowed)))
     scale = np.stack([np.sqrt(misfit.variance(size, 0.0)) for size in sizes])
-    null = scale * generator.standard_normal((draws, kept))
+    null = scale * model.null_noise(draws, generator)
     observed = detection_statistic(model, model.white[None])[0]
     return float((1 + (detection_statistic(model, null) >= observed).sum()) / (1 + draws))

@@ -104,6 +104,7 @@ class FabricData:
             effect_points(grids, misfit, self.calibration.mismatch),
             len(listed),
             self.calibration.tempering,
+            residual.freedom,
         )
 
     def shared_shift(self, causes: Sequence[Candidate], residual: Residual, misfit: Misfit) -> SharedShift | None:

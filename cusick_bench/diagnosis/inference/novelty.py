@@ -64,7 +64,7 @@ def novelty(sets: FabricSets, named: NamedSet, generator: np.random.Generator) -
         rest = (left - (left @ own) @ own.T)[:, :split]
         return np.stack([(rest**2).sum(1), ((rest @ directions) ** 2).sum(1)], axis=1)
 
-    null = statistics(generator.standard_normal((_DRAWS, len(scale))))
+    null = statistics(model.null_noise(_DRAWS, generator))
     observed = statistics((named.left / scale)[None])[0]
     mean, sd = null.mean(0), null.std(0)
     excess, limit = ((observed - mean) / sd).max(), ((null - mean) / sd).max(1)

@@ -64,6 +64,7 @@ class Residual:
         white: w, the known entries' difference to the base model, whitened.
         root: L, the Cholesky factor of the known entries' covariance.
         drift: Share of each face's captures that are later ones.
+        freedom: Degrees of freedom of the variances between samples that the noise is made of.
         single: Which face alone is known, as in `Features.single`; 0 for both.
     """
 
@@ -74,6 +75,7 @@ class Residual:
     white: Float[ndarray, "kept"]
     root: Float[ndarray, "kept kept"]
     drift: float
+    freedom: float = np.inf
     single: int = 0
 
     def whiten(self, shift: Float[ndarray, "shifts rows"]) -> Float[ndarray, "shifts kept"]:
@@ -280,7 +282,8 @@ def against_base(
     # y - y0(theta) = noise + J (true - theta), and true - theta = (true - theta0) + (theta0 - theta) about the prior
     centred = value - jacobian @ (PRIOR_MEAN - theta)
     white = solve_triangular(root, centred, lower=True)
-    return Residual(theta, posterior, kept, errors.sd, white, root, drift, features.single)
+    freedom = np.inf if scatter is None else _TRUST + scatter[1 if scatter[1, -1] > 0 else 0, -1]
+    return Residual(theta, posterior, kept, errors.sd, white, root, drift, freedom, features.single)
 
 
 def inflated(residual: Residual, factor: float) -> Residual:

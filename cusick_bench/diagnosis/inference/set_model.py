@@ -61,6 +61,7 @@ class SetModel:
         points: All effects' points.
         listed: Effects that a set is chosen from, those without a point included.
         tempering: Power of the likelihood.
+        freedom: Degrees of freedom of the noise's variance.
     """
 
     white: Float[ndarray, "kept"]
@@ -68,6 +69,24 @@ class SetModel:
     points: EffectPoints
     listed: int
     tempering: float = 1.0
+    freedom: float = np.inf
+
+    def null_noise(self, draws: int, generator: np.random.Generator) -> Float[ndarray, "draws kept"]:
+        """Noise of fabrics on which nothing acts, in units of what its standard deviation is taken to be.
+
+        That is known from a dozen samples only: Student's t in every row.
+
+        Args:
+            draws: Number of fabrics.
+            generator: Generator of the bootstrap.
+
+        Returns:
+            The noise of every turned row.
+        """
+        noise = generator.standard_normal((draws, len(self.white)))
+        if not np.isfinite(self.freedom):
+            return noise
+        return noise * np.sqrt(self.freedom / generator.chisquare(self.freedom, noise.shape))
 
     def log_prior(self, count: int) -> float:
         """Log prior of any one set of a size.
