@@ -15,6 +15,7 @@ References:
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -44,6 +45,7 @@ _MOST_TEMPERED = 150  # cases, evenly out of all, that set the power: each is sa
 def calibrate(
     cases: Sequence[tuple[Captures, str]],
     emulator: Emulator,
+    before: Calibration | None = None,
     *,
     workers: int = 1,
     step: Callable[[], None] = lambda: None,
@@ -53,31 +55,35 @@ def calibrate(
     Args:
         cases: Silhouettes, and what acts there: `none`, an effect or `unknown`.
         emulator: The atlas.
+        before: What the fit of the atlas learned: how far laws differ, which is kept and counts here too.
         workers: Processes.
         step: Called for every case that was looked at, in both passes.
 
     Returns:
-        Factor on the noise, and power of the evidences.
+        Factor on the noise, and power of the evidences, with how far laws differ.
 
     Raises:
         DiagnosisError: Too few cases without effect, or too many of them that no noise explains.
     """
+    known = before or Calibration()
     nulls = [captures for captures, truth in cases if truth == NONE]
     if len(nulls) < _LEAST_NULLS:
         raise DiagnosisError(f"calibration needs at least {_LEAST_NULLS} cases without effect, got {len(nulls)}")
     with parallel_map(workers) as over:
         needed = []
-        for rank in over(partial(_needed, emulator=emulator), nulls):
+        for rank in over(partial(_needed, emulator=emulator, known=known), nulls):
             needed.append(rank)
             step()
         inflation = inflation_at_level(needed)
-        asked = [(captures, truth, inflation) for captures, truth in cases[:: _every(len(cases))]]
+        asked = [
+            (captures, truth, replace(known, inflation=inflation)) for captures, truth in cases[:: _every(len(cases))]
+        ]
         surprises = []
         for row in over(partial(surprises_of, emulator=emulator), asked):
             surprises.append(row)
             step()
     scores = np.mean(surprises, axis=0)
-    return Calibration(inflation, float(TEMPERINGS[int(np.argmin(scores))]), len(cases))
+    return replace(known, inflation=inflation, tempering=float(TEMPERINGS[int(np.argmin(scores))]), cases=len(cases))
 
 
 def looks(truths: Sequence[str]) -> int:
@@ -114,12 +120,12 @@ def parallel_map(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
         yield pool.map
 
 
-def _needed(captures: Captures, emulator: Emulator) -> int:
+def _needed(captures: Captures, emulator: Emulator, known: Calibration) -> int:
     """Place in `INFLATIONS` of the least factor at which a null is not detected, by bisection; their number if none."""
     low, high = 0, len(INFLATIONS)
     while low < high:
         middle = (low + high) // 2 if low else 0  # most are quiet at the least
-        if p_value_of(captures, emulator, float(INFLATIONS[middle])) > ALPHA:
+        if p_value_of(captures, emulator, replace(known, inflation=float(INFLATIONS[middle]))) > ALPHA:
             high = middle
         else:
             low = middle + 1
@@ -150,35 +156,35 @@ def inflation_at_level(needed: Sequence[int]) -> float:
     )
 
 
-def p_value_of(captures: Captures, emulator: Emulator, inflation: float) -> float:
+def p_value_of(captures: Captures, emulator: Emulator, calibration: Calibration) -> float:
     """p-value of the base model.
 
     Args:
         captures: Silhouettes of a case.
         emulator: The atlas.
-        inflation: Factor on the noise.
+        calibration: Factor on the noise, and how far laws differ.
 
     Returns:
         The p-value.
     """
-    _, data, _ = fabric_data(captures, emulator, Calibration(inflation))
+    _, data, _ = fabric_data(captures, emulator, calibration)
     return detection_p_value(data.model(data.against()), np.random.default_rng(_SEED))
 
 
-def surprises_of(asked: tuple[Captures, str, float], emulator: Emulator) -> list[float]:
+def surprises_of(asked: tuple[Captures, str, Calibration], emulator: Emulator) -> list[float]:
     """Surprise at the truth of one case.
 
     Args:
-        asked: Its silhouettes, the truth, and the factor on the noise.
+        asked: Its silhouettes, the truth, and the calibration but for the power.
         emulator: The atlas.
 
     Returns:
         At each of `TEMPERINGS` [nat].
     """
-    captures, truth, inflation = asked
+    captures, truth, known = asked
     rows = []
     for tempering in TEMPERINGS:
-        _, data, _ = fabric_data(captures, emulator, Calibration(inflation, float(tempering)))
+        _, data, _ = fabric_data(captures, emulator, replace(known, tempering=float(tempering)))
         sets = fabric_sets(data, data.against(), np.random.default_rng(_SEED), steps=_STEPS)
         rows.append(-float(np.log(max(sets.posterior.leading.get(truth, 0.0), _LEAST_PROBABILITY))))
     return rows

@@ -10,7 +10,7 @@ from cusick_bench.cli import app
 from cusick_bench.diagnosis import calibrate as module
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import load
+from cusick_bench.diagnosis.atlas.store import Calibration, load
 from cusick_bench.diagnosis.calibrate import INFLATIONS, TEMPERINGS, calibrate, inflation_at_level, looks, parallel_map
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.evidence import LEAST_SIZE, NONE, detectable_grids, grid_at
@@ -39,21 +39,26 @@ def test_calibration_finds_the_noise_and_the_power_that_suit_the_cases(monkeypat
     nulls = [number for number, truth in enumerate(truths) if truth == NONE]
     limits = {number: 1.25 if place < 0.3 * len(nulls) else 1.0 for place, number in enumerate(nulls)}
 
-    def p_value(captures: int, emulator: None, inflation: float) -> float:
-        return 0.5 if inflation > limits[captures] - 1e-9 else 0.01
+    fitted = Calibration(law_mismatch={"creep": (0.5, 0.2)})
 
-    def surprises(asked: tuple[int, str, float], emulator: None) -> list[float]:
-        assert asked[2] == pytest.approx(1.25)
+    def p_value(captures: int, emulator: None, calibration: Calibration) -> float:
+        assert calibration.law_mismatch == fitted.law_mismatch
+        return 0.5 if calibration.inflation > limits[captures] - 1e-9 else 0.01
+
+    def surprises(asked: tuple[int, str, Calibration], emulator: None) -> list[float]:
+        assert asked[2].inflation == pytest.approx(1.25)
+        assert asked[2].law_mismatch == fitted.law_mismatch
         return [abs(float(power) - 0.5) for power in TEMPERINGS]
 
     monkeypatch.setattr(module, "p_value_of", p_value)
     monkeypatch.setattr(module, "surprises_of", surprises)
     told: list[None] = []
-    found = calibrate(list(enumerate(truths)), None, step=lambda: told.append(None))  # pyright: ignore[reportArgumentType]
+    found = calibrate(list(enumerate(truths)), None, fitted, step=lambda: told.append(None))  # pyright: ignore[reportArgumentType]
     assert len(told) == looks(truths) == 200 + 134
     assert found.inflation == pytest.approx(1.25)
     assert found.tempering == pytest.approx(0.5)
     assert found.cases == 400
+    assert found.law_mismatch == fitted.law_mismatch
 
 
 @pytest.mark.parametrize(("detected", "place"), [(0, 0), (6, 0), (7, 1), (10, 1)])

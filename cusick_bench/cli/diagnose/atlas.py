@@ -158,7 +158,7 @@ def calibrate_atlas(
     emulator, before = load(atlas)
     found = [case for cases, labels in _pairs(suites) for case in _open_cases(cases, labels)]
     with progress_bar("cases", looks([truth for _, truth in found])) as bar:
-        after = calibrate(found, emulator, workers=workers, step=bar.advance)
+        after = calibrate(found, emulator, before, workers=workers, step=bar.advance)
     save(atlas, emulator, after)
     if as_json:
         print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
