@@ -286,10 +286,8 @@ class _Chain:
         more = SharedShift(points.shift[self.shared].sum(0), points.variance[self.shared].sum(0))
         for _ in range(2):
             own = self.own[fabric]
-            place = int(self.generator.integers(max(len(own) + 1, 1)))
+            place = int(self.generator.integers(MOST))
             others = own[:place] + own[place + 1 :]
-            if len(others) >= MOST:
-                continue
             chosen = draw_option(conditional(model, others, more).options, self.generator)
             self.own[fabric] = others + ([chosen] if chosen < len(model.points) else [])
 
