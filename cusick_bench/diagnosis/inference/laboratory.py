@@ -29,6 +29,7 @@ from cusick_bench.diagnosis.inference.fabric_data import FabricData, fabric_data
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, candidate_at, fabric_sets
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses
 from cusick_bench.diagnosis.inference.intervals import ParameterInterval, point_intervals
+from cusick_bench.diagnosis.inference.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.set_model import MOST, SharedShift, likelihoods_of
 from cusick_bench.diagnosis.inference.set_sampler import conditional, draw_option
 from cusick_bench.diagnosis.inference.verdict import NAMED
@@ -172,9 +173,10 @@ def laboratory_of(
         progress(f"{one.fabric}: sets of effects", number / (2 * len(captures)))
         try:
             _, data, _ = fabric_data(one, emulator, calibration, without)
+            sets = fabric_sets(data, data.against(), generator, steps=_OWN_STEPS)
+            domain_doubts(emulator, data.features, sets.residual)
         except Refused:
             continue
-        sets = fabric_sets(data, data.against(), generator, steps=_OWN_STEPS)
         fabrics.append(LaboratoryFabric(one.fabric, data, sets))
     return laboratory(fabrics, generator, progress=lambda share: progress("what they share", (1 + share) / 2))
 
