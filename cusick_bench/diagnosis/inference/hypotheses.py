@@ -67,8 +67,7 @@ class Hypothesis:
                 size = [s for s in p.typical * _SEVERITIES if s <= p.high] or [p.high]
                 axes.append([sign * s for sign in signs for s in size if backwards or p.low <= sign * s])
             elif p.role == "direction":
-                turn = 180.0 if self._axial else 360.0
-                axes.append(np.arange(DIRECTIONS) * turn / DIRECTIONS)
+                axes.append(np.arange(DIRECTIONS) * self.turn / DIRECTIONS)
             elif p.role == "radius":
                 axes.append(RINGS)
             else:
@@ -77,9 +76,9 @@ class Hypothesis:
         return {p.name: table[:, i] for i, p in enumerate(self.effect.parameters)}
 
     @property
-    def _axial(self) -> bool:
-        """Whether the opposite direction is the same: a curvature has an axis, no sense."""
-        return self.effect.located == "direction" and self.effect.signed
+    def turn(self) -> float:
+        """Turn after which a direction is the same [deg]: 180 for a curvature, which has an axis but no sense."""
+        return 180.0 if self.effect.located == "direction" and self.effect.signed else 360.0
 
     def severity(self) -> Float[ndarray, "rows"]:
         """Severities of the grid, in typical ones."""

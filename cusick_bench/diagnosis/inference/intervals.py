@@ -49,25 +49,30 @@ def point_intervals(
         By parameter.
     """
     values = [points.value(int(point)) for point in own]
-    effect = points.grids[points.grid[own[0]]].hypothesis.effect
+    hypothesis = points.grids[points.grid[own[0]]].hypothesis
     share = weight / max(float(weight.sum()), 1e-300)
     return {
-        p.name: _interval(np.array([v[p.name] for v in values]), share, p.role == "direction")
-        for p in effect.parameters
+        p.name: _interval(
+            np.array([v[p.name] for v in values]), share, hypothesis.turn if p.role == "direction" else None
+        )
+        for p in hypothesis.effect.parameters
     }
 
 
-def _interval(values: Float[ndarray, "points"], weight: Float[ndarray, "points"], turns: bool) -> ParameterInterval:
-    """From the 5 % to the 95 % quantile; of a direction about its mean."""
+def _interval(
+    values: Float[ndarray, "points"], weight: Float[ndarray, "points"], turn: float | None
+) -> ParameterInterval:
+    """From the 5 % to the 95 % quantile; of a direction that is the same after a turn [deg], about its mean."""
     middle = 0.0
-    if turns:
-        middle = float(np.rad2deg(np.angle(np.sum(weight * np.exp(1j * np.deg2rad(values))))))
-        values = (values - middle + 180) % 360 - 180
+    if turn is not None:
+        angle = 2j * np.pi * values / turn
+        middle = float(np.angle(np.sum(weight * np.exp(angle)))) * turn / (2 * np.pi)
+        values = (values - middle + turn / 2) % turn - turn / 2
     order = np.argsort(values)
     total = np.cumsum(weight[order])
     low, high = (
         values[order][min(int(np.searchsorted(total, q)), len(values) - 1)]
         for q in ((1 - _LEVEL) / 2, (1 + _LEVEL) / 2)
     )
-    start = (middle + low) % 360 if turns else low
+    start = low if turn is None else (middle + low) % turn
     return start, start + high - low
