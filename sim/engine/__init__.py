@@ -6,4 +6,4 @@ cloths, with shorter steps where they fly apart; descent, equilibrium: Newton's 
 force_basis, force_modes: forces as linear functions of stiffness tables and of random fields.
 """
 
-NUMERICS_VERSION = 1  # raised when a mesh's or a drape's numbers change: see runner/numerics.py
+NUMERICS_VERSION = 2  # raised when a mesh's or a drape's numbers change: see runner/numerics.py

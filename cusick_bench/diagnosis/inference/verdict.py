@@ -17,7 +17,7 @@ NAMED = 0.6
 _TOGETHER = 0.5  # probability of two look-alikes together, at most, over that of independent effects
 _LIKELY = 0.05  # probability from which an effect can be a member of a group
 _CARRIES = 0.5  # share of what no base model explains that a set takes at least where something unlisted acts too
-_LEAST_UNKNOWN = 0.6  # probability of `unknown` where that is the verdict
+_LEAST_STATED = 0.6  # probability of `none` or `unknown` where that is the verdict
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,14 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     """
     leading = _with_shared(posterior.leading, shared)
     if p > ALPHA and not shared:
-        return Finding(NONE, (), (), set90(leading), leading)
+        leading = _raised(leading, NONE, _LEAST_STATED)
+        return Finding(NONE, (), (), _members(leading, (NONE,)), leading)
     acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
     named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
     groups = look_alikes(posterior, named)
     unlisted = test.rejected
     if unlisted and (not named or test.explained < _CARRIES):
-        leading = _raised(leading, UNKNOWN, _LEAST_UNKNOWN)
+        leading = _raised(leading, UNKNOWN, _LEAST_STATED)
         return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
     members = _members(leading, (*named, UNKNOWN) if unlisted else named)
     notes = (f"something that is not on the list acts too (p = {test.p:.2g})",) if unlisted else ()
