@@ -365,6 +365,7 @@ class TestTables:
 
 
 class TestCommand:
+    @pytest.mark.slow
     def test_a_shift_of_one_fabric_from_end_to_end(self, tmp_path):
         out = tmp_path / "controls.csv"
         chosen = ["--fabric", CLOTH, "--control", "shift", "--workers", "1", "--out", str(out), "--json"]

@@ -241,6 +241,7 @@ class TestBenchmark:
     def test_engine_and_plain_autograd_agree(self):
         assert Comparison(150, 5).difference() < 1e-8
 
+    @pytest.mark.slow
     def test_command_prints_one_document(self, tmp_path):
         arguments = ["benchmark", "--vertices", "80", "--rounds", "1", "--batch", "2", "--reference-steps", "1"]
         result = CliRunner().invoke(

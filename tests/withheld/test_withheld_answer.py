@@ -122,6 +122,7 @@ def test_bad_cases_get_no_confident_answer(small_suite: Path, tmp_path: Path, on
     assert all(probability < 0.5 for name, probability in found.causes if name in EFFECTS), found.causes
 
 
+@pytest.mark.slow
 def test_oracle_closure_is_judged(small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None) -> None:
     """The true cause with its true parameters; nulls have none, effects that the atlas lacks have no closure."""
     labels = read_label_documents(small_suite / "labels" / "labels.json")

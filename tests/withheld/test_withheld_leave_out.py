@@ -98,6 +98,7 @@ def test_just_the_own_effect_of_a_case_is_off_its_list(
         assert left >= likely - {chosen[case]}  # and some that were too unlikely to be listed beside it
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_and_its_answers_are_scored(cases: Path, labels: Path, tmp_path: Path, one_thread) -> None:
     out = tmp_path / "leave-out.json"
     arguments = (cases, labels, "--out", out, "--workers", 1)

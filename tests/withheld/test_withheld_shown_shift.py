@@ -98,6 +98,7 @@ def invoke(*arguments: object) -> Any:
 
 
 class TestCommands:
+    @pytest.mark.slow
     def test_scores_follow_what_is_shown(
         self, small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None
     ):
