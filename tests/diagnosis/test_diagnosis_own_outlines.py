@@ -1,11 +1,16 @@
 """What undoing a camera's error takes off a fabric's own outlines is what that error did to them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy import ndarray
-from toy_atlas import statistics_of, toy_outlines, with_planted
+from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.inference.feature_rows import MEANS
+from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
@@ -71,6 +76,29 @@ def test_many_directions_are_as_each_alone(plain: ndarray) -> None:
         one = outlines.change("camera-offset", np.array([3e-3]), angles[:, [place]])
         apart = np.linalg.norm((many.contrast[place] - one.contrast[0]) / RESOLUTION)
         assert apart < 0.1 * np.linalg.norm(one.contrast[0] / RESOLUTION)
+
+
+@pytest.mark.parametrize(("turn_over", "warp_seen"), [("about y", 180), ("about x", 0)])
+def test_directions_of_the_laboratory_follow_how_the_cloth_is_turned_over(
+    plain: ndarray, turn_over: str, warp_seen: int
+) -> None:
+    """The same pictures a camera gives that stands beside its place, of cloths turned over in either way."""
+    offset = {"shift": 3e-3, "direction": 40.0}
+    down = (warp_seen - np.arange(ANGLES)) % ANGLES
+    pictures = np.stack([plain[:, 0], plain[:, 1][:, down]], axis=1)
+    points = pictures * np.exp(1j * ANGLE) + offset["shift"] * np.exp(1j * np.deg2rad(offset["direction"]))
+    beside = np.array(
+        [[np.interp(ANGLE, np.angle(one), np.abs(one), period=2 * np.pi) for one in sample] for sample in points]
+    )
+    captures = replace(seen(plain), radii=beside.reshape(-1, ANGLES), protocol=Protocol(turn_over=turn_over))
+    emulator = replace(toy_emulator(), outlines=OwnOutlines(captures))
+    (hypothesis,) = (one for one in hypotheses(emulator) if one.name == "camera-offset" and one.frame == "lab")
+    values = {name: np.array([value]) for name, value in offset.items()}
+    found = shifts(emulator, hypothesis, PRIOR_MEAN, RESOLUTION, 0.0, values).features[0]
+    shown = captures.cloth_frame().reshape(-1, 2, ANGLES)
+    contrasts = [features(statistics_of(one)).contrast for one in (plain, shown)]
+    expected = ((contrasts[1] - contrasts[0]) / RESOLUTION).ravel()
+    assert np.linalg.norm(found[MEANS] - expected) < 0.12 * np.linalg.norm(expected)
 
 
 def test_effects_of_the_cloth_are_not_undone(plain: ndarray) -> None:

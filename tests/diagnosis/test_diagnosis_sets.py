@@ -195,7 +195,10 @@ def test_what_one_fabric_cannot_decide_several_may(emulator: Emulator) -> None:
 
 def test_all_that_a_laboratory_shares_is_named_and_stands_among_the_causes() -> None:
     own = posterior({"creep": 0.9}, {("creep",): 0.9, (): 0.1}, {"creep": 0.9, NONE: 0.08, UNKNOWN: 0.02})
-    found = finding(0.5, own, FITS, ("camera-offset", "cut-size"))
+    quiet = finding(0.5, own, FITS, ("camera-offset", "cut-size"))  # nothing beside what is shared
+    assert (quiet.verdict, quiet.effects) == ("several", ("camera-offset", "cut-size"))
+    assert quiet.leading["camera-offset"] == pytest.approx(0.6)
+    found = finding(0.01, own, FITS, ("camera-offset", "cut-size"))
     assert set(found.effects) == {"camera-offset", "cut-size", "creep"}
     assert found.leading == {"creep": 0.9, "camera-offset": 0.08, "cut-size": 0.0, NONE: 0.0, UNKNOWN: 0.02}
 
@@ -228,7 +231,10 @@ NOTHING = {NONE: 0.02, UNKNOWN: 0.02}
 
 def test_verdicts() -> None:
     sure = posterior({"creep": 0.95}, {("creep",): 0.95, (): 0.05}, {"creep": 0.96} | NOTHING)
-    assert finding(0.2, sure, FITS).verdict == NONE
+    quiet = finding(0.2, sure, FITS)
+    assert quiet.verdict == NONE
+    assert NONE in quiet.set90
+    assert quiet.leading[NONE] == pytest.approx(0.6)
     assert finding(0.01, sure, FITS).verdict == "effect"
     assert finding(0.01, sure, FITS).effects == ("creep",)
     both = posterior(

@@ -108,6 +108,10 @@ def fabric_evidence(
     plain = data.against()
     model = data.model(plain)
     p = detection_p_value(model, generator)
+    own_p = p
+    if shared:
+        left = data.against(start=plain.theta, shift=data.shift(shared, plain))
+        own_p = detection_p_value(data.model(left), generator)
     hidden = sorted({one.name for one in hypotheses(emulator)} - {*model.points.names, *without})
     if hidden:
         notes.append(f"undetectable in this fabric, whatever their strength: {', '.join(hidden)}")
@@ -118,7 +122,7 @@ def fabric_evidence(
     together = refitted(data, sets, best.causes)
     best = named_set(data, together, best.causes)
     test = novelty(together, best, generator)
-    found = finding(p, sets.posterior, test, tuple(one.hypothesis.name for one in shared))
+    found = finding(own_p, sets.posterior, test, tuple(one.hypothesis.name for one in shared))
     causes = best.causes
     stated = [*found.effects, *(group[0] for group in found.groups)]
     if stated and set(stated) != set(likeliest):

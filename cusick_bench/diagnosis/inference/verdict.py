@@ -63,7 +63,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     """The verdict.
 
     Args:
-        p: p-value of the base model.
+        p: p-value of the base model, with what the laboratory's effects do.
         posterior: Posterior over sets.
         test: Whether the likeliest set is all that acts.
         shared: Effects of the laboratory that all its fabrics show, the likeliest first; they are named in each.
@@ -72,9 +72,11 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
         What is found.
     """
     leading = _with_shared(posterior.leading, shared)
-    if p > ALPHA and not shared:
-        leading = _raised(leading, NONE, _LEAST_STATED)
-        return Finding(NONE, (), (), _members(leading, (NONE,)), leading)
+    if p > ALPHA:
+        stated = tuple(shared) or (NONE,)
+        leading = _raised(leading, stated[0], _LEAST_STATED)
+        verdict = NONE if not shared else "several" if len(shared) > 1 else "effect"
+        return Finding(verdict, tuple(shared), (), _members(leading, stated), leading)
     acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
     named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
     groups = look_alikes(posterior, named)
@@ -87,7 +89,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     notes += tuple(f"beside the named effects one of {', '.join(group)} acts" for group in groups if named)
     if not named:
         return Finding("ambiguous", (), groups, members, leading, notes)
-    verdict: Verdict = "several" if len(named) + len(groups) > 1 else "effect"
+    verdict = "several" if len(named) + len(groups) > 1 else "effect"
     return Finding(verdict, named, groups, members, leading, notes)
 
 

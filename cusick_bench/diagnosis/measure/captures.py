@@ -72,9 +72,15 @@ class Captures:
 
         The protocol's words may say that the cloth was turned about x instead of y: then phi is seen at -phi.
         """
-        half = 0 if _turned_about_x(self.protocol) else ANGLES // 2
         degrees = np.arange(ANGLES)
-        return np.where((self.side == "down")[:, None], (half - degrees) % ANGLES, degrees)
+        seen_down = (round(np.rad2deg(self.warp_seen_down)) - degrees) % ANGLES
+        return np.where((self.side == "down")[:, None], seen_down, degrees)
+
+    @property
+    def warp_seen_down(self) -> float:
+        """Angle at which the camera sees the warp of a cloth that lies face down [rad]: pi where it is turned about y,
+        0 about x."""
+        return 0.0 if _turned_about_x(self.protocol) else np.pi
 
     def select(self, rows: Bool[ndarray, " captures"] | Int[ndarray, " chosen"]) -> "Captures":
         """Some of the captures.
