@@ -24,6 +24,7 @@ def interrupted(words: list[str], ready: Callable[[], bool]) -> subprocess.Compl
     process = subprocess.Popen(
         [sys.executable, "-m", "cusick_bench", *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=_heeds_interrupts,
     )  # fmt: skip
     until = time.monotonic() + START
     while not ready() and process.poll() is None and time.monotonic() < until:
@@ -37,6 +38,11 @@ def interrupted(words: list[str], ready: Callable[[], bool]) -> subprocess.Compl
             os.killpg(process.pid, signal.SIGKILL)
     assert _ends(process.pid), "a worker is left"
     return subprocess.CompletedProcess(words, process.returncode, output, errors)
+
+
+def _heeds_interrupts() -> None:
+    """As a command in a terminal does, even where the tests themselves run in the background, which ignores them."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _ends(group: int) -> bool:

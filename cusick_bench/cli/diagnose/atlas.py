@@ -213,7 +213,7 @@ def power(
 
     emulator, calibration = load(atlas)
     with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
-        shift = needed(emulator, np.random.default_rng(0))
+        shift = needed(emulator, calibration, np.random.default_rng(0))
         inflation = calibration.inflation
         severity = detectable(emulator, shift, inflation=inflation, samples=samples, step=bar.advance)
     found = {"stiffness": STIFFNESS, "severity": dict(severity)}

@@ -106,12 +106,18 @@ def detectable_at(
 
 
 def needed(
-    emulator: Emulator, generator: np.random.Generator, *, draws: int = 300, power: float = 0.8
+    emulator: Emulator,
+    calibration: Calibration,
+    generator: np.random.Generator,
+    *,
+    draws: int = 300,
+    power: float = 0.8,
 ) -> dict[str, float]:
     """|d| at which each effect is found in a share of fabrics, by simulation of the whitened residual.
 
     Args:
         emulator: The atlas.
+        calibration: How far other laws differ in each effect; |d| is in units of noise that is not inflated.
         generator: Random generator of the simulation.
         draws: Fabrics without effect; shifted ones are the same with each effect at a random point of its grid.
         power: The share.
@@ -121,7 +127,7 @@ def needed(
     """
     theta = PRIOR_MEAN.copy()
     expected = expected_features(emulator, theta, 12)
-    fabric = FabricData(emulator, Calibration(), expected, None, 0.5)
+    fabric = FabricData(emulator, Calibration(law_mismatch=calibration.law_mismatch), expected, None, 0.5)
     residual = fabric.against(start=theta, fixed=True)
     model = fabric.model(residual)
     noise = generator.standard_normal((draws, len(residual.white)))
