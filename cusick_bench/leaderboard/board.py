@@ -34,8 +34,10 @@ RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
 _RANKED = ("solver", "null")
 _BOARD = ["dataset", "dataset_hash", "protocol"]
-_VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
 _MEASURED = ("train_", "test_", "floor_", "spent_")
+
+VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
+"""Columns that are the same in all cells of a row."""
 
 
 @dataclass(frozen=True)
@@ -271,15 +273,15 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
     """
     for solver, group in table.groupby("solver", sort=True):
         settings = [_flat(json.loads(text)) for text in group["settings"].unique()]
-        for _, part in group.groupby(_VARIANT, sort=True):
+        for _, part in group.groupby(VARIANT, sort=True):
             first = part.iloc[0]
-            own = {name: first[name] for name in _VARIANT if name != "settings" and len(set(group[name])) > 1}
+            own = {name: first[name] for name in VARIANT if name != "settings" and len(set(group[name])) > 1}
             if "code_version" in own:
                 own["code_version"] = _own_versions(str(own["code_version"]), group["code_version"].unique())
             own |= {
                 name: value
                 for name, value in _flat(json.loads(str(first["settings"]))).items()
-                if name not in _VARIANT and any(other.get(name) != value for other in settings)
+                if name not in VARIANT and any(other.get(name) != value for other in settings)
             }
             yield (str(solver), ", ".join(f"{name}={value}" for name, value in own.items())), part
 

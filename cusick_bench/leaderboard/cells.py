@@ -2,7 +2,8 @@
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ class Skipped:
         solver: Its solver, "" where even that cannot be read.
         cloth: Its cloth.
         seed: Its seed, None where it cannot be read.
+        columns: What identifies the problem of one that failed, as in `Cells.table`.
     """
 
     folder: Path
@@ -41,6 +43,7 @@ class Skipped:
     solver: str = ""
     cloth: str = ""
     seed: int | None = None
+    columns: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,8 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     check_result(result)
     identity = _named(result)
     if result.get("status") == "failed":
-        return Skipped(folder, "failed", str(result.get("failure") or "no reason recorded"), **identity)
+        reason, columns = str(result.get("failure") or "no reason recorded"), {**identity, **_problem(result)}
+        return Skipped(folder, "failed", reason, **identity, columns=columns)
     if not (folder / "done").exists():
         raise FileNotFoundError("no done marker")
     test = tuple(int(row) for row in result.get("test", ()))
@@ -136,13 +140,18 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
         if not math.isfinite(metrics.get(name, math.nan)):
             raise ValueError(f"result.json has no finite {name}")
     spent = {f"spent_{name}": metric_of(f"spent_{name}", value) for name, value in result.get("spent", {}).items()}
+    known = {**identity, **_problem(result), "test": test}
+    return {**known, **spent, **metrics, "stiffness": read_stiffness(result), "folder": folder}
+
+
+def _problem(result: Mapping[str, Any]) -> dict[str, Any]:
+    """What was solved, under which settings, by which code."""
     known = {name: result.get(name, "") for name in _IDENTITY} | _code(result)
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
-    problem = {"kind": str(result["kind"]), **known, "test": test, "settings": settings}
-    return {**identity, **problem, **spent, **metrics, "stiffness": read_stiffness(result), "folder": folder}
+    return {"kind": str(result["kind"]), **known, "settings": settings}
 
 
-def _code(result: dict[str, Any]) -> dict[str, str]:
+def _code(result: Mapping[str, Any]) -> dict[str, str]:
     """What a cell was computed by: cells of one `code_version` may be compared, whatever their `commit`."""
     if numerics := result.get("numerics"):
         return {"code_version": numerics_text(numerics), "commit": code_text(result)}

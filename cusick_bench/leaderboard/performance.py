@@ -5,6 +5,9 @@ A problem is a cloth with a seed. With t(p, s) what solver s needs, or misses by
     r(p, s) = t(p, s) / min over solvers of t(p, .)        rho_s(tau) = share of problems with r(p, s) <= tau
 
 rho_s(1) is the share of problems on which s is the best; its height far right is the share that it solves at all.
+Problems count that all solvers were run on and one of them at least solved. A cell that failed was run: its solver has
+not solved the problem.
+
 Two quantities are compared: an error that is left, and the cost of coming near the lowest training loss that any
 method reached (there a method that never comes near has solved nothing).
 
@@ -13,7 +16,7 @@ References:
     equations 1 and 2.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
@@ -23,14 +26,16 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.leaderboard.anytime import Steps, method_label, steps_of
-from cusick_bench.leaderboard.board import variants
+from cusick_bench.leaderboard.board import VARIANT, variants
 from cusick_bench.leaderboard.bootstrap import cell_values
+from cusick_bench.leaderboard.cells import Skipped
 
 NEAR = 0.1
 """A loss counts as reached within this relative distance of the lowest one."""
 
 Problem = tuple[str, int]  # cloth, seed
 _SEARCHING = "solver"  # kind of cells that compete; rows without physics, and oracles, are no solvers
+_OF_METHOD = [*VARIANT, "dataset_hash", "protocol"]  # columns by which a failed cell is known for a method's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,68 +66,115 @@ def performance_profiles(needs: Mapping[str, Mapping[Problem, float]]) -> list[P
     """Profiles of methods.
 
     Args:
-        needs: t by method and problem, above 0; what is missing or infinite is a failure.
+        needs: t by method and problem that it was run on, above 0; infinite where it failed.
 
     Returns:
-        A profile a method, the one that is most often the best first; none without a problem that anybody solves.
+        A profile a method, the one that is most often the best first, over the problems that all were run on; none
+        without such a problem that anybody solves.
     """
-    best: dict[Problem, float] = {}
-    for of_method in needs.values():
-        for problem, need in of_method.items():
-            if isfinite(need):
-                best[problem] = min(best.get(problem, inf), need)
+    shared = set[Problem].intersection(*(set(of_method) for of_method in needs.values())) if needs else set()
+    best = {problem: min(of_method[problem] for of_method in needs.values()) for problem in sorted(shared)}
+    best = {problem: least for problem, least in best.items() if isfinite(least)}
     if not best:
         return []
     profiles = []
     for label, of_method in needs.items():
-        ratios = [_ratio(of_method.get(problem, inf), least) for problem, least in best.items()]
+        ratios = [_ratio(of_method[problem], least) for problem, least in best.items()]
         profiles.append(PerformanceProfile(label, np.sort(ratios)))
     return sorted(profiles, key=lambda profile: (-profile.share(1), -profile.share(2), profile.label))
 
 
-def error_profiles(table: pd.DataFrame, metric: str = "test_mse") -> list[PerformanceProfile]:
+def error_profiles(
+    table: pd.DataFrame, metric: str = "test_mse", *, skipped: Sequence[Skipped] = ()
+) -> list[PerformanceProfile]:
     """Profiles of the error that is left.
 
     Args:
         table: Table of cells, from `load_cells`.
         metric: Metric of which smaller is better, and 0 the best there is.
+        skipped: The folder's other cells, from there too; those that failed count against their solver.
 
     Returns:
         A profile for each method that fits; none where fewer than two methods do.
     """
-    return _of_several({label: cell_values(group, metric) for label, group in _methods(table).items()})
+    return _of_several(
+        {method.label: method.needs(cell_values(method.cells, metric)) for method in _methods(table, skipped)}
+    )
 
 
-def cost_profiles(table: pd.DataFrame, cost: str = "forward_equivalents") -> list[PerformanceProfile]:
+def cost_profiles(
+    table: pd.DataFrame, cost: str = "forward_equivalents", *, skipped: Sequence[Skipped] = ()
+) -> list[PerformanceProfile]:
     """Profiles of the cost of coming within `NEAR` of the lowest training loss that any method reached.
 
     Args:
         table: Table of cells, from `load_cells`.
         cost: One of `anytime.COSTS`.
+        skipped: The folder's other cells, from there too; those that failed count against their solver.
 
     Returns:
         A profile for each method that fits; none where fewer than two methods have traces.
     """
-    traces = {label: _traces(group, cost) for label, group in _methods(table).items()}
+    methods = _methods(table, skipped)
+    traces = {method.label: _traces(method.cells, cost) for method in methods}
     lowest: dict[Problem, float] = {}
     for of_method in traces.values():
         for problem, steps in of_method.items():
             lowest[problem] = min(lowest.get(problem, inf), float(steps.loss.min()))
     return _of_several(
         {
-            label: {problem: _cost_to(steps, (1 + NEAR) * lowest[problem]) for problem, steps in of_method.items()}
-            for label, of_method in traces.items()
-            if of_method
+            method.label: method.needs(
+                {
+                    problem: _cost_to(steps, (1 + NEAR) * lowest[problem])
+                    for problem, steps in traces[method.label].items()
+                }
+            )
+            for method in methods
+            if traces[method.label]
         }
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Method:
+    """Cells of one method.
+
+    Attributes:
+        label: Its name.
+        cells: Those that are finished.
+        problems: What it was run on, with or without success.
+    """
+
+    label: str
+    cells: pd.DataFrame
+    problems: frozenset[Problem]
+
+    def needs(self, known: Mapping[Problem, float]) -> dict[Problem, float]:
+        """t by problem; infinite where nothing is known of what became of it."""
+        return {problem: known.get(problem, inf) for problem in self.problems}
 
 
 def _of_several(needs: Mapping[str, Mapping[Problem, float]]) -> list[PerformanceProfile]:
     return performance_profiles(needs) if len(needs) > 1 else []
 
 
-def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    return {method_label(name): group for name, group in variants(table) if str(group["kind"].iloc[0]) == _SEARCHING}
+def _methods(table: pd.DataFrame, skipped: Sequence[Skipped]) -> list[_Method]:
+    failed = [cell for cell in skipped if cell.status == "failed"]
+    return [
+        _Method(method_label(name), group, _problems(group, failed))
+        for name, group in variants(table)
+        if str(group["kind"].iloc[0]) == _SEARCHING
+    ]
+
+
+def _problems(group: pd.DataFrame, failed: Sequence[Skipped]) -> frozenset[Problem]:
+    """Problems of finished cells, and of those failed ones whose settings and code are theirs."""
+    own = list(dict.fromkeys(group[_OF_METHOD].itertuples(index=False, name=None)))
+    problems = {(str(cloth), int(seed)) for cloth, seed in zip(group["cloth"], group["seed"], strict=True)}
+    for cell in failed:
+        if cell.seed is not None and tuple(cell.columns.get(name) for name in _OF_METHOD) in own:
+            problems.add((cell.cloth, cell.seed))
+    return frozenset(problems)
 
 
 def _traces(group: pd.DataFrame, cost: str) -> dict[Problem, Steps]:

@@ -3,6 +3,7 @@
 import json
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from cusick_bench.leaderboard.performance import cost_profiles, error_profiles, 
 
 NEEDS = {
     "one": {("a", 0): 1.0, ("b", 0): 4.0, ("c", 0): 3.0, ("d", 0): inf},
-    "other": {("a", 0): 2.0, ("b", 0): 2.0, ("d", 0): 5.0},
+    "other": {("a", 0): 2.0, ("b", 0): 2.0, ("c", 0): inf, ("d", 0): 5.0},
 }
 
 
@@ -23,6 +24,13 @@ def test_shares_by_hand():
     np.testing.assert_array_equal(one.ratios, [1, 1, 2, inf])
     np.testing.assert_array_equal(other.ratios, [1, 1, 2, inf])
     assert [other.share(factor) for factor in (1, 1.9, 2, 1e9)] == [0.5, 0.5, 0.75, 0.75]
+
+
+def test_a_problem_that_some_method_was_not_run_on_does_not_count():
+    more = NEEDS["one"] | {("e", 0): 1.0, ("a", 1): 1.0}
+    found = performance_profiles({"one": more, "other": NEEDS["other"]})
+    assert [profile.ratios.tolist() for profile in found] == [[1, 1, 2, inf], [1, 1, 2, inf]]
+    assert performance_profiles({"one": {("a", 0): 1.0}, "other": {("b", 0): 1.0}}) == []
 
 
 def test_a_problem_that_nobody_solves_does_not_count():
@@ -37,9 +45,9 @@ def test_who_needs_nothing_leaves_others_behind_without_bound():
     assert profiles["two"].share(1e12) == 0
 
 
-def _cell(run: Path, solver: str, test_mse: float, losses: list[float | None]) -> None:
-    cell = write_cell(run, solver)
-    result = json.loads((cell / "result.json").read_text())
+def _cell(run: Path, solver: str, test_mse: float, losses: list[float | None], seed: int = 0, **record: Any) -> None:
+    cell = write_cell(run, solver, seed=seed)
+    result = json.loads((cell / "result.json").read_text()) | record
     result["metrics"]["test_mse"] = test_mse
     (cell / "result.json").write_text(json.dumps(result))
     lines = [
@@ -70,6 +78,20 @@ def test_solvers_compete_by_the_cost_of_coming_near_the_lowest_loss(table):
     assert profiles["homo"].ratios.tolist() == [1.0]  # within a tenth of .1 at its third drape
     assert profiles["sobol"].ratios == pytest.approx([6 / 3])
     assert profiles["cmaes"].ratios.tolist() == [inf]
+
+
+def test_a_failed_cell_counts_and_one_that_was_not_run_does_not(tmp_path):
+    for seed in (0, 1, 2):
+        _cell(tmp_path, "homo", 0.02, [0.2, 0.1], seed)
+    failed = {"status": "failed", "failure": "the cloth flies apart"}
+    _cell(tmp_path, "sobol", 0.01, [0.2, 0.1])
+    _cell(tmp_path, "sobol", 0.01, [0.2, 0.1], 1, **failed)
+    _cell(tmp_path, "sobol", 0.01, [0.2, 0.1], 2, **failed, settings={"budget": 3})  # no cell of that row
+    cells = load_cells(tmp_path)
+    for profiles_of in (error_profiles, cost_profiles):
+        profiles = {one.label: one.ratios.tolist() for one in profiles_of(cells.table, skipped=cells.skipped)}
+        assert profiles["sobol"] == [1, inf]
+        assert len(profiles["homo"]) == 2
 
 
 def test_one_solver_alone_is_not_compared(tmp_path):

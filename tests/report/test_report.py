@@ -5,6 +5,7 @@ import io
 import json
 import re
 from importlib import resources
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
 from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
+from cusick_bench.report.run.method_curves import method_curves
 
 
 @pytest.fixture(autouse=True)
@@ -102,6 +104,16 @@ def test_every_picture_is_a_png_with_words_for_those_who_cannot_see_it(page):
     graphs = page.all("svg")
     assert len(graphs) == 3 + 2 + 1  # radius over angle, loss over cost, anytime curves
     assert any("7 folds" in (graph["aria-label"] or "") for graph in graphs)
+
+
+def test_performance_profiles_say_how_many_problems_count(tmp_path):
+    for solver, cloth in product(("homo", "sobol"), ("cotton_blue", "viscose_white")):
+        write_cell(tmp_path, solver, cloth)
+    write_cell(tmp_path, "homo", seed=1)  # the other solver was not run on it
+    cells = load_cells(tmp_path)
+    curves = method_curves(cells, leaderboards(cells)[0])
+    assert curves is not None
+    assert [figure.caption.rpartition("; ")[2] for figure in curves.profiles] == ["problems that count: 2"] * 2
 
 
 def test_links_lead_to_sections(page):

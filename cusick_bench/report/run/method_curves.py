@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from markupsafe import Markup
 
-from cusick_bench.leaderboard import Leaderboard
+from cusick_bench.leaderboard import Cells, Leaderboard
 from cusick_bench.leaderboard.anytime import COSTS, Curve, curves
 from cusick_bench.leaderboard.order import direction
 from cusick_bench.leaderboard.performance import NEAR, PerformanceProfile, cost_profiles, error_profiles
@@ -61,21 +60,22 @@ class MethodCurves:
     profiles: list[MethodFigure]
 
 
-def method_curves(table: pd.DataFrame, board: Leaderboard) -> MethodCurves | None:
+def method_curves(cells: Cells, board: Leaderboard) -> MethodCurves | None:
     """The figures of the cells of a leaderboard.
 
     Args:
-        table: Table of cells, from `load_cells`.
+        cells: What the results folder holds.
         board: The leaderboard.
 
     Returns:
         What the page shows; None where no method has a trace, and no two can be compared.
     """
-    same = (table["dataset_hash"] == board.dataset_hash) & (table["protocol"] == board.protocol)
-    table = table.loc[same]
+    same = (cells.table["dataset_hash"] == board.dataset_hash) & (cells.table["protocol"] == board.protocol)
+    table, skipped = cells.table.loc[same], cells.skipped
     by_cost = {cost: _drawable(curves(table, cost)) for cost in COSTS}
-    errors = error_profiles(table, board.by) if direction(board.by) == direction("test_mse") else []
-    costs = cost_profiles(table)
+    smaller_is_better = direction(board.by) == direction("test_mse")
+    errors = error_profiles(table, board.by, skipped=skipped) if smaller_is_better else []
+    costs = cost_profiles(table, skipped=skipped)
     labels = [curve.label for found in by_cost.values() for curve in found]
     labels = list(dict.fromkeys([*labels, *(one.label for one in (*errors, *costs))]))
     if not labels:
@@ -87,7 +87,10 @@ def method_curves(table: pd.DataFrame, board: Leaderboard) -> MethodCurves | Non
         if found
     ]
     profiles = [
-        MethodFigure(inline_svg(performance_graph(found, quantity, places), _profiles_in_words(found)), caption)
+        MethodFigure(
+            inline_svg(performance_graph(found, quantity, places), _profiles_in_words(found)),
+            f"{caption}; problems that count: {len(found[0].ratios)}",
+        )
         for found, quantity, caption in (
             (errors, board.by, f"Error that is left ({board.by})"),
             (costs, "cost", f"Cost of coming within {NEAR:.0%} of the lowest training loss of any method"),

@@ -99,7 +99,7 @@ def write_report(
         boards=[_board(board, links) for board in boards],
         cloths=sections,
         stiffness=_stiffness_table(cells, links),
-        curves=[found for board in boards if (found := method_curves(cells.table, board))],
+        curves=[found for board in boards if (found := method_curves(cells, board))],
         drapes=models_document(models, protocol.plate_radius_m),
         comparison=comparison,
     )
