@@ -1,9 +1,12 @@
 """What cells read of the data: kept for the cells that follow, which are mostly about the same cloth.
 
-Decoding and checking the silhouettes of a cloth takes longer than scoring a trivial answer. What is kept is bounded, so
-that memory does not grow with the grid: a cloth of 48 silhouettes takes about 50 MB.
+Decoding and checking the silhouettes of a cloth takes longer than scoring a trivial answer. What is kept is bounded in
+bytes, so that memory grows neither with the grid nor with the width of the silhouettes: a cloth of 48 silhouettes of
+512 pixels takes about 50 MB.
 """
 
+from collections import OrderedDict
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -14,10 +17,54 @@ from cusick_bench.datasets import DrapeDataset, DrapeSample
 
 Silhouette = Float[ndarray, "size size"]
 
-SAMPLES_KEPT = 64  # more than a cloth has in the release
+MOST_BYTES = 2**28
+"""Most memory of the samples that are kept [bytes]: those of five cloths of the release."""
 
 
-@lru_cache(maxsize=SAMPLES_KEPT)
+@dataclass(frozen=True, eq=False)
+class SampleCache:
+    """The samples of a data set that were read last, at least one.
+
+    Attributes:
+        dataset: Data.
+        most_bytes: Most memory that they take together, unless one alone takes more [bytes].
+    """
+
+    dataset: DrapeDataset
+    most_bytes: int = MOST_BYTES
+    _kept: OrderedDict[int, DrapeSample] = field(init=False, repr=False, default_factory=OrderedDict)
+
+    def read(self, row: int) -> DrapeSample:
+        """A drape.
+
+        Args:
+            row: Row of the data set's index.
+
+        Returns:
+            The sample, the same object as long as it is kept.
+        """
+        if row not in self._kept:
+            self._kept[row] = self.dataset.sample(row)
+        self._kept.move_to_end(row)
+        sizes = {kept: _bytes(sample) for kept, sample in self._kept.items()}
+        while len(sizes) > 1 and sum(sizes.values()) > self.most_bytes:
+            oldest, _ = self._kept.popitem(last=False)
+            del sizes[oldest]
+        return self._kept[row]
+
+
+def _bytes(sample: DrapeSample) -> int:
+    """Memory of a sample; its mesh is part of it once somebody has asked for that."""
+    mesh = vars(sample).get("mesh")
+    of_mesh = 0 if mesh is None else mesh.vertices.nbytes + mesh.faces.nbytes
+    return sample.image.nbytes + sample.profile.radii.nbytes + of_mesh
+
+
+@lru_cache(maxsize=1)
+def _cache(dataset: DrapeDataset) -> SampleCache:
+    return SampleCache(dataset)
+
+
 def read_sample(dataset: DrapeDataset, row: int) -> DrapeSample:
     """A drape.
 
@@ -28,7 +75,7 @@ def read_sample(dataset: DrapeDataset, row: int) -> DrapeSample:
     Returns:
         The sample, the same object for every cell of a process as long as it is kept.
     """
-    return dataset.sample(row)
+    return _cache(dataset).read(row)
 
 
 def read_image(dataset: DrapeDataset, row: int) -> Silhouette:
