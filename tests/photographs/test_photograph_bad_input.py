@@ -21,6 +21,10 @@ def _folder(tmp_path, *names):
     return folder
 
 
+def _contents(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
 def _refused(folder, tmp_path, *options):
     result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(tmp_path / "set"), *options])
     assert result.exit_code == 2, result.output
@@ -98,8 +102,13 @@ def test_a_picture_of_another_size(tmp_path, photographs):
     folder = tmp_path / "photographs"
     shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
     levels = cv2.imread(str(folder / DRAPE))
-    cv2.imwrite(str(folder / DRAPE), levels[:900])
+    cv2.imwrite(str(folder / "Fabric_1_Sample_9_Capture_1.jpg"), levels[:900])  # it comes after a good one
     assert "has 1280 x 900 px, the calibration's pictures 1280 x 960" in _refused(folder, tmp_path)
+    assert _contents(tmp_path) == ["photographs"]
+    (folder / "Fabric_1_Sample_9_Capture_1.jpg").unlink()
+    words = ["data", "prepare", str(folder), "--out", str(tmp_path / "set")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert _contents(tmp_path / "set") == ["check", "data", "fabrics.csv", "protocol.json"]
 
 
 def test_the_output_folder_must_be_new(tmp_path):

@@ -93,7 +93,7 @@ def prepare(
     table = weights or (photographs / TABLE if (photographs / TABLE).is_file() else None)
     known = read_weights(table) if table else ({}, {})
     setting = _setting(known, weight, fabrics, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler)
-    with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"{out} is not complete; remove it"):
+    with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"nothing was written to {out}"):
         prepared = prepare_folder(
             photographs, out, replace(setting, image_size=image_size), done=lambda name: bar.advance()
         )

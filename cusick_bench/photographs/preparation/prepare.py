@@ -22,10 +22,13 @@ from cusick_bench.photographs.preparation.pictures import DrapePicture, Pictures
 from cusick_bench.photographs.preparation.reading_on_axis import outline_on_axis
 from cusick_bench.photographs.preparation.silhouette import overlay, silhouette
 from cusick_bench.photographs.preparation.weights import TABLE
+from cusick_bench.photographs.preparation.whole_folder import free, whole_folder
 from cusick_bench.photographs.reading import read_photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED, doubts
 
 CHECKS = "check"  # folder of the pictures to look at
+_DATA = "data"  # folder of the silhouettes
+_WRITTEN = (CHECKS, _DATA, FABRICS, PROTOCOL)
 _VIEW = 2.36  # flat radii that an image is wide, as in the public release
 _QUALITY = 88  # of JPEG files
 
@@ -182,7 +185,7 @@ def protocol_of(view: PlateView, setting: Setting) -> Protocol:
 
 
 def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], None] = lambda name: None) -> Preparation:
-    """Prepares a folder of photographs.
+    """Prepares a folder of photographs. The data set appears when it is whole; after an error nothing is left of it.
 
     Args:
         folder: The photographs.
@@ -197,7 +200,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     Raises:
         BadPhotograph: Anything that one has to mend first: the folder, the calibration, a picture of another camera.
     """
-    if out.exists() and (not out.is_dir() or any(path.name != TABLE for path in out.iterdir())):
+    if not free(out, _WRITTEN, allowed=(TABLE,)):
         raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
     if out.resolve().is_relative_to(folder.resolve()):
         raise BadPhotograph(
@@ -207,15 +210,15 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     pictures = find_pictures(folder)
     view = _view(pictures, setting)
     protocol = protocol_of(view, setting)
-    prepared = []
-    for picture in pictures.drapes:
-        prepared.append(_prepared(picture, view, protocol, setting, out))
-        done(picture.name)
     fabrics = sorted({picture.fabric for picture in pictures.drapes})
-    out.mkdir(parents=True, exist_ok=True)
-    notes = {"made_from": "photographs", "calibration": calibration_notes(view)}
-    (out / PROTOCOL).write_text(json.dumps(protocol.document() | {"notes": notes}, indent=1) + "\n", encoding="utf-8")
-    (out / FABRICS).write_text(fabrics_table(fabrics, setting), encoding="utf-8")
+    document = protocol.document() | {"notes": {"made_from": "photographs", "calibration": calibration_notes(view)}}
+    prepared = []
+    with whole_folder(out, _WRITTEN) as part:
+        for picture in pictures.drapes:
+            prepared.append(_prepared(picture, view, protocol, setting, part))
+            done(picture.name)
+        (part / PROTOCOL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        (part / FABRICS).write_text(fabrics_table(fabrics, setting), encoding="utf-8")
     unweighed = tuple(number for number in fabrics if number not in setting.weights)
     return Preparation(out, view, protocol, tuple(prepared), unweighed)
 
@@ -249,7 +252,7 @@ def _prepared(picture: DrapePicture, view: PlateView, protocol: Protocol, settin
     (out / CHECKS).mkdir(parents=True, exist_ok=True)
     _write(out / CHECKS / f"check_{picture.name}.jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if good:
-        place = out / "data" / f"Fabric {picture.fabric}" / "silhouettes"
+        place = out / _DATA / f"Fabric {picture.fabric}" / "silhouettes"
         place.mkdir(parents=True, exist_ok=True)
         _write(place / f"{picture.name}.png", silhouette(on_axis.radii, protocol), [])
     return Prepared(picture, outline.confidence, reasons, good)
