@@ -34,7 +34,9 @@ REQUEUES = 20  # times that a task may run into its time limit
 WHOLE_NUMBERS = {"time": "minutes", "cpus_per_task": "processors"}  # options that this module or submitit reckons with
 MINUTES = {"slurm": 60, "local": 7 * 24 * 60}  # time limit of a task, unless one is given
 POLL_SECONDS = {"slurm": 3.0, "local": 0.3}  # between looks at what is finished
-MISSED = 3  # looks in a row at which a task is neither in the queue nor finished, after which it is lost
+# How long a task may be neither in the queue nor finished before it is lost: network file systems show what another
+# node has written up to 60 s later (acregmax and acdirmax of NFS).
+GRACE_SECONDS = {"slurm": 90.0, "local": 1.0}
 RUNNING_ELSEWHERE_SECONDS = 5.0  # between looks at a cell that another task runs
 
 _log = logging.getLogger(__name__)
@@ -206,8 +208,7 @@ class Submitted:
             for job, task in open_tasks:
                 ended = job.job_id not in queued  # asked for before its cells are looked at
                 task.tell(watcher)
-                task.missed = task.missed + 1 if ended else 0
-                if task.left and task.missed < MISSED:
+                if task.left and task.gone_seconds(ended) < GRACE_SECONDS[self.cluster]:
                     still.append((job, task))
                 else:
                     lost += task.left
@@ -233,14 +234,22 @@ class _Task:
 
     Attributes:
         left: These cells, in the order in which they are run.
-        missed: Looks in a row at which the task was not in the queue.
     """
 
     def __init__(self, batch: Batch, store: Store) -> None:
         self.left = list(batch.cells)
-        self.missed = 0
+        self._gone_since: float | None = None
         self._store = store
         self._before = {cell.key: self._stamp(cell) for cell in batch.cells}
+
+    def gone_seconds(self, ended: bool) -> float:
+        """Since when, without a break, the task has been found to be no longer in the queue; 0 where it is there."""
+        now = time.monotonic()
+        if not ended:
+            self._gone_since = None
+        elif self._gone_since is None:
+            self._gone_since = now
+        return 0.0 if self._gone_since is None else now - self._gone_since
 
     def tell(self, watcher: Watcher) -> None:
         """Tells of the cells that were finished since."""

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -15,7 +16,7 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Store, Submitted, Unwatched, plan, run
-from cusick_bench.runner.submitted import Batch
+from cusick_bench.runner.submitted import GRACE_SECONDS, POLL_SECONDS, Batch
 from cusick_bench.sim.engine.settings import DrapeSettings
 
 SETTINGS = ProblemSettings(vertices=97, drape=DrapeSettings(steps=12), budget=Budget(8))
@@ -83,7 +84,7 @@ def test_a_task_that_is_killed_costs_its_own_cell_only(data, tmp_path):
     arguments += ["--cloth", "fabric_1", "--vertices", "97", "--steps", "12", "--space", "homo", "--budget", "1e6"]
     command = [sys.executable, "-m", "cusick_bench.cli", *arguments, "--executor", "slurm", "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline, killed = time.monotonic() + 400, 0
+    deadline, killed = time.monotonic() + 600, 0  # two graces are waited for
     while process.poll() is None and time.monotonic() < deadline:
         for worker in _workers(out):
             os.kill(worker, signal.SIGKILL)
@@ -95,6 +96,52 @@ def test_a_task_that_is_killed_costs_its_own_cell_only(data, tmp_path):
     assert '"failed"' in said
     assert '"done"' in said
     assert "ended before the cell did" in said
+
+
+class _Job:
+    """A job that has left the queue, and whose files are seen after so many looks at it."""
+
+    job_id = "7"
+
+    def __init__(self, batch: Batch, looks: float) -> None:
+        self._batch, self._looks = batch, looks
+
+    def done(self) -> bool:
+        self._looks -= 1
+        if self._looks == 0:
+            self._batch()
+        return True
+
+
+def _submitit_of(looks: float, submitted: list[Batch]) -> SimpleNamespace:
+    """A library that runs nothing; what its tasks have written is seen late."""
+
+    def submit_array(batches: list[Batch]) -> list[_Job]:
+        submitted.extend(batches)
+        return [_Job(batch, looks) for batch in batches]
+
+    executor = SimpleNamespace(update_parameters=lambda **_: None, submit_array=submit_array)
+    return SimpleNamespace(LocalExecutor=lambda *_, **__: executor)
+
+
+def test_files_that_a_network_file_system_shows_late_are_waited_for(data, cells, tmp_path, monkeypatch):
+    submitted: list[Batch] = []
+    monkeypatch.setitem(sys.modules, "submitit", _submitit_of(12, submitted))
+    monkeypatch.setitem(POLL_SECONDS, "local", 0.01)
+    monkeypatch.setitem(GRACE_SECONDS, "local", 600.0)
+    Store(tmp_path).prepare()
+    assert Submitted("local").run(Source(str(data)), cells, Store(tmp_path), Unwatched()) == []
+    assert len(submitted) == 1  # not once more
+
+
+def test_a_task_that_stays_away_is_lost_after_the_grace_period(data, cells, tmp_path, monkeypatch):
+    submitted: list[Batch] = []
+    monkeypatch.setitem(sys.modules, "submitit", _submitit_of(float("inf"), submitted))
+    monkeypatch.setitem(POLL_SECONDS, "local", 0.01)
+    monkeypatch.setitem(GRACE_SECONDS, "local", 0.02)
+    Store(tmp_path).prepare()
+    assert Submitted("local").run(Source(str(data)), cells, Store(tmp_path), Unwatched()) == cells
+    assert [len(batch.cells) for batch in submitted] == [2, 1, 1]
 
 
 def _workers(out: Path) -> list[int]:
