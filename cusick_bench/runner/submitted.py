@@ -9,7 +9,9 @@ whether a cell is finished, its own folder says.
 """
 
 import logging
+import signal
 import subprocess
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -42,6 +44,44 @@ RUNNING_ELSEWHERE_SECONDS = 5.0  # between looks at a cell that another task run
 _log = logging.getLogger(__name__)
 
 
+@contextmanager
+def _stopping() -> Iterator[None]:
+    """The last end of a time limit is a request to stop, as those are after which a task is put into the queue again.
+
+    submitit's handler of the signal tells of it by an ordinary error, out of whatever runs by then: a cell would take
+    it for its own and be recorded as failed, or a solver for a matrix that cannot be factorised. In here it is a
+    SystemExit, which leaves a cell as it is, to be gone on with; outside submitit sees its own error.
+    """
+    from submitit.core.job_environment import JobEnvironment
+    from submitit.core.utils import UncompletedJobError
+
+    number = signal.Signals[f"SIG{JobEnvironment.USR_SIG}"]
+    handler = signal.getsignal(number)
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    told: UncompletedJobError | None = None
+
+    def stop(*arguments: Any) -> None:
+        nonlocal told
+        try:
+            handler(*arguments)
+        except UncompletedJobError as error:
+            told = error
+            raise SystemExit(str(error)) from error
+
+    signal.signal(number, stop)
+    try:
+        yield
+    except SystemExit:
+        if told is None:
+            raise
+        raise told from None
+    finally:
+        signal.signal(number, handler)
+
+
 @dataclass(frozen=True)
 class Batch:
     """What one task does: cells one after the other.
@@ -57,13 +97,19 @@ class Batch:
     out: Path
 
     def __call__(self) -> None:
-        """Runs the cells; an error that is no cell's own is told when all have been tried."""
+        """Runs the cells; an error that is no cell's own is told when all have been tried.
+
+        Raises:
+            RunnerError: Errors that are no cell's own.
+            UncompletedJobError: Of submitit: the task ran into its time limit once more than it may.
+        """
         errors: list[str] = []
-        for cell in self.cells:
-            try:
-                self._run(cell)
-            except Exception as error:
-                errors.append(f"{cell.solver} on {cell.cloth}, seed {cell.seed}: {error}")
+        with _stopping():
+            for cell in self.cells:
+                try:
+                    self._run(cell)
+                except Exception as error:
+                    errors.append(f"{cell.solver} on {cell.cloth}, seed {cell.seed}: {error}")
         if errors:
             raise RunnerError("\n".join(errors))
 

@@ -109,7 +109,7 @@ class _Job:
     def done(self) -> bool:
         self._looks -= 1
         if self._looks == 0:
-            self._batch()
+            run(self._batch.source, self._batch.cells, self._batch.out)
         return True
 
 
@@ -167,7 +167,35 @@ def test_what_is_put_into_the_queue_again_is_the_same_batch(data, cells, tmp_pat
     assert not again.kwargs
 
 
+def test_a_task_that_may_not_be_queued_again_stops_and_no_cell_has_failed(data, cells, tmp_path, monkeypatch):
+    """submitit tells of it by an ordinary error, out of the handler of a signal that comes while a cell runs."""
+    core = pytest.importorskip("submitit.core.utils")
+
+    def give_up(*_) -> None:
+        raise core.UncompletedJobError("Job not requeued because: timed-out too many times.")
+
+    def score(*_, **__) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGUSR2)
+            time.sleep(60)
+        except RuntimeError:  # as solvers catch, for whom that is a matrix without factors
+            pytest.fail("the request to stop looks like an error of the solver")
+
+    before = signal.signal(signal.SIGUSR2, give_up)
+    monkeypatch.setattr("cusick_bench.runner.cell.score", score)
+    try:
+        with pytest.raises(core.UncompletedJobError, match="too many times"):
+            Batch(Source(str(data)), tuple(cells), tmp_path)()
+        assert signal.getsignal(signal.SIGUSR2) is give_up
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+    assert (tmp_path / "cells" / cells[0].key / "cell.json").exists()
+    assert not list(tmp_path.glob("cells/*/result.json"))
+    assert not (tmp_path / "cells" / cells[1].key).exists()
+
+
 def test_one_error_keeps_no_other_cell_from_being_run(data, cells, tmp_path):
+    pytest.importorskip("submitit")
     (tmp_path / "cells" / cells[0].key / "cell.json.part").mkdir(parents=True)  # cannot be removed as a file
     with pytest.raises(RunnerError, match=cells[0].solver):
         Batch(Source(str(data)), tuple(cells), tmp_path)()
