@@ -1,7 +1,8 @@
 """Two runs side by side: how each method's errors and costs changed over the cells that both runs have.
 
-Cells are paired by cloth and shared seed (`gate.paired`). The ratio this / other is the geometric mean over cloths with
-its 95 % bootstrap interval. Settings may differ, since that is what is compared; data and split may not.
+Cells are paired by cloth and shared seed (`gate.paired`), and all numbers are over these pairs. The ratio this / other
+is the geometric mean over cloths with its 95 % bootstrap interval. Settings may differ, since that is what is compared;
+data and split may not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ from cusick_bench.leaderboard.board import variants
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.gate.paired import compare
+from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text
 
 COMPARED = ("test_mse", "train_mse", "test_hausdorff_m", "spent_forward_equivalents", "spent_wall_seconds")
@@ -32,7 +33,7 @@ class Change:
     """Change of one number of one method.
 
     Attributes:
-        before: Mean in the other run, over the cloths that both have.
+        before: Mean in the other run, over the pairs of cells.
         after: The same in this run.
         ratio: after / before with its 95 % interval; NaN where there is nothing to divide by.
     """
@@ -56,7 +57,7 @@ class MethodChange:
     Attributes:
         label: Name of the method.
         kind: "solver", "null" or "oracle".
-        cells: Cells of this run whose cloth both runs have.
+        cells: Cells of this run that the other run has too: the shared seeds of a cloth; all where there are none.
         changes: By name of `COMPARED`, where both runs have numbers.
     """
 
@@ -132,17 +133,25 @@ def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:
-    shared = sorted(set(ours["cloth"]) & set(theirs["cloth"]))
-    ours, theirs = (table.loc[table["cloth"].isin(shared)] for table in (ours, theirs))
+    kind, ours, theirs = str(ours["kind"].iloc[0]), _paired(ours, theirs), _paired(theirs, ours)
     changes = {}
     for name in COMPARED:
         before, after = (cell_values(table, name) for table in (theirs, ours))
-        if {cloth for cloth, _ in before} & {cloth for cloth, _ in after}:
+        if pairs := [(block.before, block.after) for cloth in blocks(before, after).values() for block in cloth]:
             ratio = Estimate(nan, nan, nan)
             if any(before.values()) and any(after.values()):
                 ratio = compare(before, after, level=_LEVEL, generator=generator).ratio
-            changes[name] = Change(float(np.mean([*before.values()])), float(np.mean([*after.values()])), ratio)
-    return MethodChange(label, str(ours["kind"].iloc[0]) if len(ours) else "", len(ours), changes)
+            means = [float(np.mean([values.mean() for values in side])) for side in zip(*pairs, strict=True)]
+            changes[name] = Change(means[0], means[1], ratio)
+    return MethodChange(label, kind, len(ours), changes)
+
+
+def _paired(own: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
+    """Cells whose cloth and seed the other table has too; of a cloth without shared seeds, all."""
+    theirs = set(zip(other["cloth"], other["seed"], strict=True))
+    shared = np.array([cell in theirs for cell in zip(own["cloth"], own["seed"], strict=True)], dtype=bool)
+    by_seed = own["cloth"].isin(own.loc[shared, "cloth"].tolist())
+    return own.loc[np.where(by_seed, shared, own["cloth"].isin(other["cloth"].tolist()))]
 
 
 def _differences(here: Cells, there: Cells) -> Iterator[tuple[str, str, str]]:

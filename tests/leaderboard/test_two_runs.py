@@ -50,6 +50,32 @@ def test_cloths_of_one_run_only_do_not_count(tmp_path):
     assert only.changes["test_mse"].ratio.value == pytest.approx(1)
 
 
+def test_means_and_ratio_are_over_the_same_pairs(tmp_path):
+    """A seed that one run has of its own, ten times worse, changes nothing."""
+    here, there = (_run(tmp_path / name, {"homo": error}) for name, error in (("here", 0.03), ("there", 0.06)))
+    before = compare_runs(load_cells(here), load_cells(there)).methods[0]
+    extra = write_cell(here, "homo", "a", 2)
+    result = json.loads((extra / "result.json").read_text())
+    result["metrics"]["test_mse"] = 0.3
+    (extra / "result.json").write_text(json.dumps(result))
+    after = compare_runs(load_cells(here), load_cells(there)).methods[0]
+    assert after.cells == before.cells == 6
+    assert after.changes["test_mse"] == before.changes["test_mse"]
+    assert before.changes["test_mse"].after == pytest.approx(0.03 * 2 * 1.005)
+
+
+def test_a_cloth_without_shared_seeds_is_compared_as_a_whole(tmp_path):
+    here, there = (_run(tmp_path / name, {"homo": 0.03}) for name in ("here", "there"))
+    for place, run in enumerate((here, there)):
+        cell = write_cell(run, "homo", "d", seed=10 + place)
+        result = json.loads((cell / "result.json").read_text())
+        result["metrics"]["test_mse"] = 0.1
+        (cell / "result.json").write_text(json.dumps(result))
+    (homo,) = compare_runs(load_cells(here), load_cells(there)).methods
+    assert homo.cells == 7
+    assert homo.changes["test_mse"].after == pytest.approx((6 * 0.06 * 1.005 + 0.1) / 7)
+
+
 def test_other_data_are_refused(tmp_path):
     here = load_cells(_run(tmp_path / "here", {"homo": 0.03}))
     there = load_cells(_run(tmp_path / "there", {"homo": 0.03}, dataset_hash="xyz"))
