@@ -178,7 +178,8 @@ class DroppedBatch:
             for member, failure in zip(alive, wild, strict=True):
                 self.failures[member] = failure
             settled = np.array([last or failure is None for failure in wild])
-            self._groups.append(_Group(own, rollout, alive, settled, s.step_seconds))
+            if settled.any():  # or the way back would pass through it for nothing
+                self._groups.append(_Group(own, rollout, alive, settled, s.step_seconds))
             again += alive[~settled].tolist()
             break
         return again

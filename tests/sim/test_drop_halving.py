@@ -4,6 +4,7 @@ The cloths are those of `cusick-bench robustness`: 16 is so limp that steps of 5
 do on the mesh of law `paper`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -16,6 +17,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
+from cusick_bench.sim.engine.drop import drop_adjoint
 from cusick_bench.sim.engine.settings import MOST_HALVINGS, DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
 
@@ -112,6 +114,23 @@ def test_gradients_of_a_batch_are_those_of_each_cloths_own_steps(memory: int):
     for together, seed in zip(gradients(seeds), seeds, strict=True):
         (alone,) = gradients((seed,))
         assert torch.allclose(together, alone, rtol=1e-9, atol=1e-12 * float(alone.abs().max()))
+
+
+def test_the_way_back_leaves_out_drops_that_no_cloth_keeps(monkeypatch: pytest.MonkeyPatch):
+    steps: list[float] = []
+
+    def counted(*arguments: object, step_seconds: float, plain: Callable[..., object] = drop_adjoint) -> object:
+        steps.append(step_seconds)
+        return plain(*arguments, step_seconds=step_seconds)
+
+    monkeypatch.setattr("cusick_bench.sim.engine.drop_batch.drop_adjoint", counted)
+    material = specimen(WILD).material
+    tensor = material.bending.clone().requires_grad_()
+    batch = _batch(HINGES, (WILD,), [Material(material.stretch, tensor, material.density)])
+    batch.vertices.square().sum().backward()
+    assert steps == [HINGES.settings.step_seconds / 2 ** int(batch.halvings[0])]
+    assert tensor.grad is not None
+    assert float(tensor.grad.abs().max()) > 0
 
 
 def test_the_torch_engine_halves_the_same_cloths():
