@@ -205,6 +205,50 @@ def test_a_drape_is_coloured_by_stiffness_where_elements_have_their_own(opened):
     assert np.abs(_picture(page) - stiff).max() > 60
 
 
+@pytest.fixture
+def without_webgl(browser, report):
+    """Opens the report in a browser whose WebGL 2 a script has spoilt."""
+    contexts = []
+
+    def without_webgl(script: str):
+        contexts.append(browser.new_context(viewport=DESKTOP))
+        page = contexts[-1].new_page()
+        page.add_init_script(script)
+        page.goto(report.as_uri())
+        page.locator("#drapes").scroll_into_view_if_needed()
+        return page
+
+    yield without_webgl
+    for context in contexts:
+        context.close()
+
+
+def _no_drape_can_be_turned(page) -> None:
+    playwright.expect(page.get_by_text("Drapes cannot be turned here")).to_be_visible()
+    playwright.expect(page.locator(".stage")).to_be_hidden()
+    assert page.get_by_text("turn it in 3D").locator("visible=true").count() == 0
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "HTMLCanvasElement.prototype.getContext = () => null;",
+        "WebGL2RenderingContext.prototype.getProgramParameter = () => false;",  # no shader links
+    ],
+)
+def test_a_browser_that_cannot_draw_drapes_says_so(without_webgl, script):
+    _no_drape_can_be_turned(without_webgl(script))
+
+
+def test_a_page_that_loses_its_context_says_so(without_webgl):
+    page = without_webgl("")
+    _open_viewer(page)
+    assert page.get_by_text("turn it in 3D").locator("visible=true").count() > 0
+    lose = "(canvas) => canvas.getContext('webgl2').getExtension('WEBGL_lose_context').loseContext()"
+    page.locator("canvas").evaluate(lose)
+    _no_drape_can_be_turned(page)
+
+
 def test_a_card_leads_to_its_drape(opened):
     page = opened(reduced_motion="reduce")
     page.get_by_role("tab", name="viscose_white").click()

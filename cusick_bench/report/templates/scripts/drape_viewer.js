@@ -132,16 +132,34 @@ class DrapeViewer {
   }
 }
 
+/* Says that drapes cannot be turned, instead of showing an empty canvas. */
+function giveUp(root) {
+  root.querySelector(".no-webgl").hidden = false;
+  root.querySelector(".stage").hidden = true;
+  for (const link of document.querySelectorAll("[data-drape]")) link.hidden = true;
+}
+
 /* Starts the viewer when it first comes near the screen, or when a card asks for it. */
 function startViewer(root) {
   const content = JSON.parse(document.getElementById("drape-models").textContent);
-  let viewer = null;
-  const start = () => { viewer ??= new DrapeViewer(root, content); return viewer; };
+  let viewer = null, failed = false;
+  const start = () => {
+    if (viewer || failed) return viewer;
+    try {
+      viewer = new DrapeViewer(root, content);
+    } catch (error) {  // such as a shader that the driver does not link
+      failed = true;
+      giveUp(root);
+      console.error(error);
+    }
+    return viewer;
+  };
   if (!document.createElement("canvas").getContext("webgl2")) {
-    root.querySelector(".no-webgl").hidden = false;
+    giveUp(root);
     return;
   }
   root.querySelector(".stage").hidden = false;
+  root.querySelector("canvas").addEventListener("webglcontextlost", () => giveUp(root));
   new IntersectionObserver((entries, observer) => {
     if (!entries.some((entry) => entry.isIntersecting)) return;
     observer.disconnect();
@@ -151,7 +169,7 @@ function startViewer(root) {
   const known = new Set(content.drapes.map((drape) => drape.anchor));
   for (const link of document.querySelectorAll("[data-drape]")) {
     link.hidden = !known.has(link.dataset.drape);
-    link.addEventListener("click", (event) => { event.preventDefault(); start().choose(link.dataset.drape); });
+    link.addEventListener("click", (event) => { event.preventDefault(); start()?.choose(link.dataset.drape); });
   }
 }
 
