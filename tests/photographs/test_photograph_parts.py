@@ -7,6 +7,7 @@ import pytest
 
 from cusick_bench.photographs.accuracy import Measured, accuracy, measure
 from cusick_bench.photographs.board import HEIGHT, WIDTH, charuco_board, in_plate_axes
+from cusick_bench.photographs.calibration.boards import SeenBoard, view_from_boards
 from cusick_bench.photographs.calibration.plate import view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
@@ -98,6 +99,14 @@ def test_a_plate_outside_the_picture_is_refused(monkeypatch):
     picture = Photograph(np.zeros((960, 1280, 3), np.uint8), None)
     with pytest.raises(BadPhotograph, match=r"board\.jpg: the plate's middle lies outside the picture"):
         calibrated(("board.jpg", picture), [], None, 0.09)
+
+
+def test_corners_that_no_camera_can_be_calibrated_from_are_refused_in_a_sentence():
+    places = in_plate_axes(np.asarray(charuco_board().getChessboardCorners()))
+    one_point = SeenBoard(places, np.full((len(places), 2), 300.0))
+    with pytest.raises(BadPhotograph, match=r"board pictures: no camera can be calibrated .* take them again") as found:
+        view_from_boards(one_point, [one_point, one_point], (1280, 960))
+    assert "3 pictures" in str(found.value)
 
 
 def test_the_board_lies_about_its_middle():

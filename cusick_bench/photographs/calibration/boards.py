@@ -141,7 +141,11 @@ class _FittedCamera:
 
 
 def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, whole: bool) -> _FittedCamera:
-    """Fits a camera, from a guess of its focal length [px]; its lens too, where `whole`."""
+    """Fits a camera, from a guess of its focal length [px]; its lens too, where `whole`.
+
+    Raises:
+        BadPhotograph: OpenCV finds no camera.
+    """
     matrix = np.array([[guess, 0, (size[0] - 1) / 2], [0, guess, (size[1] - 1) / 2], [0, 0, 1]])
     flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST
     flags |= cv2.CALIB_FIX_K3
@@ -149,9 +153,18 @@ def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, wh
         flags |= cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_K2
     places = [board.places.astype(np.float32) for board in boards]
     pixels = [board.pixels.astype(np.float32).reshape(-1, 1, 2) for board in boards]
-    error, matrix, distortion, turns, shifts, deviations, _, _ = cv2.calibrateCameraExtended(
-        places, pixels, size, matrix, np.zeros(5), flags=flags
-    )
+    try:
+        error, matrix, distortion, turns, shifts, deviations, _, _ = cv2.calibrateCameraExtended(
+            places, pixels, size, matrix, np.zeros(5), flags=flags
+        )
+    except cv2.error as fault:
+        what = f"{len(boards)} pictures" if len(boards) > 1 else "one picture"
+        raise BadPhotograph(
+            f"no camera can be calibrated from the corners of the board in {what}",
+            where="board pictures",
+            remedy="take them again: sharp, most of the board in each, and board-1, board-2, ... held at other angles",
+            kind="no-board",
+        ) from fault
     rotation, _ = cv2.Rodrigues(turns[0])
     focal_spread = float(deviations.ravel()[:2].max() / matrix[0, 0])
     return _FittedCamera(float(error), matrix, distortion.ravel()[:5], rotation, shifts[0].ravel(), focal_spread)
