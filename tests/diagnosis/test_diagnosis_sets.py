@@ -19,7 +19,7 @@ from cusick_bench.diagnosis.inference.laboratory import LaboratoryFabric, labora
 from cusick_bench.diagnosis.inference.misfit import misfit_of
 from cusick_bench.diagnosis.inference.novelty import Novelty, novelty
 from cusick_bench.diagnosis.inference.power import expected_features
-from cusick_bench.diagnosis.inference.refined import named_set
+from cusick_bench.diagnosis.inference.refined import named_set, shared_set
 from cusick_bench.diagnosis.inference.samples import SampleStatistics
 from cusick_bench.diagnosis.inference.set_sampler import SetPosterior, conditional
 from cusick_bench.diagnosis.inference.verdict import finding, look_alikes, set90
@@ -181,8 +181,12 @@ def test_what_one_fabric_cannot_decide_several_may(emulator: Emulator) -> None:
     first = found.effects[0]
     assert first.name == "camera-offset"
     assert first.probability > 0.9
-    assert first.cause.value["shift"] == pytest.approx(3e-3, rel=0.3)
-    assert first.cause.value["direction"] == pytest.approx(120, abs=16)
+    assert first.cause.value["shift"] == pytest.approx(3e-3, rel=0.1)  # a grid's points differ by half
+    assert first.cause.value["direction"] == pytest.approx(120, abs=5)
+    away = replace(first.cause, value={"shift": 2.2e-3, "direction": 109.0})
+    beside = [[p for p in f.sets.posterior.best if f.sets.model.points.name(p) != first.name] for f in fabrics]
+    (refined,) = shared_set([(f.data, f.sets) for f in fabrics], beside, [away])
+    assert refined.value == pytest.approx({"shift": 3e-3, "direction": 120}, rel=0.06), "found between the points"
     assert all(value > 3 for value in first.evidence.values())
     assert [one.hypothesis.name for one in found.named] == ["camera-offset"]
     assert laboratory(fabrics[:1], np.random.default_rng(0)) is None

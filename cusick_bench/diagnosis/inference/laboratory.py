@@ -12,7 +12,7 @@ those that get furthest go on, and count by the mean joint probability of what t
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -29,6 +29,7 @@ from cusick_bench.diagnosis.inference.fabric_data import FabricData, fabric_data
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, candidate_at, fabric_sets
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses
 from cusick_bench.diagnosis.inference.intervals import ParameterInterval, point_intervals
+from cusick_bench.diagnosis.inference.refined import shared_set
 from cusick_bench.diagnosis.inference.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.set_model import MOST, SharedShift, likelihoods_of
 from cusick_bench.diagnosis.inference.set_sampler import conditional, draw_option
@@ -141,7 +142,10 @@ def laboratory(
             done += 1
             progress(done / total)
     mean = np.array([np.mean(chain.log_joints) for chain in chains])
-    return _pooled(chains, np.exp(mean - float(np.logaddexp.reduce(mean))))
+    found = _pooled(chains, np.exp(mean - float(np.logaddexp.reduce(mean))))
+    own = chains[int(np.argmax(mean))].own
+    named = shared_set([(fabric.data, fabric.sets) for fabric in fabrics], own, found.named)
+    return _with_causes(found, named)
 
 
 def laboratory_of(
@@ -320,6 +324,12 @@ def _pooled(chains: Sequence[_Chain], share: Float[ndarray, "chains"]) -> Labora
         tuple(sorted(found, key=lambda one: -one.probability)),
         dict(sorted(sets.items(), key=lambda item: -item[1])),
     )
+
+
+def _with_causes(found: Laboratory, causes: Sequence[Candidate]) -> Laboratory:
+    """The laboratory with other parameters of some effects."""
+    by_name = {one.hypothesis.name: one for one in causes}
+    return replace(found, effects=tuple(replace(one, cause=by_name.get(one.name, one.cause)) for one in found.effects))
 
 
 def _shared_points(fabric: LaboratoryFabric) -> EffectPoints:

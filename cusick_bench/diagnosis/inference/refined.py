@@ -1,7 +1,8 @@
-"""Parameters of named causes between the points of their grids, and how the shift changes with each of them."""
+"""Parameters of causes between the points of their grids, of one fabric or of several that share them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -92,16 +93,13 @@ class _Fit:
         model = self.sets.model
         shifts = np.array([self.shift(other) for other in others]).reshape(len(others), len(model.white))
         left, variance = model.white - shifts.sum(0), 1 + self.variance(others, shifts)
-        free = _free(one)
+        return _likeliest(one, lambda moved: self.log_likelihood(moved, left, variance))
 
-        def loss(x: ndarray) -> float:
-            shift = self.shift(_moved(one, free, x))[None]
-            own = self.variance([one], shift)[None]
-            return -float(likelihoods_of(model.misfit, left, variance, _point(shift, own)).total[0])
-
-        simplex = np.vstack([np.zeros(len(free)), np.eye(len(free))])
-        options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01}
-        return _moved(one, free, minimize(loss, simplex[0], method="Nelder-Mead", options=options).x)
+    def log_likelihood(self, one: Candidate, left: Float[ndarray, "kept"], variance: Float[ndarray, "kept"]) -> float:
+        """Log likelihood of a cause, given what others leave and the variance with them."""
+        shift = self.shift(one)[None]
+        own = self.variance([one], shift)[None]
+        return float(likelihoods_of(self.sets.model.misfit, left, variance, _point(shift, own)).total[0])
 
     def tangent(self, one: Candidate) -> list[Float[ndarray, "kept"]]:
         """Change of the shift with each free parameter, by differences."""
@@ -112,6 +110,50 @@ class _Fit:
             x[place] = step
             rows.append((self.shift(_moved(one, free, x)) - self.shift(_moved(one, free, -x))) / (2 * step))
         return rows
+
+
+def shared_set(
+    fabrics: Sequence[tuple[FabricData, FabricSets]], own: Sequence[Sequence[int]], causes: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
+    """Fits the parameters of causes that several fabrics share.
+
+    Args:
+        fabrics: The fabrics, weighed without what they share.
+        own: Points of the effects that each of them shows beside.
+        causes: The causes at points of their grids.
+
+    Returns:
+        The causes, refined.
+    """
+    fits = [_Fit(data, sets) for data, sets in fabrics]
+    beside = [
+        (sets.model.white - sets.model.points.shift[list(chosen)].sum(0), sets.model.points.variance[list(chosen)])
+        for (_, sets), chosen in zip(fabrics, own, strict=True)
+    ]
+    fitted = list(causes)
+    for _ in range(_SWEEPS):
+        for place, one in enumerate(fitted):
+            others = fitted[:place] + fitted[place + 1 :]
+            given = []
+            for fit, (left, added) in zip(fits, beside, strict=True):
+                shifts = np.array([fit.shift(other) for other in others]).reshape(len(others), len(left))
+                given.append((fit, left - shifts.sum(0), 1 + added.sum(0) + fit.variance(others, shifts)))
+            fitted[place] = _likeliest(one, partial(_summed, given))
+    return tuple(fitted)
+
+
+def _summed(given: Sequence[tuple[_Fit, ndarray, ndarray]], one: Candidate) -> float:
+    """Log likelihood of a cause over fabrics, each with what others leave and its variance."""
+    return sum(fit.log_likelihood(one, left, variance) for fit, left, variance in given)
+
+
+def _likeliest(one: Candidate, log_likelihood: Callable[[Candidate], float]) -> Candidate:
+    """A cause at its likeliest parameters."""
+    free = _free(one)
+    simplex = np.vstack([np.zeros(len(free)), np.eye(len(free))])
+    options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01}
+    found = minimize(lambda x: -log_likelihood(_moved(one, free, x)), simplex[0], method="Nelder-Mead", options=options)
+    return _moved(one, free, found.x)
 
 
 def _free(one: Candidate) -> Mapping[str, float]:
