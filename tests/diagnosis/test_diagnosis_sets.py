@@ -87,8 +87,8 @@ def test_a_set_is_found_whole(three: tuple[FabricData, FabricSets]) -> None:
     assert values["creep"]["loss"] == pytest.approx(SIZES["creep"][0], rel=0.3)
     assert values["face-asymmetry"]["asymmetry"] == pytest.approx(SIZES["face-asymmetry"][0], rel=0.4)
     low, high = parameter_intervals(sets.model.points, sets.posterior)["creep"]["loss"]
-    assert low <= values["creep"]["loss"] * 1.3
-    assert high >= values["creep"]["loss"] / 1.3
+    assert low < values["creep"]["loss"] < high, "a point of the grid stands for its surroundings"
+    assert high / low < 2
 
 
 def test_the_same_seed_gives_the_same_posterior(three: tuple[FabricData, FabricSets]) -> None:

@@ -1,4 +1,8 @@
-"""Intervals of effects' parameters, from the posterior probability of the points of their grids."""
+"""Intervals of effects' parameters, from the posterior probability of the points of their grids.
+
+A point stands for all values that are nearer to it than to its neighbours, evenly: where one point has all of the
+probability, the interval says how fine the grid is.
+"""
 
 from collections.abc import Mapping
 
@@ -10,6 +14,7 @@ from cusick_bench.diagnosis.inference.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.set_sampler import SetPosterior
 
 _LEVEL = 0.9
+_DIGITS = 9  # to which values of a grid are the same
 _LEAST = 0.01  # probability of an effect from which its parameters are worth an interval
 ParameterInterval = tuple[float, float]
 """Lower and upper end; of a direction [deg], the upper may exceed 360."""
@@ -68,11 +73,13 @@ def _interval(
         angle = 2j * np.pi * values / turn
         middle = float(np.angle(np.sum(weight * np.exp(angle)))) * turn / (2 * np.pi)
         values = (values - middle + turn / 2) % turn - turn / 2
-    order = np.argsort(values)
-    total = np.cumsum(weight[order])
-    low, high = (
-        values[order][min(int(np.searchsorted(total, q)), len(values) - 1)]
-        for q in ((1 - _LEVEL) / 2, (1 + _LEVEL) / 2)
-    )
+    points, place = np.unique(np.round(values, _DIGITS), return_inverse=True)
+    between = (points[1:] + points[:-1]) / 2
+    first, last = points[0], points[-1]
+    if turn is not None and len(points) > 1:  # all round: the ends have neighbours too
+        first, last = first - (between[0] - first), last + (last - between[-1])
+    edges = np.concatenate([[first], between, [last]])
+    total = np.concatenate([[0.0], np.cumsum(np.bincount(place, weight))])
+    low, high = (float(np.interp(q * total[-1], total, edges)) for q in ((1 - _LEVEL) / 2, (1 + _LEVEL) / 2))
     start = low if turn is None else (middle + low) % turn
     return start, start + high - low
