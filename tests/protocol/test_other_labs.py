@@ -194,10 +194,9 @@ def test_a_run_goes_through_to_its_report(lab, tmp_path):
 @pytest.mark.parametrize("name", ["fine", "coarse", "pinhole"])
 def test_every_solver_goes_through_to_the_report(lab, tmp_path, name):
     short = {"bdp": "bdp,draws=2,steps=1,samples=2,search=1", "bdp-field": "bdp-field,draws=2,first=2,search=1"}
-    meshed = [solver for solver, about in registered().items() if about.needs_mesh]  # balance hinges: not by law plate
-    solvers = [short.get(solver, solver) for solver in registered() if solver not in meshed]
+    # those that need a mesh balance hinges, which these laboratories' cloths do not have: they refuse them
+    solvers = [short.get(solver, solver) for solver, about in registered().items() if not about.needs_mesh]
     _from_data_to_report(lab(name), tmp_path / "run", solvers, *OPTIONS, "--cloth", "fabric_5")
-    _from_data_to_report(lab(name), tmp_path / "hinges", meshed, *OPTIONS, "--cloth", "fabric_5", "--law", "paper")
 
 
 SMALL = Protocol(
