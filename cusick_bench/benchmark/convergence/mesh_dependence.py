@@ -160,7 +160,7 @@ def mesh_row(size: int, statistics: Statistics) -> MeshRow:
 
     Args:
         size: Number of vertices.
-        statistics: Of the drapes on it.
+        statistics: Statistics of the drapes on that mesh.
 
     Returns:
         Means and their errors.

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
@@ -65,6 +66,19 @@ class Calibration:
         known = registered().get(effect)
         default = LAW_MISMATCH if known is None else GEOMETRY_MISMATCH.get(known.kind, LAW_MISMATCH)
         return self.law_mismatch.get(effect, default)
+
+    def law_variance(self, effect: str, shift: Float[ndarray, "rows"]) -> Float[ndarray, "rows"]:
+        """What other laws for an effect may add to the variance of each row.
+
+        Args:
+            effect: Name of the effect.
+            shift: What it moves the rows by.
+
+        Returns:
+            The variance, in the square of the shift's unit.
+        """
+        along, across = self.mismatch(effect)
+        return along**2 * shift**2 + across**2 * float((shift**2).mean())
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law_mismatch", {name: _shares(name, one) for name, one in self.law_mismatch.items()})

@@ -50,7 +50,7 @@ def figures(judgements: Sequence[Judgement]) -> list[ControlFigure]:
     """The shares over all fabrics.
 
     Args:
-        judgements: Of every control and fabric.
+        judgements: Verdict on every control of every fabric.
 
     Returns:
         First those that goals are about, then a line for each control and strength, then false alarms.

@@ -104,7 +104,7 @@ class Control:
         effects: The right answers, any of which will do; of kinds `absent` and `null` the wrong ones.
         data: The pictures to be diagnosed.
         reference: Name of the data of the same fabric without what was planted; "" if there are none.
-        strength: Of what was planted.
+        strength: Strength of the planted effect.
         amount: What was planted.
         note: Of kind `slip`: what a note must say.
     """

@@ -21,7 +21,7 @@ def rows(judgements: Sequence[Judgement], shares: Sequence[ControlFigure], facts
     """Rows of a CSV file.
 
     Args:
-        judgements: Of every control and fabric.
+        judgements: Verdict on every control of every fabric.
         shares: From `figures`.
         facts: Provenance that every row carries, such as the command.
 
@@ -39,7 +39,7 @@ def document(
     """One JSON document.
 
     Args:
-        judgements: Of every control and fabric.
+        judgements: Verdict on every control of every fabric.
         shares: From `figures`.
         facts: Provenance, such as the command.
 
@@ -75,7 +75,7 @@ def control_lines(judgements: Sequence[Judgement]) -> list[list[str]]:
     """Lines of the table of controls.
 
     Args:
-        judgements: Of every control and fabric.
+        judgements: Verdict on every control of every fabric.
 
     Returns:
         Heading and lines.
@@ -99,7 +99,7 @@ def markdown(judgements: Sequence[Judgement], shares: Sequence[ControlFigure], f
     """A page of Markdown.
 
     Args:
-        judgements: Of every control and fabric.
+        judgements: Verdict on every control of every fabric.
         shares: From `figures`.
         facts: Provenance, such as the command.
 

@@ -123,8 +123,7 @@ class FabricData:
         turned = [misfit.turned(residual.whiten(self.shift([one], residual)[None]))[0] for one in causes]
         variance = np.zeros(len(turned[0]))
         for one, shift in zip(causes, turned, strict=True):
-            along, across = self.calibration.mismatch(one.hypothesis.name)
-            variance += along**2 * shift**2 + across**2 * float((shift**2).mean())
+            variance += self.calibration.law_variance(one.hypothesis.name, shift)
         return SharedShift(np.sum(turned, axis=0), variance)
 
 

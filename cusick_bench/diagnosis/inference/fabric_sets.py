@@ -56,7 +56,7 @@ def fabric_sets(
         plain: What the best base model without effects leaves.
         generator: Generator of the sampler.
         shared: Effects of the laboratory that are taken as known.
-        steps: Of each chain.
+        steps: Steps of each chain.
         progress: Called with the share of the fits that is over.
 
     Returns:

@@ -119,7 +119,7 @@ def laboratory(
     Args:
         fabrics: The fabrics of one data set.
         generator: Generator of the sampler.
-        steps: Of each chain that goes on.
+        steps: Steps of each chain that goes on.
         progress: Called with the share that is over.
 
     Returns:

@@ -1,6 +1,6 @@
 """Parameters of causes between the points of their grids, of one fabric or of several that share them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -52,11 +52,7 @@ def named_set(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate])
     """
     fit = _Fit(fabric, sets)
     known = {one.hypothesis.name for one in sets.shared}
-    fitted = list(causes)
-    for _ in range(_SWEEPS):
-        for place, one in enumerate(fitted):
-            if one.hypothesis.name not in known:
-                fitted[place] = fit.best(one, fitted[:place] + fitted[place + 1 :])
+    fitted = _fitted([fit], causes, known)
     shifts = np.stack([fit.shift(one) for one in fitted]) if fitted else np.zeros((0, len(sets.model.white)))
     sized = tuple(replace(one, size=float(np.linalg.norm(d))) for one, d in zip(fitted, shifts, strict=True))
     tangent = [row for one in fitted if one.hypothesis.name not in known for row in fit.tangent(one)]
@@ -70,10 +66,11 @@ def named_set(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate])
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A fabric at the joint optimum, for the parameters of its causes."""
+    """A fabric at the joint optimum, for the parameters of its causes; points of effects that it shows beside."""
 
     fabric: FabricData
     sets: FabricSets
+    own: Sequence[int] = ()
 
     def shift(self, one: Candidate) -> Float[ndarray, "kept"]:
         """Shift of the turned rows."""
@@ -84,16 +81,15 @@ class _Fit:
         """What other laws add."""
         total = np.zeros(shifts.shape[1])
         for one, shift in zip(causes, shifts, strict=True):
-            along, across = self.fabric.calibration.mismatch(one.hypothesis.name)
-            total += along**2 * shift**2 + across**2 * float((shift**2).mean())
+            total += self.fabric.calibration.law_variance(one.hypothesis.name, shift)
         return total
 
-    def best(self, one: Candidate, others: Sequence[Candidate]) -> Candidate:
-        """A cause at its likeliest parameters, given the others."""
-        model = self.sets.model
-        shifts = np.array([self.shift(other) for other in others]).reshape(len(others), len(model.white))
-        left, variance = model.white - shifts.sum(0), 1 + self.variance(others, shifts)
-        return _likeliest(one, lambda moved: self.log_likelihood(moved, left, variance))
+    def given(self, others: Sequence[Candidate]) -> tuple[Float[ndarray, "kept"], Float[ndarray, "kept"]]:
+        """What other causes leave of w, and the variance with them."""
+        model, own = self.sets.model, list(self.own)
+        left, variance = model.white - model.points.shift[own].sum(0), 1 + model.points.variance[own].sum(0)
+        shifts = np.array([self.shift(other) for other in others]).reshape(len(others), len(left))
+        return left - shifts.sum(0), variance + self.variance(others, shifts)
 
     def log_likelihood(self, one: Candidate, left: Float[ndarray, "kept"], variance: Float[ndarray, "kept"]) -> float:
         """Log likelihood of a cause, given what others leave and the variance with them."""
@@ -125,21 +121,18 @@ def shared_set(
     Returns:
         The causes, refined.
     """
-    fits = [_Fit(data, sets) for data, sets in fabrics]
-    beside = [
-        (sets.model.white - sets.model.points.shift[list(chosen)].sum(0), sets.model.points.variance[list(chosen)])
-        for (_, sets), chosen in zip(fabrics, own, strict=True)
-    ]
+    return tuple(_fitted([_Fit(*fabric, beside) for fabric, beside in zip(fabrics, own, strict=True)], causes))
+
+
+def _fitted(fits: Sequence[_Fit], causes: Sequence[Candidate], known: Collection[str] = ()) -> list[Candidate]:
+    """Causes at their likeliest parameters over fabrics, in turn; those that are known stay as they are."""
     fitted = list(causes)
     for _ in range(_SWEEPS):
         for place, one in enumerate(fitted):
-            others = fitted[:place] + fitted[place + 1 :]
-            given = []
-            for fit, (left, added) in zip(fits, beside, strict=True):
-                shifts = np.array([fit.shift(other) for other in others]).reshape(len(others), len(left))
-                given.append((fit, left - shifts.sum(0), 1 + added.sum(0) + fit.variance(others, shifts)))
-            fitted[place] = _likeliest(one, partial(_summed, given))
-    return tuple(fitted)
+            if one.hypothesis.name not in known:
+                others = fitted[:place] + fitted[place + 1 :]
+                fitted[place] = _likeliest(one, partial(_summed, [(fit, *fit.given(others)) for fit in fits]))
+    return fitted
 
 
 def _summed(given: Sequence[tuple[_Fit, ndarray, ndarray]], one: Candidate) -> float:

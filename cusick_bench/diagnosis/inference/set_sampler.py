@@ -202,7 +202,7 @@ def sample_sets(
     Args:
         model: The fabric.
         generator: Generator of the chains.
-        steps: Of each chain.
+        steps: Steps of each chain.
         more: A shift beside that of the set.
 
     Returns:
