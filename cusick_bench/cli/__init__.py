@@ -29,6 +29,7 @@ PANELS = {
         "benchmark": "simulate.benchmark",
     },
     "Fit": {
+        "identify": "fit.identify",
         "run": "fit.run",
         "solvers": "fit.solvers",
         "optimisers": "fit.optimisers",

@@ -113,6 +113,32 @@ BENDING = cloth_option(
 Stretch = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Membrane stiffness along warp and weft [N/m].")]
 Shear = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m].")]
 
+# Photographs
+Weight = Annotated[
+    list[str] | None,
+    cloth_option(help="Weight with its unit (g/m2, oz/yd2): of all fabrics, or NUMBER=WEIGHT; repeatable."),
+]
+Weights = Annotated[
+    Path | None,
+    cloth_option(help="Table fabric,weight,thickness; by default weights.csv beside the photographs, if it is there."),
+]
+PlateDiameter = Annotated[str, cloth_option(help="Diameter of the plate, with its unit (mm, cm, m, in).")]
+ClothDiameter = Annotated[str, cloth_option(help="Diameter of the flat cloth, with its unit (mm, cm, m, in).")]
+CaptureFaces = Annotated[
+    str, cloth_option("--captures", help="Which face lies up in which capture.", metavar="NUMBER=up|down,...")
+]
+CameraHeight = Annotated[
+    str | None,
+    cloth_option(
+        help="Height of the camera above the plate, measured, with its unit; not used where two or more pictures of "
+        "the board held at angles give it."
+    ),
+]
+PrintedRuler = Annotated[
+    str, cloth_option(help="Length of the printed board's ruler of 150 mm, as you measure it, with its unit.")
+]
+ImageSize = Annotated[int, output_option(min=64, max=4096, help="Width of the silhouettes [px].")]
+
 # Simulation
 Vertices = Annotated[
     int,

@@ -1,5 +1,7 @@
 """What a diagnosis is asked for, and the atlas that it rests on."""
 
+import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,3 +24,25 @@ class Options:
     always: bool = True
     without: tuple[str, ...] = ()
     seed: int = 0
+
+    def command(self, data: str, fabrics: Sequence[str], atlas: Path = SHIPPED, *, force: bool = False) -> str:
+        """The command that makes a document again.
+
+        Args:
+            data: Data set: name or folder.
+            fabrics: Its fabrics.
+            atlas: The atlas.
+            force: Whether silhouettes that no cloth can show are used all the same.
+
+        Returns:
+            The command as one types it.
+        """
+        words = ["cusick-bench", "diagnose", data, *_repeated("--fabric", fabrics), "--samples", str(self.samples)]
+        words += _repeated("--without-effect", self.without)
+        words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
+        words += ["--seed", str(self.seed)]
+        return shlex.join([*words, "--force"] if force else words)
+
+
+def _repeated(name: str, values: Sequence[str]) -> list[str]:
+    return [word for value in values for word in (name, value)]

@@ -3,12 +3,13 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.splits import Split
 from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
@@ -166,6 +167,7 @@ def plan(
     seeds: list[int] | None = None,
     settings: ProblemSettings | None = None,
     protocol: str = "paper",
+    splits: Sequence[Split] | None = None,
 ) -> list[Cell]:
     """Lays out the grid and checks what can be checked before anything is simulated.
 
@@ -176,6 +178,8 @@ def plan(
         seeds: Seeds, only 0 by default.
         settings: The problem's settings; a solver that is about one parameter space gets that one.
         protocol: How to split each cloth's samples.
+        splits: The splits themselves, where they are none of the data set's protocols; `protocol` is then their name,
+            and `cloths` is not looked at.
 
     Returns:
         Cells, cloth by cloth.
@@ -213,7 +217,7 @@ def plan(
             numerics=tuple(cell_numerics(made[text], posed[text].drape, posed[text].causes).items()),
             nominal=json.dumps(unlike, sort_keys=True) if unlike else "",
         )
-        for split in dataset.split(protocol, cloths)
+        for split in (dataset.split(protocol, cloths) if splits is None else splits)
         for text in made
         for seed in seeds or [0]
     ]

@@ -11,12 +11,26 @@ import typer
 from rich.table import Column, Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
-from cusick_bench.cli.options import LARGEST_SEED, Json, cloth_option, output_option, running_option
+from cusick_bench.cli.options import (
+    LARGEST_SEED,
+    CameraHeight,
+    CaptureFaces,
+    ClothDiameter,
+    ImageSize,
+    Json,
+    PlateDiameter,
+    PrintedRuler,
+    Weight,
+    Weights,
+    output_option,
+    running_option,
+)
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.photographs.preparation.setting_text import SettingText
 
 if TYPE_CHECKING:
     from cusick_bench.photographs.accuracy import Measured
-    from cusick_bench.photographs.preparation.prepare import Preparation, Setting
+    from cusick_bench.photographs.preparation.prepare import Preparation
 
 _MOST_PHOTOGRAPHS = 100_000
 
@@ -28,8 +42,6 @@ class Paper(StrEnum):
     letter = "letter"
 
 
-PlateDiameter = Annotated[str, cloth_option(help="Diameter of the plate, with its unit (mm, cm, m, in).")]
-ClothDiameter = Annotated[str, cloth_option(help="Diameter of the flat cloth, with its unit (mm, cm, m, in).")]
 Photographs = Annotated[
     Path, typer.Argument(help="Folder of photographs; docs/drape-meter.md says how to name them.", metavar="PHOTOS")
 ]
@@ -39,30 +51,14 @@ Photographs = Annotated[
 def prepare(
     photographs: Photographs,
     out: Annotated[Path, output_option(help="New folder for the data set.")],
-    weight: Annotated[
-        list[str] | None,
-        cloth_option(help="Weight with its unit (g/m2, oz/yd2): of all fabrics, or NUMBER=WEIGHT; repeatable."),
-    ] = None,
-    weights: Annotated[
-        Path | None,
-        cloth_option(help="Table fabric,weight,thickness; by default weights.csv in PHOTOS, if it is there."),
-    ] = None,
-    cloth_diameter: ClothDiameter = "300 mm",
-    plate_diameter: PlateDiameter = "180 mm",
-    captures: Annotated[
-        str, cloth_option(help="Which face lies up in which capture.", metavar="NUMBER=up|down,...")
-    ] = "1=up,2=up,3=down,4=down",
-    camera_height: Annotated[
-        str | None,
-        cloth_option(
-            help="Height of the camera above the plate, measured, with its unit; not used where two or more pictures "
-            "of the board held at angles give it."
-        ),
-    ] = None,
-    printed_ruler: Annotated[
-        str, cloth_option(help="Length of the printed board's ruler of 150 mm, as you measure it, with its unit.")
-    ] = "150 mm",
-    image_size: Annotated[int, output_option(min=64, max=4096, help="Width of the silhouettes [px].")] = 512,
+    weight: Weight = None,
+    weights: Weights = None,
+    cloth_diameter: ClothDiameter = SettingText.cloth_diameter,
+    plate_diameter: PlateDiameter = SettingText.plate_diameter,
+    captures: CaptureFaces = SettingText.captures,
+    camera_height: CameraHeight = None,
+    printed_ruler: PrintedRuler = SettingText.printed_ruler,
+    image_size: ImageSize = 512,
     template: Annotated[
         bool, output_option("--template", help="Only write a table for the weights, weights.csv in OUT, to fill in.")
     ] = False,
@@ -78,7 +74,8 @@ def prepare(
     from cusick_bench.photographs.errors import BadPhotograph
     from cusick_bench.photographs.preparation.pictures import find_pictures
     from cusick_bench.photographs.preparation.prepare import prepare as prepare_folder
-    from cusick_bench.photographs.preparation.weights import TABLE, read_weights
+    from cusick_bench.photographs.preparation.setting_text import setting_of
+    from cusick_bench.photographs.preparation.weights import TABLE
     from cusick_bench.photographs.preparation.weights import template as table_text
 
     found = find_pictures(photographs)
@@ -90,9 +87,10 @@ def prepare(
         (out / TABLE).write_text(table_text(fabrics), encoding="utf-8")
         print_json({"table": out / TABLE}) if as_json else output.print(f"fill in {out / TABLE}, give it as --weights")
         return
-    table = weights or (photographs / TABLE if (photographs / TABLE).is_file() else None)
-    known = read_weights(table) if table else ({}, {})
-    setting = _setting(known, weight, fabrics, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler)
+    text = SettingText(
+        tuple(weight or ()), weights, cloth_diameter, plate_diameter, captures, camera_height, printed_ruler
+    )
+    setting = setting_of(text, photographs, fabrics)
     with progress_bar("finding outlines", len(found.drapes)) as bar, interruptible(f"nothing was written to {out}"):
         prepared = prepare_folder(
             photographs, out, replace(setting, image_size=image_size), done=lambda name: bar.advance()
@@ -111,57 +109,6 @@ def prepare(
         )
     if prepared.doubtful:
         raise typer.Exit(1)
-
-
-def _setting(
-    known: tuple[dict[int, float], dict[int, float]],
-    weight: list[str] | None,
-    fabrics: list[int],
-    cloth_diameter: str,
-    plate_diameter: str,
-    captures: str,
-    camera_height: str | None,
-    printed_ruler: str,
-) -> Setting:
-    from cusick_bench.datasets.files.protocol import CAMERA_HEIGHTS, CLOTH_RADII, PLATE_RADII
-    from cusick_bench.photographs.errors import BadPhotograph
-    from cusick_bench.photographs.preparation.prepare import Setting
-    from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
-    from cusick_bench.photographs.preparation.weights import weights_of_options
-    from cusick_bench.photographs.sheet import RULER
-
-    def length(text: str, option: str, bounds: tuple[float, float]) -> float:
-        value = quantity(text, LENGTHS, option)
-        if not bounds[0] <= value <= bounds[1]:
-            raise BadPhotograph(
-                f"{option} must be from {bounds[0]:g} to {bounds[1]:g} m, got {text}", remedy="correct number or unit"
-            )
-        return value
-
-    cloth = length(cloth_diameter, "--cloth-diameter", (2 * CLOTH_RADII[0], 2 * CLOTH_RADII[1])) / 2
-    plate = length(plate_diameter, "--plate-diameter", (2 * PLATE_RADII[0], 2 * PLATE_RADII[1])) / 2
-    if plate >= 0.9 * cloth:
-        sizes = f"plate {2e3 * plate:g} mm, cloth {2e3 * cloth:g} mm"
-        raise BadPhotograph(
-            f"the plate must be smaller than 0.9 of the cloth, got {sizes}", remedy="correct a diameter"
-        )
-    printed = length(printed_ruler, "--printed-ruler", (0.9e-3 * RULER, 1.1e-3 * RULER)) / (1e-3 * RULER)
-    height = None if camera_height is None else length(camera_height, "--camera-height", CAMERA_HEIGHTS)
-    sides: dict[int, str] = {}
-    for part in captures.split(","):
-        number, _, side = (text.strip() for text in part.partition("="))
-        if not number.isdecimal() or side not in ("up", "down", ""):
-            raise BadPhotograph(f"--captures must be NUMBER=up|down,..., got {part!r}", remedy="such as 1=up,2=down")
-        sides[int(number)] = side
-    return Setting(
-        cloth_radius=cloth,
-        plate_radius=plate,
-        weights=known[0] | weights_of_options(weight or (), fabrics),
-        thicknesses=known[1],
-        captures=sides,
-        camera_height=height,
-        printed=printed,
-    )
 
 
 def _report(prepared: Preparation) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, repeated_option, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import Atlas, Force, Json, Seed, SimulatedSamples, WithoutEffect, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
 
@@ -50,20 +48,12 @@ def diagnose_data(
     as_json: Json = False,
 ) -> None:
     """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
-    import numpy as np
-
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
-    from cusick_bench.diagnosis.diagnose import diagnose
-    from cusick_bench.diagnosis.document.build import document, refused_document
-    from cusick_bench.diagnosis.document.laboratory import laboratory_document
+    from cusick_bench.diagnosis.data_set import data_set_diagnosis
     from cusick_bench.diagnosis.errors import Refused
-    from cusick_bench.diagnosis.inference.laboratory import laboratory_of
     from cusick_bench.diagnosis.measure.captures import read_captures
-    from cusick_bench.runner.environment import version_text
-    from cusick_bench.runner.numerics import diagnosis_numerics
     from cusick_bench.sim.effects import effect
-    from cusick_bench.sim.setup import Simulators
 
     options = Options(samples, True, tuple(effect(name).name for name in without_effect or ()), seed)
     emulator, calibration = load_atlas(atlas)
@@ -71,10 +61,8 @@ def diagnose_data(
         dataset = load(data, progress=bar.show)
     chosen = fabric or _with_samples(dataset)
     out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
-    simulators, written = Simulators(most=20), []
-    version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
+    written: list[_Written] = []
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
-    shared: LaboratoryDocument | None = None
     with progress_bar("reading data", len(chosen) + 1) as bar, kept:
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
 
@@ -82,31 +70,20 @@ def diagnose_data(
             bar.say(what)
             bar.show(share)
 
-        found = laboratory_of(
-            list(captures.values()), emulator, calibration, np.random.default_rng(seed), without=options.without,
-            progress=tell,
-        )  # fmt: skip
-        if found is not None:
-            shared = laboratory_document(found)
+        diagnosis = data_set_diagnosis(captures, emulator, calibration, options, tell)
+        shared = diagnosis.shared
+        if shared is not None:
             shared.write(out / "laboratory.json")
-        together = chosen if found is not None and found.named else []  # fabrics whose answers hang on each other
         for number, name in enumerate(chosen):
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
                 bar.say(f"{name}: {what}")
                 bar.show(number + 1 + share)
 
-            command = _command(data, together or [name], options, atlas, force=force)
-            try:
-                result = diagnose(
-                    captures[name], emulator, calibration, options, shared=found.named if found else (),
-                    simulators=simulators, progress=step,
-                )  # fmt: skip
-                one = document(result, captures[name], emulator, command=command, version=version)
-            except Refused as refusal:
-                if len(chosen) == 1:
-                    raise
-                one = refused_document(name, str(refusal), command=command, version=version)
+            command = options.command(data, diagnosis.together(name), atlas, force=force)
+            one = diagnosis.document(name, command=command, progress=step)
+            if one.refused is not None and len(chosen) == 1:
+                raise Refused(one.refused)
             written.append(_write(one, out))
     if summary is not None:
         _summarise([one.document for one in written], summary)
@@ -118,16 +95,6 @@ def diagnose_data(
         _print_laboratory(shared)
     for one in written:
         _print(one)
-
-
-def _command(data: str, fabrics: list[str], options: Options, atlas: Path, *, force: bool) -> str:
-    """The command that makes a document again."""
-    words = ["cusick-bench", "diagnose", data]
-    words += [*repeated_option("--fabric", fabrics), "--samples", str(options.samples)]
-    words += repeated_option("--without-effect", options.without)
-    words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
-    words += ["--seed", str(options.seed)]
-    return shlex.join([*words, "--force"] if force else words)
 
 
 def _with_samples(dataset: Any) -> list[str]:

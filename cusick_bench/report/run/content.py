@@ -198,7 +198,7 @@ def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w
     return replace(
         card,
         pictures=_silhouettes(view, cloth, where, fitted),
-        drape=_picture(drape, f"{from_side} of {where}, seen from the side", from_side),
+        drape=embedded_picture(drape, f"{from_side} of {where}, seen from the side", from_side),
         profile=_profile(card.solver, cloth, view, unseen),
         trace=None if trace is None else inline_svg(trace, f"Best training loss of {where} against cost"),
         fitted=fitted,
@@ -210,10 +210,10 @@ def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w
 def _silhouettes(view: CellView, cloth: str, where: str, fitted: str) -> tuple[Picture, ...]:
     overlap = 1 - np.abs(view.fit - view.target).sum() / np.maximum(view.fit, view.target).sum()
     alt = f"Difference of the silhouettes of {where}; they share {100 * overlap:.0f} per cent of their area"
-    difference = _picture(difference_picture(view.fit, view.target), alt, "")
+    difference = embedded_picture(difference_picture(view.fit, view.target), alt, "")
     return (
-        _picture(silhouette_picture(view.target), f"Real silhouette of {cloth}", "Real, training sample"),
-        _picture(silhouette_picture(view.fit), f"Silhouette of {where}", fitted.capitalize()),
+        embedded_picture(silhouette_picture(view.target), f"Real silhouette of {cloth}", "Real, training sample"),
+        embedded_picture(silhouette_picture(view.fit), f"Silhouette of {where}", fitted.capitalize()),
         replace(difference, key=_DIFFERENCE_KEY),
     )
 
@@ -230,7 +230,7 @@ def _profile(solver: str, cloth: str, view: CellView, unseen: ndarray | None) ->
 
 def _draws(view: CellView, where: str) -> Picture:
     text = f"The first {len(view.draws)} of its draws for unseen samples"
-    return _picture(contact_sheet(view.draws), f"{text}, {where}", text)
+    return embedded_picture(contact_sheet(view.draws), f"{text}, {where}", text)
 
 
 def numbers(cell: pd.Series) -> list[Number]:
@@ -321,13 +321,23 @@ def real_drape(cloth: str, view: CellView) -> tuple[str, Picture]:
         "as the release builds its meshes: an assumption, not a scan."
     )
     alt, caption = f"Surface over the real silhouette of {cloth}", "Real silhouette as a ruled surface"
-    return text, _picture(picture, alt, caption)
+    return text, embedded_picture(picture, alt, caption)
 
 
 def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.1f} mm" if isfinite(metres) else ""
 
 
-def _picture(pixels: UInt8[ndarray, "height width 4"], alt: str, caption: str) -> Picture:
+def embedded_picture(pixels: UInt8[ndarray, "height width 4"], alt: str, caption: str) -> Picture:
+    """A picture with its bytes.
+
+    Args:
+        pixels: RGBA picture.
+        alt: What a reader who cannot see it is told.
+        caption: Words below it.
+
+    Returns:
+        The picture.
+    """
     encoded = base64.b64encode(png(pixels)).decode()
     return Picture(f"data:image/png;base64,{encoded}", alt, caption, pixels.shape[1], pixels.shape[0])

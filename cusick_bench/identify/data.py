@@ -1,0 +1,161 @@
+"""The data set behind a folder: the folder itself, or what its photographs are turned into."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from PIL import Image, UnidentifiedImageError
+from pydantic import ValidationError
+
+from cusick_bench.datasets import REGISTRY
+from cusick_bench.datasets.files.fabrics import FILE as FABRICS
+from cusick_bench.datasets.files.layout import scan
+from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
+from cusick_bench.identify.document import Preparation, Refused
+from cusick_bench.identify.errors import IdentifyError
+from cusick_bench.identify.workspace import Workspace, fingerprint, keep, kept
+from cusick_bench.photographs.preparation.pictures import Pictures, find_pictures
+from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
+from cusick_bench.photographs.preparation.prepare import prepare
+from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
+from cusick_bench.photographs.reading import SUFFIXES
+
+_RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
+_MARKS = (PROTOCOL, FABRICS)
+
+
+def holds_photographs(folder: Path) -> bool:
+    """Whether a folder holds photographs to be prepared, rather than a data set.
+
+    A data set has a protocol.json, a fabrics.csv or a folder of silhouettes; photographs have a ruler (board*.jpg or
+    plate.jpg). Where neither is there, silhouettes are square pictures, and photographs are not.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        Whether it does.
+
+    Raises:
+        IdentifyError: It is no folder, or holds no pictures at all.
+    """
+    if not folder.is_dir():
+        what = "is a file, not a folder" if folder.exists() else "no such folder"
+        raise IdentifyError(f"{folder}: {what}; give a folder of photographs, or a data set: {', '.join(REGISTRY)}")
+    marked = any((place / name).exists() for place in (folder, folder / "data") for name in _MARKS)
+    if marked or any(path.is_dir() and path.name.lower().startswith("sil") for path in folder.glob("**/[sS]il*")):
+        return False
+    pictures = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in SUFFIXES and path.is_file()]
+    if not pictures:
+        raise IdentifyError(
+            f"{folder} holds no pictures; give photographs such as Fabric_1_Sample_2_Capture_1.jpg with board-plane.jpg or "
+            "plate.jpg as ruler, or a data set with fabrics.csv and folders `Fabric N/silhouettes`; see "
+            "docs/drape-meter.md"
+        )
+    if any(path.stem.lower().startswith(_RULERS) for path in pictures):
+        return True
+    return not _is_square(pictures[0])
+
+
+def _is_square(path: Path) -> bool:
+    try:
+        with Image.open(path) as image:
+            return image.width == image.height
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError):
+        return False
+
+
+def as_data_set(
+    given: str,
+    workspace: Workspace,
+    text: SettingText,
+    image_size: int,
+    begin: Callable[[int], None] = lambda count: None,
+    done: Callable[[str], None] = lambda name: None,
+) -> tuple[str, Preparation | None]:
+    """The data set behind a folder.
+
+    Args:
+        given: Folder, or name of a data set.
+        workspace: Where the data set of photographs is kept.
+        text: What one tells of the photographs.
+        image_size: Width of the silhouettes that photographs become [px].
+        begin: Called with the number of photographs, where some are going to be read.
+        done: Called with the name of each that is finished.
+
+    Returns:
+        Name or folder of the data set, and how it was made of photographs, None where it was not.
+
+    Raises:
+        IdentifyError: The folder is neither, options do not suit it, or no photograph can be used.
+        BadPhotograph: Anything about the photographs that one has to mend first.
+        DataError: Nothing in the folder is named as the layout names it.
+    """
+    if given in REGISTRY or not holds_photographs(Path(given)):
+        if text != SettingText():
+            told = ", ".join(name for name, value in asdict(text).items() if value != getattr(SettingText(), name))
+            raise IdentifyError(
+                f"{given} is a data set, and --{told.replace('_', '-')} is about photographs; write weights into "
+                "fabrics.csv and sizes into protocol.json beside the data"
+            )
+        if given not in REGISTRY:
+            scan(given)
+        return given, None
+    return str(workspace.data), _prepared(Path(given), workspace, text, image_size, begin, done)
+
+
+def _prepared(
+    folder: Path,
+    workspace: Workspace,
+    text: SettingText,
+    image_size: int,
+    begin: Callable[[int], None],
+    done: Callable[[str], None],
+) -> Preparation:
+    """Photographs as a data set in the workspace, made anew only where they or the options have changed."""
+    found = find_pictures(folder)
+    setting = replace(setting_of(text, folder, sorted({one.fabric for one in found.drapes})), image_size=image_size)
+    key = fingerprint({"folder": folder.resolve(), "setting": asdict(setting)}, _files(found))
+    record = workspace.data_record
+    if workspace.data.is_dir() and (earlier := kept(record, key)) is not None:
+        try:
+            return _usable(Preparation.model_validate_json(str(earlier["preparation"])), workspace)
+        except (KeyError, ValidationError):
+            pass
+    if record.is_file() and workspace.data.is_dir():
+        shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
+    keep(record, "", {})
+    begin(len(found.drapes))
+    preparation = _described(prepare(folder, workspace.data, setting, done))
+    keep(record, key, {"preparation": preparation.model_dump_json()})
+    return _usable(preparation, workspace)
+
+
+def _files(found: Pictures) -> list[Path]:
+    rulers = [path for path in (found.board_on_plate, found.plate) if path is not None]
+    return [one.path for one in found.drapes] + [*found.boards_held, *rulers]
+
+
+def _described(prepared: Prepared) -> Preparation:
+    view = prepared.view
+    return Preparation(
+        photographs=len(prepared.pictures),
+        refused=tuple(
+            Refused(path=str(one.picture.path), fabric=one.picture.fabric, confidence=one.confidence, why=one.doubts)
+            for one in prepared.doubtful
+        ),
+        calibration=view.source,
+        scale_sd=float(view.uncertainty.scale),
+        camera_height_m=float(view.eye[2]) if view.knows_height else None,
+    )
+
+
+def _usable(preparation: Preparation, workspace: Workspace) -> Preparation:
+    if len(preparation.refused) == preparation.photographs:
+        reasons = "; ".join(dict.fromkeys(why for one in preparation.refused for why in one.why)) or "low confidence"
+        raise IdentifyError(
+            f"none of {preparation.photographs} photographs has a sure outline ({reasons}); look at "
+            f"{workspace.data / 'check'}, and take them again on another ground or in softer light"
+        )
+    return preparation

@@ -1,0 +1,144 @@
+"""What the simulator leaves out of each fabric: diagnosed together, written one by one, made anew only where needed."""
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.errors import DataError
+from cusick_bench.diagnosis import NUMERICS_VERSION
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
+from cusick_bench.diagnosis.data_set import data_set_diagnosis
+from cusick_bench.diagnosis.document.model import DiagnosisDocument
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.measure.captures import Captures, read_captures
+from cusick_bench.diagnosis.options import SHIPPED
+from cusick_bench.diagnosis.options import Options as DiagnosisOptions
+from cusick_bench.identify.options import Options
+from cusick_bench.identify.workspace import Workspace, fingerprint, keep, kept
+from cusick_bench.report.diagnosis.page import write_diagnosis_page
+from cusick_bench.runner.numerics import diagnosis_numerics
+
+LEAST_SAMPLES = 3
+"""Samples from which a fabric is diagnosed, as by `diagnose`: what samples have in common is told by their scatter."""
+
+Progress = Callable[[str, float], None]
+
+
+def fabric_folder(workspace: Workspace, fabric: str) -> Path:
+    """Folder of a fabric's diagnosis.
+
+    Args:
+        workspace: The workspace.
+        fabric: Name of the fabric.
+
+    Returns:
+        Its path, whether it exists or not.
+    """
+    return workspace.diagnosis / re.sub(r"[^\w.-]+", "_", fabric)
+
+
+def diagnose_fabrics(
+    data: str,
+    dataset: DrapeDataset,
+    cloths: Sequence[str],
+    workspace: Workspace,
+    options: Options,
+    progress: Progress = lambda what, share: None,
+    atlas: Path = SHIPPED,
+) -> tuple[dict[str, DiagnosisDocument], dict[str, str]]:
+    """Diagnoses fabrics of several samples; those whose documents are there already, made of the same, are read.
+
+    Args:
+        data: Name or folder of the data set.
+        dataset: The data themselves.
+        cloths: Cloths to diagnose.
+        workspace: Where documents and pages lie.
+        options: How to diagnose.
+        progress: Called to tell what is being done, and the share that is over.
+        atlas: The atlas.
+
+    Returns:
+        Documents by cloth, and for each cloth without one the reason.
+    """
+    captures, missing = _captures(dataset, cloths, options)
+    if not captures:
+        return {}, missing
+    asked = DiagnosisOptions(options.samples, seed=options.seed)
+    key = fingerprint(
+        {
+            "data": dataset.content_hash,
+            "fabrics": list(captures),
+            "samples": options.samples,
+            "seed": options.seed,
+            "force": options.force,
+            "numerics": diagnosis_numerics(diagnosis=NUMERICS_VERSION),
+        },
+        [atlas],
+    )
+    documents = {}
+    if kept(workspace.diagnosis_record, key) is not None:
+        documents = {name: one for name in captures if (one := _earlier(workspace, name)) is not None}
+    else:
+        for name in captures:
+            (fabric_folder(workspace, name) / "diagnosis.json").unlink(missing_ok=True)
+        workspace.diagnosis.mkdir(parents=True, exist_ok=True)
+        keep(workspace.diagnosis_record, key, {"fabrics": list(captures)})
+    waiting = [name for name in captures if name not in documents]
+    if not waiting:
+        return documents, missing
+    steps = len(waiting) + 1
+    diagnosis = data_set_diagnosis(
+        captures, *load_atlas(atlas), asked, lambda what, share: progress(what, share / steps)
+    )
+    if diagnosis.shared is not None:
+        diagnosis.shared.write(workspace.diagnosis / "laboratory.json")
+    for number, name in enumerate(waiting, start=1):
+
+        def tell(what: str, share: float, name: str = name, number: int = number) -> None:
+            progress(f"{name}: {what}", (number + share) / steps)
+
+        command = asked.command(data, diagnosis.together(name), atlas, force=options.force)
+        documents[name] = diagnosis.document(name, command=command, progress=tell)
+        _write(documents[name], fabric_folder(workspace, name))
+    return {name: documents[name] for name in captures}, missing
+
+
+def _captures(
+    dataset: DrapeDataset, cloths: Sequence[str], options: Options
+) -> tuple[dict[str, Captures], dict[str, str]]:
+    """Silhouettes of the fabrics that can be diagnosed, and why the others cannot."""
+    captures: dict[str, Captures] = {}
+    missing: dict[str, str] = {}
+    for cloth in cloths:
+        table = dataset.table[dataset.table["cloth"] == cloth]
+        samples = len(set(table["sample"]))
+        if samples < LEAST_SAMPLES:
+            count = "one sample" if samples == 1 else f"{samples} samples"
+            missing[cloth] = (
+                f"there {'is' if samples == 1 else 'are'} {count}; what the simulator leaves out can only be told from "
+                f"how several samples scatter, of which at least {LEAST_SAMPLES} are needed"
+            )
+            continue
+        try:
+            captures[cloth] = read_captures(dataset, cloth, force=options.force)
+        except (DataError, DiagnosisError) as error:
+            missing[cloth] = str(error)
+    return captures, missing
+
+
+def _earlier(workspace: Workspace, name: str) -> DiagnosisDocument | None:
+    folder = fabric_folder(workspace, name)
+    if not (folder / "diagnosis.html").is_file():
+        return None
+    try:
+        return DiagnosisDocument.read(folder / "diagnosis.json")
+    except DiagnosisError:
+        return None
+
+
+def _write(one: DiagnosisDocument, folder: Path) -> None:
+    """Page first: where the document is there, all is."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_diagnosis_page(one, folder / "diagnosis.html")
+    one.write(folder / "diagnosis.json")

@@ -1,0 +1,186 @@
+"""Stiffness from one drape of each fabric: the most typical one, fitted by a solver with a posterior.
+
+A drape of a sample that is unlike the fabric's others would give that sample's stiffness, so the one whose drape
+coefficient is the median is fitted. Nothing is held out: this is a measurement, no comparison of methods, and a fabric
+with one sample can be measured too.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+
+import numpy as np
+
+from cusick_bench.datasets import DrapeDataset, Split
+from cusick_bench.datasets.errors import BadImage, DataError
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of
+from cusick_bench.datasets.impossible import require_possible
+from cusick_bench.identify.document import FAILED, Fit, Stiffness
+from cusick_bench.identify.options import Options
+from cusick_bench.identify.workspace import Workspace
+from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
+from cusick_bench.problem import Budget
+from cusick_bench.runner import Cell, ProblemSettings, Results, RunnerError, Source, Watcher, plan, run
+from cusick_bench.sim.constants import DEFAULT_LAW
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+SPLIT = "typical"
+"""Name of the split in which the most typical drape trains and nothing is held out."""
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """What is going to be fitted.
+
+    Attributes:
+        cells: A cell for each fabric that can be fitted, by its name.
+        missing: Why there is none, for each of the others.
+    """
+
+    cells: Mapping[str, Cell] = field(default_factory=dict)
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+
+def typical_row(dataset: DrapeDataset, cloth: str) -> int | None:
+    """The drape of a cloth that is fitted.
+
+    Args:
+        dataset: Data.
+        cloth: One of its cloths.
+
+    Returns:
+        Row of the index of the usable silhouette with the median drape coefficient (the lower of two), face up and the
+        first of its drape where there is one such; None where no picture can be used.
+    """
+    table = dataset.index
+    own = table[(table["cloth"] == cloth)]
+    upper = own[own["side"] == "up"]
+    rows = [int(row) for row in (own if upper.empty else upper).index]
+    first = [row for row in rows if not any(other < row for other in dataset.repeats(row))]
+    measured: list[tuple[float, int]] = []
+    for row in first:
+        try:
+            measured.append((drape_coefficient_of(dataset.image(row).numpy(), dataset.protocol), row))
+        except BadImage:
+            continue
+    usable = sorted(pair for pair in measured if isfinite(pair[0]))
+    return usable[(len(usable) - 1) // 2][1] if usable else None
+
+
+def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) -> FitPlan:
+    """Chooses what to fit, and says why where nothing can be.
+
+    Args:
+        dataset: Data.
+        cloths: Cloths to fit.
+        options: How to fit.
+
+    Returns:
+        The plan.
+
+    Raises:
+        CusickError: An unknown solver, or one that cannot fit by the law in use.
+    """
+    settings = ProblemSettings(
+        vertices=options.vertices,
+        drape=DrapeSettings(law=DEFAULT_LAW, steps=options.steps),
+        budget=Budget(options.budget),
+    )
+    cells: dict[str, Cell] = {}
+    missing: dict[str, str] = {}
+    for cloth in cloths:
+        row = typical_row(dataset, cloth)
+        if row is None:
+            missing[cloth] = "none of its pictures can be used; `cusick-bench data audit` says why"
+            continue
+        if not _weighed(dataset, row):
+            missing[cloth] = "its weight is not known, and a drape shows stiffness over weight only"
+            continue
+        try:
+            require_possible(dataset, [row], force=options.force)
+        except DataError as error:
+            missing[cloth] = str(error)
+            continue
+        (cells[cloth],) = plan(
+            dataset,
+            solvers=[options.solver],
+            seeds=[options.seed],
+            settings=settings,
+            protocol=SPLIT,
+            splits=[Split(cloth, (row,), ())],
+        )
+    return FitPlan(cells, missing)
+
+
+def _weighed(dataset: DrapeDataset, row: int) -> bool:
+    density = float(np.asarray(dataset.table["areal_density"])[row])
+    return isfinite(density) and density > 0
+
+
+def run_fits(
+    source: Source,
+    dataset: DrapeDataset,
+    plan: FitPlan,
+    workspace: Workspace,
+    options: Options,
+    *,
+    watcher: Watcher | None = None,
+    workers: int = 1,
+    command: Sequence[str] = (),
+) -> tuple[dict[str, Fit], dict[str, str]]:
+    """Fits what is not fitted yet.
+
+    Args:
+        source: Where the data come from.
+        dataset: The data themselves.
+        plan: What to fit.
+        workspace: Where results lie.
+        options: How to fit.
+        watcher: Called to tell how the fits get on.
+        workers: Processes.
+        command: Command line, for the record.
+
+    Returns:
+        Fits by cloth, and for each cloth without one the reason.
+
+    Raises:
+        RunnerError: The workspace cannot be written, or a result is damaged; finished fits are kept.
+    """
+    fits, missing = {}, dict(plan.missing)
+    if not plan.cells:
+        return fits, missing
+    results: Results = run(
+        source, list(plan.cells.values()), workspace.run, workers=workers, watcher=watcher, command=command,
+        force=options.force,
+    )  # fmt: skip
+    for (cloth, cell), result in zip(plan.cells.items(), results, strict=True):
+        if result["status"] != "done":
+            missing[cloth] = f"{FAILED}: {result['failure']}"
+            continue
+        try:
+            found = read_stiffness(result)
+        except ValueError as error:
+            raise RunnerError(f"result.json of {cloth} is damaged: {error}; remove {workspace.run}") from error
+        if found is None:
+            missing[cloth] = f"{options.solver} has no physics and finds no stiffness; see `cusick-bench solvers`"
+            continue
+        row = dataset.index.loc[cell.train[0]]
+        metrics = result["metrics"]
+        fits[cloth] = Fit(
+            image=str(row["image"]),
+            sample=int(row["sample"]),
+            drape_coefficient=metrics.get("train_dc_target"),
+            simulated_drape_coefficient=metrics.get("train_dc"),
+            mse=metrics.get("train_mse"),
+            finished=bool(result.get("finished", True)),
+            stiffness={name: _stiffness(one) for name, one in found.bending.items()},
+            stretch={name: _stiffness(one) for name, one in found.stretch.items()},
+            solver=options.solver,
+            drapes=float(result["spent"]["forward_equivalents"]),
+            path=(workspace.run / "cells" / cell.key).relative_to(workspace.out).as_posix(),
+        )
+    return fits, missing
+
+
+def _stiffness(one: Quantity) -> Stiffness:
+    return Stiffness(value=one.value, ci90=one.ci90)

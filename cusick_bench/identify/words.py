@@ -1,0 +1,128 @@
+"""What an identification says in sentences: what is in doubt, and what to do next."""
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.diagnosis.document.model import DiagnosisDocument
+from cusick_bench.identify.diagnoses import LEAST_SAMPLES
+from cusick_bench.identify.document import FAILED, Drapes, Fit, Preparation
+
+USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
+_MOST_ADVICE = 2  # measurements that a diagnosis advises, as far as they are repeated here
+_WIDE = 2.0  # upper over lower end of an interval from which stiffness is called uncertain
+
+
+def fit_notes(fit: Fit, samples: int) -> list[str]:
+    """What is in doubt about a stiffness.
+
+    Args:
+        fit: The fit.
+        samples: Samples of the fabric.
+
+    Returns:
+        Sentences.
+    """
+    notes = []
+    if samples > 1:
+        notes.append(
+            f"Stiffness is that of one drape, of sample {fit.sample}, whose drape coefficient is the median; the "
+            "interval says how far one drape tells the cloth's stiffness."
+        )
+    else:
+        notes.append("Stiffness is from the only sample; another piece of the cloth may be stiffer or limper.")
+    if not fit.finished:
+        notes.append("The budget ended before the fit was finished: the interval may be wrong; give a larger --budget.")
+    wide = [name for name, one in fit.stiffness.items() if one.ci90 is not None and one.ci90[1] > _WIDE * one.ci90[0]]
+    if wide:
+        notes.append(f"The interval of {', '.join(wide)} spans more than a factor of {_WIDE:g}.")
+    if any(one.ci90 is None for one in fit.stiffness.values()):
+        notes.append(f"{fit.solver} has no posterior, so there is no interval; bdp-field has one.")
+    return notes
+
+
+def fabric_next(
+    dataset: DrapeDataset,
+    fabric: str,
+    drapes: Drapes,
+    fit_missing: str,
+    diagnosis: DiagnosisDocument | None,
+    refused: int,
+) -> list[str]:
+    """What to do next about one fabric.
+
+    Args:
+        dataset: Data.
+        fabric: Name of the fabric.
+        drapes: What its silhouettes show.
+        fit_missing: Why there is no stiffness; "" where there is one.
+        diagnosis: The diagnosis; None where there is none.
+        refused: Photographs of it that were refused.
+
+    Returns:
+        Sentences, the most urgent first.
+    """
+    todo = []
+    own = dataset.table[dataset.table["cloth"] == fabric]
+    if refused:
+        todo.append(
+            f"Take {refused} photograph{'s' * (refused != 1)} again: {'its' if refused == 1 else 'their'} outline is "
+            "not sure enough (listed above, drawn in the folder data/check)."
+        )
+    if drapes.unusable:
+        todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
+    if "weight" in fit_missing:
+        number = int(own["fabric"].iloc[0])
+        key = f"fabric_{number}" if number else fabric
+        todo.append(
+            f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: for photographs "
+            f'--weight "{number}=180 g/m2", in a data set a line {key},0.18, in fabrics.csv.'
+        )
+    elif fit_missing.startswith(FAILED):
+        todo.append("Repeat the command with another --seed or more --vertices; what is finished is not made again.")
+    elif fit_missing:
+        todo.append("Mend what the reason above names, or use the pictures as they are with --force.")
+    if drapes.samples < LEAST_SAMPLES:
+        more = LEAST_SAMPLES - drapes.samples
+        todo.append(
+            f"Cut {more} more sample{'s' * (more != 1)} at least (the public release has {USUAL_SAMPLES}) and picture "
+            "each: then the scatter between samples is known, and a diagnosis is possible."
+        )
+    sides = set(own["side"])
+    if "" in sides:
+        todo.append("Say which face lies up in which capture (captures in protocol.json, --captures for photographs).")
+    elif sides != {"up", "down"}:
+        todo.append("Picture each sample with the other face up as well: a difference of the faces shows then.")
+    if diagnosis is not None:
+        todo += [f"{one.name}: {one.what}" for one in diagnosis.next[:_MOST_ADVICE]]
+        todo += [f"Simulate this cloth with --with-effect {one}" for one in diagnosis.with_effect]
+    return todo
+
+
+def laboratory_next(protocol: Protocol, preparation: Preparation | None, fabrics: int) -> list[str]:
+    """What to do next about the laboratory as a whole.
+
+    Args:
+        protocol: Nominal values of the experiment.
+        preparation: How photographs became the data set; None where they did not.
+        fabrics: Number of fabrics.
+
+    Returns:
+        Sentences.
+    """
+    todo = []
+    if preparation is not None and preparation.camera_height_m is None:
+        todo.append(
+            "Measure the camera's height above the plate (--camera-height), or photograph the printed board held at "
+            "two or more angles: perspective stays in the silhouettes as long as the height is not known."
+        )
+    if preparation is not None and preparation.calibration == "plate":
+        todo.append(
+            "Print the board (cusick-bench data board) and photograph it on the plate: the bare plate alone does not "
+            "tell a tilt of the camera."
+        )
+    if abs(protocol.plate_radius_m / protocol.cloth_radius_m - 0.6) > 0.01:
+        todo.append("Plate and cloth are not in the standard's ratio of 18 to 30 cm, which the diagnosis expects.")
+    if fabrics == 1:
+        todo.append(
+            "Picture other fabrics on the same bench: what all of them show belongs to the laboratory, not to the cloth."
+        )
+    return todo

@@ -1,0 +1,123 @@
+"""The folder of an identification: its parts, and how one knows that a part need not be made again.
+
+OUT/data          data set made of photographs, OUT/data.json what it was made of
+OUT/run           fits, as `run` writes them: a cell's name is the hash of all that decides its numbers
+OUT/diagnosis     a document and a page for each fabric, inputs.json what they were made of
+OUT/identify.json, OUT/identify.html
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.identify.errors import IdentifyError
+from cusick_bench.runner.store import disk_errors, write_json
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Paths of an identification.
+
+    Attributes:
+        out: Its folder.
+    """
+
+    out: Path
+
+    @property
+    def data(self) -> Path:
+        """Data set made of photographs."""
+        return self.out / "data"
+
+    @property
+    def data_record(self) -> Path:
+        """What that data set was made of."""
+        return self.out / "data.json"
+
+    @property
+    def run(self) -> Path:
+        """Results folder of the fits."""
+        return self.out / "run"
+
+    @property
+    def diagnosis(self) -> Path:
+        """Documents and pages of the diagnosis."""
+        return self.out / "diagnosis"
+
+    @property
+    def diagnosis_record(self) -> Path:
+        """What the diagnosis was made of."""
+        return self.diagnosis / "inputs.json"
+
+    @property
+    def document(self) -> Path:
+        """The answer."""
+        return self.out / "identify.json"
+
+    @property
+    def page(self) -> Path:
+        """The answer to be read."""
+        return self.out / "identify.html"
+
+    def prepare(self) -> None:
+        """Creates the folder.
+
+        Raises:
+            IdentifyError: It is a file, or lies under one.
+            RunnerError: It cannot be written.
+        """
+        try:
+            with disk_errors(self.out):
+                self.out.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise IdentifyError(f"--out {self.out} is (or lies under) a file; choose a folder") from error
+
+
+def fingerprint(content: Mapping[str, Any], files: Iterable[Path] = ()) -> str:
+    """Hash of all that a part is made of.
+
+    Args:
+        content: Options and whatever else can be written as JSON.
+        files: Files that it is made of; their content counts, and their names.
+
+    Returns:
+        64 hexadecimal digits.
+    """
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode())
+    for path in files:
+        with path.open("rb") as file:
+            digest.update(f"\n{path.name} {hashlib.file_digest(file, 'sha256').hexdigest()}".encode())
+    return digest.hexdigest()
+
+
+def kept(record: Path, key: str) -> dict[str, Any] | None:
+    """What a finished part says of itself.
+
+    Args:
+        record: Its record.
+        key: Hash of what it would be made of now.
+
+    Returns:
+        Its record; None where it is of something else, damaged or not there, so that the part has to be made.
+    """
+    try:
+        found = read_json_object(record, remedy="")
+    except BadFile:
+        return None
+    return found if found.get("inputs") == key else None
+
+
+def keep(record: Path, key: str, content: Mapping[str, Any]) -> None:
+    """Says that a part is finished.
+
+    Args:
+        record: Its record, written whole or not at all.
+        key: Hash of what it was made of.
+        content: What else it says of itself.
+    """
+    with disk_errors(record.parent):
+        write_json(record, {"inputs": key, **content})
