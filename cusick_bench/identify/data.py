@@ -49,9 +49,9 @@ def holds_photographs(folder: Path) -> bool:
     pictures = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in SUFFIXES and path.is_file()]
     if not pictures:
         raise IdentifyError(
-            f"{folder} holds no pictures; give photographs such as Fabric_1_Sample_2_Capture_1.jpg with board-plane.jpg or "
-            "plate.jpg as ruler, or a data set with fabrics.csv and folders `Fabric N/silhouettes`; see "
-            "docs/drape-meter.md"
+            f"{folder} holds no pictures; give photographs such as Fabric_1_Sample_2_Capture_1.jpg with "
+            "board-plane.jpg or plate.jpg as ruler, or a data set with fabrics.csv and folders `Fabric N/silhouettes`; "
+            "see docs/drape-meter.md"
         )
     if any(path.stem.lower().startswith(_RULERS) for path in pictures):
         return True

@@ -52,10 +52,9 @@ def typical_row(dataset: DrapeDataset, cloth: str) -> int | None:
         Row of the index of the usable silhouette with the median drape coefficient (the lower of two), face up and the
         first of its drape where there is one such; None where no picture can be used.
     """
-    table = dataset.index
-    own = table[(table["cloth"] == cloth)]
-    upper = own[own["side"] == "up"]
-    rows = [int(row) for row in (own if upper.empty else upper).index]
+    labels = zip(dataset.table["cloth"], dataset.table["side"], strict=True)
+    own = [(row, side) for row, (owner, side) in enumerate(labels) if owner == cloth]
+    rows = [row for row, side in own if side == "up"] or [row for row, _ in own]
     first = [row for row in rows if not any(other < row for other in dataset.repeats(row))]
     measured: list[tuple[float, int]] = []
     for row in first:

@@ -151,12 +151,12 @@ class Identification:
         fits: tuple[Mapping[str, Fit], Mapping[str, str]],
         diagnoses: tuple[Mapping[str, DiagnosisDocument], Mapping[str, str]],
     ) -> FabricIdentity:
-        own = self.dataset.table[self.dataset.table["cloth"] == name]
-        density = float(own["areal_density"].iloc[0])
+        own = self.dataset.select(cloth=name).table.iloc[0].to_dict()
+        density = float(own["areal_density"])
         drapes, fit, diagnosis = _drapes(measured), fits[0].get(name), diagnoses[0].get(name)
         fit_missing = fits[1].get(name, "")
         shown = self.preparation.refused if self.preparation else ()
-        refused = sum(one.fabric == int(own["fabric"].iloc[0]) for one in shown)
+        refused = sum(one.fabric == int(own["fabric"]) for one in shown)
         return FabricIdentity(
             fabric=name,
             areal_density=density if isfinite(density) and density > 0 else None,

@@ -22,6 +22,7 @@ from cusick_bench.metrics.stiffness import GF_CM2_PER_CM
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.diagnosis.causes import cause_section
 from cusick_bench.report.diagnosis.verdict import VerdictBox, verdict_box
+from cusick_bench.report.diagnosis.words import VERDICTS
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
@@ -68,6 +69,7 @@ class FabricSection:
         profile: Graph of radius over angle; None without a fit.
         others: Number of other samples behind the graph's band.
         stiffness: Graph of the posterior; None without a fit.
+        truth: Whether that graph shows a true stiffness.
         fit_missing: Why there is no stiffness.
         verdict: Of the diagnosis; None where there is none.
         diagnosis_page: Its page, relative to this one.
@@ -83,6 +85,7 @@ class FabricSection:
     profile: Markup | None
     others: int
     stiffness: Markup | None
+    truth: bool
     fit_missing: str
     verdict: VerdictBox | None
     diagnosis_page: str
@@ -189,6 +192,7 @@ def _section(
         profile=None,
         others=0,
         stiffness=None,
+        truth=False,
         fit_missing=fabric.fit_missing,
         verdict=None if diagnosis is None else verdict_box(diagnosis, cause_section(diagnosis)),
         diagnosis_page=fabric.diagnosis.page if fabric.diagnosis else "",
@@ -210,7 +214,7 @@ def _row(number: int, fabric: FabricIdentity) -> FabricRow:
         drape_coefficient=_spread(drapes.drape_coefficient, 1, 100.0),
         folds=_spread(drapes.folds, 1),
         stiffness=[_NONE] * 3 if fit is None else [_micro(fit.stiffness[name]) for name in ("warp", "weft", "bias")],
-        verdict=_NONE if fabric.diagnosis is None else fabric.diagnosis.verdict,
+        verdict=_NONE if fabric.diagnosis is None else VERDICTS[fabric.diagnosis.verdict][0],
     )
 
 
@@ -272,6 +276,7 @@ def _with_fit(
         drape=card.drape,
         profile=card.profile,
         others=card.band,
+        truth=found is not None and found.true_bending is not None,
         stiffness=None
         if found is None
         else stiffness_picture(cloth, [StiffnessLine(fit.solver.partition(",")[0], found, view.bending_draws)]),

@@ -8,6 +8,7 @@ from cusick_bench.identify.document import FAILED, Drapes, Fit, Preparation
 
 USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
 _MOST_ADVICE = 2  # measurements that a diagnosis advises, as far as they are repeated here
+_CLOSE = 0.03  # of drape coefficient, by which samples of one cloth differ anyway
 _WIDE = 2.0  # upper over lower end of an interval from which stiffness is called uncertain
 
 
@@ -22,6 +23,12 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
         Sentences.
     """
     notes = []
+    real, simulated = fit.drape_coefficient, fit.simulated_drape_coefficient
+    if real is not None and simulated is not None and abs(simulated - real) > _CLOSE:
+        notes.append(
+            f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one {100 * real:.0f} %: do "
+            "not trust this stiffness; give a larger --budget, or look at weight, scale and picture."
+        )
     if samples > 1:
         notes.append(
             f"Stiffness is that of one drape, of sample {fit.sample}, whose drape coefficient is the median; the "
@@ -61,7 +68,7 @@ def fabric_next(
         Sentences, the most urgent first.
     """
     todo = []
-    own = dataset.table[dataset.table["cloth"] == fabric]
+    own = dataset.select(cloth=fabric).table
     if refused:
         todo.append(
             f"Take {refused} photograph{'s' * (refused != 1)} again: {'its' if refused == 1 else 'their'} outline is "
@@ -123,6 +130,6 @@ def laboratory_next(protocol: Protocol, preparation: Preparation | None, fabrics
         todo.append("Plate and cloth are not in the standard's ratio of 18 to 30 cm, which the diagnosis expects.")
     if fabrics == 1:
         todo.append(
-            "Picture other fabrics on the same bench: what all of them show belongs to the laboratory, not to the cloth."
+            "Picture other fabrics on the same bench: what all of them show belongs to the bench, not the cloth."
         )
     return todo
