@@ -25,6 +25,7 @@ data_option = partial(typer.Option, rich_help_panel="Data")
 simulation_option = partial(typer.Option, rich_help_panel="Simulation")
 fit_option = partial(typer.Option, rich_help_panel="Fit")
 running_option = partial(typer.Option, rich_help_panel="Running")
+diagnosis_option = partial(typer.Option, rich_help_panel="Diagnosis")
 output_option = partial(typer.Option, rich_help_panel="Output", callback=outside_package)
 
 
@@ -205,16 +206,16 @@ Budget = Annotated[
 Seeds = Annotated[int, fit_option(min=1, max=MOST_SEEDS, help="Number of seeds.")]
 
 # Diagnosis
-Atlas = Annotated[Path, typer.Option(help="Fitted atlas, from `atlas fit`.")]
+Atlas = Annotated[Path, diagnosis_option(help="Fitted atlas, from `atlas fit`.")]
 WithoutEffect = Annotated[
     list[str] | None,
-    typer.Option(
+    diagnosis_option(
         help="Effect to leave out of the candidates; repeatable; see `effects`.", autocompletion=complete_effect
     ),
 ]
 SimulatedSamples = Annotated[
     int,
-    typer.Option(
+    diagnosis_option(
         "--samples", min=0, max=MOST_SAMPLES, help="Simulated samples of each model; 0 leaves gap and closure out."
     ),
 ]

@@ -172,7 +172,7 @@ def _camera(preparation: Preparation) -> str:
     shown = "of unknown height" if height is None else f"{height:.2f} m above the plate"
     spread = "" if preparation.scale_sd is None else f", scale ± {100 * preparation.scale_sd:.2g} %"
     return (
-        f"{used} of {preparation.photographs} photographs were used; the camera, {shown}, was calibrated from the "
+        f"{used} of {preparation.photographs} photographs were used; the camera, {shown}, was calibrated from "
         f"{preparation.calibration}{spread}."
     )
 

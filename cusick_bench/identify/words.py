@@ -121,7 +121,7 @@ def laboratory_next(protocol: Protocol, preparation: Preparation | None, fabrics
             "Measure the camera's height above the plate (--camera-height), or photograph the printed board held at "
             "two or more angles: perspective stays in the silhouettes as long as the height is not known."
         )
-    if preparation is not None and preparation.calibration == "plate":
+    if preparation is not None and preparation.calibration.startswith("the bare plate"):
         todo.append(
             "Print the board (cusick-bench data board) and photograph it on the plate: the bare plate alone does not "
             "tell a tilt of the camera."

@@ -12,6 +12,7 @@ from cusick_bench.cli.common import command_line, interruptible, output, print_j
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.fit.grid_progress import GridProgress
 from cusick_bench.cli.options import (
+    Atlas,
     Budget,
     CameraHeight,
     CaptureFaces,
@@ -33,6 +34,7 @@ from cusick_bench.cli.options import (
     output_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.options import Options
 from cusick_bench.photographs.preparation.setting_text import SettingText
@@ -81,6 +83,7 @@ def identify_command(
     vertices: Vertices = Options.vertices,
     steps: Steps = Options.steps,
     samples: SimulatedSamples = Options.samples,
+    atlas: Atlas = SHIPPED,
     seed: Seed = Options.seed,
     workers: Workers = 1,
     as_json: Json = False,
@@ -116,7 +119,7 @@ def identify_command(
             bar.say(what)
             bar.show(share)
 
-        diagnoses = work.diagnose(show)
+        diagnoses = work.diagnose(show, atlas)
     document = work.write(measured, fits, diagnoses, command_line())
     if as_json:
         print_json(document.content() | {"path": work.workspace.document, "page": work.workspace.page})

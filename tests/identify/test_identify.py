@@ -1,0 +1,274 @@
+"""`cusick-bench identify`: from silhouettes or photographs to one page, every part kept."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from html_page import Page
+from PIL import Image
+from toy_atlas import toy_emulator
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.datasets.stats import statistics
+from cusick_bench.diagnosis.atlas.store import Calibration, save
+from cusick_bench.identify.data import as_data_set, holds_photographs
+from cusick_bench.identify.document import IdentifyDocument
+from cusick_bench.identify.errors import IdentifyError
+from cusick_bench.identify.fits import typical_row
+from cusick_bench.identify.workspace import Workspace
+from cusick_bench.photographs.preparation.setting_text import SettingText
+from cusick_bench.photographs.studio.folder import write_photographs
+from cusick_bench.photographs.studio.scene import make_laboratory
+
+pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
+
+SOLVER = "bdp-field,draws=2,first=4,rounds=1,cloths=2,refinement=0"
+CHEAP = ["--vertices", "97", "--steps", "10", "--budget", "30", "--samples", "0", "--solver", SOLVER]
+
+
+@pytest.fixture(scope="module")
+def atlas(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("atlas") / "atlas.npz"
+    save(path, toy_emulator(), Calibration())
+    return path
+
+
+@pytest.fixture(scope="module")
+def lab(make_lab) -> Path:
+    """Fabric 1 has three samples, fabric 2 has one, fabric 3 was not weighed."""
+    root = make_lab([1e-5, 3e-5, 1e-5], samples=3, weighed=2)
+    for sample in (2, 3):
+        (root / f"data/Fabric 2/silhouettes/Fabric_2_Sample_{sample}_Capture_1.jpg").unlink()
+    return root
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("photographs")
+    write_photographs(make_laboratory(8), folder, 1)  # calibrated by its bare plate: the fewest pictures
+    return folder
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("identify") / "out"
+
+
+def identify(*words: object):
+    return CliRunner().invoke(app, ["identify", *map(str, words)])
+
+
+def said(result) -> str:
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m", "", result.output).split())
+
+
+@pytest.fixture(scope="module")
+def answer(lab, out, atlas) -> IdentifyDocument:
+    result = identify(lab, "--out", out, "--atlas", atlas, *CHEAP, "--json")
+    assert result.exit_code == 0, result.output
+    printed = json.loads(result.stdout)
+    document = IdentifyDocument.read(out / "identify.json")
+    assert printed == document.content() | {"path": str(out / "identify.json"), "page": str(out / "identify.html")}
+    return document
+
+
+def test_drape_coefficient_and_folds_are_those_of_stats(answer, lab):
+    for one, known in zip(answer.fabrics, statistics(load(lab)), strict=True):
+        assert one.fabric == known.cloth
+        assert one.drapes.drape_coefficient is not None
+        assert one.drapes.folds is not None
+        assert one.drapes.drape_coefficient.value == known.drape_coefficient
+        assert one.drapes.folds.value == known.folds
+        assert (one.drapes.drape_coefficient.sd is None) == (known.samples == 1)
+
+
+def test_a_weighed_fabric_has_stiffness_with_an_interval_whatever_its_samples(answer):
+    for fabric in answer.fabrics[:2]:
+        assert fabric.fit is not None
+        assert set(fabric.fit.stiffness) == {"warp", "weft", "bias"}
+        for one in fabric.fit.stiffness.values():
+            assert one.ci90 is not None
+            assert one.ci90[0] < one.value < one.ci90[1]
+        assert fabric.fit.drapes <= 30
+        assert fabric.fit_missing == ""
+
+
+def test_what_is_missing_is_said_with_the_remedy(answer):
+    single, unweighed = answer.fabrics[1:]
+    assert "one sample" in single.diagnosis_missing
+    assert any(step.startswith("Cut 2 more samples") for step in single.next)
+    assert unweighed.fit is None
+    assert "weight is not known" in unweighed.fit_missing
+    assert any("fabric_3,0.18" in step for step in unweighed.next)
+
+
+def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
+    for fabric in (answer.fabrics[0], answer.fabrics[2]):
+        assert fabric.diagnosis is not None
+        assert fabric.diagnosis_missing == ""
+        stored = json.loads((out / fabric.diagnosis.path).read_text())
+        assert stored["verdict"] == fabric.diagnosis.verdict
+        assert fabric.fabric in (out / fabric.diagnosis.page).read_text()
+
+
+def test_the_page_stands_alone_and_shows_every_fabric(answer, out):
+    text = (out / "identify.html").read_text()
+    assert Page(text).scripts == []  # well-formed, or it raises
+    assert "http-equiv" in text
+    assert not re.search(r'(src|href)="(https?:)?//', text)
+    for fabric in answer.fabrics:
+        assert f">{fabric.fabric}</a>" in text
+        assert f'id="fabric-{answer.fabrics.index(fabric)}"' in text
+    assert text.count("data:image/png;base64,") == 2 * 4 + 1  # three silhouettes and a drape of each fit, one alone
+    assert "No stiffness: its weight is not known" in text
+    assert "No diagnosis: there is one sample" in text
+
+
+def test_what_is_finished_is_not_made_again(answer, lab, out, atlas):
+    def written() -> dict[str, int]:
+        kept = [*out.glob("run/cells/*/done"), *out.glob("diagnosis/*/diagnosis.json")]
+        return {str(path): path.stat().st_mtime_ns for path in kept}
+
+    before = written()
+    assert len(before) == 4
+    again = identify(lab, "--out", out, "--atlas", atlas, *CHEAP)
+    assert again.exit_code == 0, again.output
+    assert written() == before
+    assert IdentifyDocument.read(out / "identify.json").fabrics == answer.fabrics
+    other = identify(lab, "--out", out, "--atlas", atlas, *CHEAP, "--seed", "1", "--cloth", "fabric_2")
+    assert other.exit_code == 0, other.output
+    assert len([*out.glob("run/cells/*/done")]) == 3
+
+
+def test_a_damaged_diagnosis_is_made_anew(lab, atlas, tmp_path):
+    words = (lab, "--out", tmp_path / "out", "--atlas", atlas, *CHEAP, "--cloth", "fabric_3")
+    assert identify(*words).exit_code == 0
+    path = tmp_path / "out/diagnosis/fabric_3/diagnosis.json"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:100])
+    assert identify(*words).exit_code == 0
+    assert json.loads(path.read_bytes())["verdict"] == json.loads(whole)["verdict"]
+
+
+def test_one_photograph_gets_its_stiffness_and_the_reason_why_no_diagnosis(photographs, tmp_path):
+    result = identify(photographs, "--out", tmp_path / "out", "--weight", "180 g/m2", *CHEAP, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    (fabric,) = document["fabrics"]
+    assert document["preparation"]["photographs"] == 1
+    assert document["preparation"]["calibration"] == "the bare plate"
+    assert fabric["areal_density"] == pytest.approx(0.18)
+    assert 0 < fabric["drapes"]["drape_coefficient"]["value"] < 1
+    assert fabric["fit"]["stiffness"]["warp"]["ci90"] is not None
+    assert fabric["diagnosis"] is None
+    assert "one sample" in fabric["diagnosis_missing"]
+    assert any("board" in step for step in document["next"])
+
+
+def test_photographs_are_prepared_again_only_where_they_or_the_options_changed(photographs, tmp_path):
+    workspace = Workspace(tmp_path / "out")
+    workspace.prepare()
+    read: list[str] = []
+
+    def prepared(weight: str) -> str:
+        data, preparation = as_data_set(
+            str(photographs), workspace, SettingText(weight=(weight,)), 256, done=read.append
+        )
+        assert preparation is not None
+        return (Path(data) / "fabrics.csv").read_text()
+
+    assert "0.18" in prepared("180 g/m2")
+    assert len(read) == 1
+    prepared("180 g/m2")
+    assert len(read) == 1
+    assert "0.2," in prepared("200 g/m2")
+    assert len(read) == 2
+
+
+def test_a_photograph_that_is_refused_is_named(photographs, tmp_path):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for path in photographs.glob("*.jpg"):
+        (folder / path.name).write_bytes(path.read_bytes())
+    (folder / "Fabric_1_Sample_2_Capture_1.jpg").write_bytes(b"no picture")
+    result = identify(folder, "--out", tmp_path / "out", *CHEAP, "--json")
+    assert result.exit_code == 1, result.output
+    document = json.loads(result.stdout)
+    (refused,) = document["preparation"]["refused"]
+    assert refused["path"].endswith("Fabric_1_Sample_2_Capture_1.jpg")
+    assert any(step.startswith("Take 1 photograph again") for step in document["fabrics"][0]["next"])
+
+
+def test_photographs_without_a_sure_outline_are_refused_together(photographs, tmp_path):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    (folder / "plate.jpg").write_bytes((photographs / "plate.jpg").read_bytes())
+    (folder / "Fabric_1_Sample_1_Capture_1.jpg").write_bytes(b"no picture")
+    result = identify(folder, "--out", tmp_path / "out", *CHEAP)
+    assert result.exit_code == 2
+    assert "none of 1 photographs has a sure outline" in said(result)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["nowhere"], "nowhere: no such folder; give a folder of photographs, or a data set"),
+        (["synthetic", "--plate-diameter", "150 mm"], "--plate-diameter is about photographs"),
+        (["synthetic", "--solver", "homo", "--solver", "heter"], "identify fits with one solver, got 2: homo, heter"),
+        (["synthetic", "--cloth", "silk"], "unknown cloth silk: use one of fabric_1"),
+        (["synthetic", "--cloth", "fabric_1", "--solver", "homoo"], "did you mean 'homo'?"),
+    ],
+)
+def test_bad_words_end_with_a_line(words, says, tmp_path):
+    result = identify(*words, "--out", tmp_path / "out")
+    assert result.exit_code == 2, result.output
+    assert says.replace(": use", "; use") in said(result).replace(": use", "; use")
+
+
+def test_a_folder_of_nothing_says_what_was_expected(tmp_path):
+    (tmp_path / "empty").mkdir()
+    result = identify(tmp_path / "empty", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "holds no pictures; give photographs such as Fabric_1_Sample_2_Capture_1.jpg" in said(result)
+
+
+def test_photographs_without_a_ruler_are_told_so(tmp_path):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    Image.fromarray(np.zeros((30, 40), dtype=np.uint8)).save(folder / "Fabric_1_Sample_1_Capture_1.jpg")
+    result = identify(folder, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "holds no ruler" in said(result)
+
+
+def test_square_pictures_without_a_ruler_are_silhouettes(lab, photographs, tmp_path):
+    source = lab / "data/Fabric 2/silhouettes/Fabric_2_Sample_1_Capture_1.jpg"
+    (tmp_path / source.name).write_bytes(source.read_bytes())
+    assert not holds_photographs(tmp_path)
+    assert not holds_photographs(lab)
+    assert holds_photographs(photographs)
+
+
+def test_the_drape_with_the_median_coefficient_is_typical(lab):
+    dataset = load(lab)
+    row = typical_row(dataset, "fabric_1")
+    coefficients = [statistics(dataset.select(cloth="fabric_1", sample=s))[0].drape_coefficient for s in (1, 2, 3)]
+    assert row is not None
+    assert coefficients.index(sorted(coefficients)[1]) == row
+
+
+def test_a_damaged_document_names_what_is_wrong(answer, tmp_path):
+    path = tmp_path / "identify.json"
+    answer.write(path)
+    assert IdentifyDocument.read(path) == answer
+    content = json.loads(path.read_text())
+    content["fabrics"][0]["drapes"]["samples"] = "many"
+    path.write_text(json.dumps(content))
+    with pytest.raises(IdentifyError, match=r"fabrics\.0\.drapes\.samples"):
+        IdentifyDocument.read(path)
+    with pytest.raises(IdentifyError, match="no-such"):
+        IdentifyDocument.read(tmp_path / "no-such.json")
