@@ -132,7 +132,7 @@ class Identification:
             cloth_radius_m=protocol.cloth_radius_m,
             plate_radius_m=protocol.plate_radius_m,
             fabrics=tuple(self._fabric(name, measured[name], fits, diagnoses) for name in self.cloths),
-            next=tuple(laboratory_next(protocol, self.preparation, len(self.cloths))),
+            next=tuple(laboratory_next(self.dataset, self.preparation)),
             made=Made(
                 command=command,
                 version=version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION)),

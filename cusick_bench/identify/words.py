@@ -1,7 +1,6 @@
 """What an identification says in sentences: what is in doubt, and what to do next."""
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, Drapes, Fit, Preparation
@@ -26,8 +25,8 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
     real, simulated = fit.drape_coefficient, fit.simulated_drape_coefficient
     if real is not None and simulated is not None and abs(simulated - real) > _CLOSE:
         notes.append(
-            f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one {100 * real:.0f} %: do "
-            "not trust this stiffness; give a larger --budget, or look at weight, scale and picture."
+            f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one {100 * real:.0f} %: "
+            "the fit is rough. A larger --budget fits longer; a wrong weight, scale or picture leaves it rough."
         )
     if samples > 1:
         notes.append(
@@ -37,7 +36,9 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
     else:
         notes.append("Stiffness is from the only sample; another piece of the cloth may be stiffer or limper.")
     if not fit.finished:
-        notes.append("The budget ended before the fit was finished: the interval may be wrong; give a larger --budget.")
+        notes.append(
+            f"The solver used up its budget of {fit.drapes:.0f} drapes; a larger --budget may sharpen interval and fit."
+        )
     wide = [name for name, one in fit.stiffness.items() if one.ci90 is not None and one.ci90[1] > _WIDE * one.ci90[0]]
     if wide:
         notes.append(f"The interval of {', '.join(wide)} spans more than a factor of {_WIDE:g}.")
@@ -72,7 +73,7 @@ def fabric_next(
     if refused:
         todo.append(
             f"Take {refused} photograph{'s' * (refused != 1)} again: {'its' if refused == 1 else 'their'} outline is "
-            "not sure enough (listed above, drawn in the folder data/check)."
+            "not sure enough (see the list under The laboratory, and the pictures in data/check)."
         )
     if drapes.unusable:
         todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
@@ -104,18 +105,20 @@ def fabric_next(
     return todo
 
 
-def laboratory_next(protocol: Protocol, preparation: Preparation | None, fabrics: int) -> list[str]:
+def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> list[str]:
     """What to do next about the laboratory as a whole.
 
     Args:
-        protocol: Nominal values of the experiment.
+        dataset: Data.
         preparation: How photographs became the data set; None where they did not.
-        fabrics: Number of fabrics.
 
     Returns:
         Sentences.
     """
-    todo = []
+    todo, protocol = [], dataset.protocol
+    shown = set(dataset.table["fabric"])
+    lost = sorted({one.fabric for one in preparation.refused if one.fabric not in shown} if preparation else ())
+    todo += [f"Take all photographs of fabric {number} again: none of them has a sure outline." for number in lost]
     if preparation is not None and preparation.camera_height_m is None:
         todo.append(
             "Measure the camera's height above the plate (--camera-height), or photograph the printed board held at "
@@ -128,7 +131,7 @@ def laboratory_next(protocol: Protocol, preparation: Preparation | None, fabrics
         )
     if abs(protocol.plate_radius_m / protocol.cloth_radius_m - 0.6) > 0.01:
         todo.append("Plate and cloth are not in the standard's ratio of 18 to 30 cm, which the diagnosis expects.")
-    if fabrics == 1:
+    if len(shown) == 1:
         todo.append(
             "Picture other fabrics on the same bench: what all of them show belongs to the bench, not the cloth."
         )

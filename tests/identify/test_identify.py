@@ -194,13 +194,18 @@ def test_a_photograph_that_is_refused_is_named(photographs, tmp_path):
     folder.mkdir()
     for path in photographs.glob("*.jpg"):
         (folder / path.name).write_bytes(path.read_bytes())
-    (folder / "Fabric_1_Sample_2_Capture_1.jpg").write_bytes(b"no picture")
+    for name in ("Fabric_1_Sample_2_Capture_1.jpg", "Fabric_7_Sample_1_Capture_1.jpg"):
+        (folder / name).write_bytes(b"no picture")
     result = identify(folder, "--out", tmp_path / "out", *CHEAP, "--json")
     assert result.exit_code == 1, result.output
     document = json.loads(result.stdout)
-    (refused,) = document["preparation"]["refused"]
-    assert refused["path"].endswith("Fabric_1_Sample_2_Capture_1.jpg")
+    refused = document["preparation"]["refused"]
+    assert [(Path(one["path"]).name, one["fabric"]) for one in refused] == [
+        ("Fabric_1_Sample_2_Capture_1.jpg", 1),
+        ("Fabric_7_Sample_1_Capture_1.jpg", 7),
+    ]
     assert any(step.startswith("Take 1 photograph again") for step in document["fabrics"][0]["next"])
+    assert any(step.startswith("Take all photographs of fabric 7 again") for step in document["next"])
 
 
 def test_photographs_without_a_sure_outline_are_refused_together(photographs, tmp_path):
