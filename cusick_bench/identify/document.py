@@ -112,6 +112,8 @@ class Diagnosed(Part):
         effects: Named effects, the likeliest first.
         p: p-value of the base model.
         closure: Share of the gap that they close; None where there is no gap, or nothing was simulated.
+        bending: Bending stiffness of the base model that fits all samples best, the geometric mean of warp and weft
+            [N m]; it has no interval, and is None where the weight is not known.
         path: `diagnosis.json`.
         page: Its page.
     """
@@ -121,6 +123,7 @@ class Diagnosed(Part):
     effects: tuple[str, ...] = ()
     p: float | None = None
     closure: float | None = None
+    bending: Positive | None = None
     path: str
     page: str
 

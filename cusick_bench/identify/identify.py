@@ -5,7 +5,7 @@ folder -> data set -> drape coefficient, folds -> stiffness of a typical drape -
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import isfinite
+from math import exp, isfinite
 from pathlib import Path
 
 from cusick_bench.datasets import DrapeDataset
@@ -229,6 +229,14 @@ def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
+def _bending(document: DiagnosisDocument) -> float | None:
+    """Bending stiffness of the base model of all samples [N m]."""
+    level, data = document.base.bending, document.data
+    if level is None or data.areal_density_kg_m2 is None:
+        return None
+    return exp(level) * data.areal_density_kg_m2 * data.gravity_m_s2 * data.cloth_radius_m**3
+
+
 def _diagnosed(document: DiagnosisDocument, workspace: Workspace) -> Diagnosed:
     folder = fabric_folder(workspace, document.fabric).relative_to(workspace.out).as_posix()
     return Diagnosed(
@@ -237,6 +245,7 @@ def _diagnosed(document: DiagnosisDocument, workspace: Workspace) -> Diagnosed:
         effects=document.effects,
         p=document.gap.p,
         closure=document.closure.fraction,
+        bending=_bending(document),
         path=f"{folder}/diagnosis.json",
         page=f"{folder}/diagnosis.html",
     )

@@ -244,6 +244,9 @@ def _numbers(fabric: FabricIdentity) -> list[Number]:
         numbers.append(Number("face down − up", f"{100 * drapes.down_minus_up:+.1f} points", "of drape coefficient"))
     if fabric.areal_density is not None:
         numbers.append(Number("weight", f"{1e3 * fabric.areal_density:.0f} g/m²"))
+    if fabric.diagnosis is not None and fabric.diagnosis.bending is not None:
+        mean = f"{significant(_MICRO * fabric.diagnosis.bending)} µN m"
+        numbers.append(Number("bending, all samples", mean, "mean of warp and weft, by the diagnosis; no interval"))
     if fit is None:
         return numbers
     for name, one in fit.stiffness.items():

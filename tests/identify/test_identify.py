@@ -112,6 +112,11 @@ def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer,
         assert fabric.diagnosis_missing == ""
         stored = json.loads((out / fabric.diagnosis.path).read_text())
         assert stored["verdict"] == fabric.diagnosis.verdict
+        if fabric.areal_density is None:
+            assert fabric.diagnosis.bending is None
+        else:
+            weight = fabric.areal_density * stored["data"]["gravity_m_s2"] * answer.cloth_radius_m**3
+            assert fabric.diagnosis.bending == pytest.approx(weight * np.exp(stored["base"]["bending"]))
         assert fabric.fabric in (out / fabric.diagnosis.page).read_text()
 
 
