@@ -156,6 +156,15 @@ def test_effects_and_severities_are_spread_evenly_in_an_order_that_tells_nothing
     assert [plan.case for plan in plans[:2]] == ["case_0001", "case_0002"]
 
 
+def test_severities_of_single_effects_can_be_asked_for():
+    counts = {"null": 2, "single": 2 * len(DRAWN), "pair": 0, "unknown": 2}
+    plans = plan_suite(4, counts, multiples=(2.0, 4.0))
+    single = [plan for plan in plans if plan.kind == "single"]
+    assert Counter(plan.multiple for plan in single) == {2.0: len(DRAWN), 4.0: len(DRAWN)}
+    suite = Suite(4, counts, multiples=(2.0, 4.0))
+    assert suite.plans() == plans != Suite(4, counts).plans()
+
+
 def flat(**severity: float) -> DetectableSeverities:
     """The same in every fabric."""
     return DetectableSeverities((0.0,), {name.replace("_", "-"): (value,) for name, value in severity.items()})

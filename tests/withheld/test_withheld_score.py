@@ -156,10 +156,19 @@ class TestKnownScores:
             labels,
             {c: answer("effect", ("creep" if i % 2 else "threshold", 0.9)) for i, c in enumerate(labels)},
         )
-        figure = next(f for f in found.figures if f.name == "expected calibration error")
+        asked = (ANSWERS, "expected calibration error", CLEAR)
+        (figure,) = (f for f in found.figures if (f.method, f.name, f.subset) == asked)
         assert figure.value == pytest.approx(0.4)
         assert figure.low < 0.4 < figure.high
         assert figure.reached == "no"
+
+    def test_effects_that_nobody_can_see_do_not_count_against_the_goal_of_calibration(self, tmp_path):
+        labels = {f"n{i}": label("none", None, severity=None) for i in range(90)} | {
+            f"w{i}": label("creep", 0.5) for i in range(60)
+        }
+        found = scored(tmp_path, labels, {case: answer("none", ("none", 1.0)) for case in labels})
+        assert found.value("expected calibration error") == pytest.approx(60 / 150)
+        assert found.value("expected calibration error", CLEAR) == 0
 
     def test_severity_is_that_of_the_detectable_shift_and_power_rises_with_it(self, tmp_path):
         labels = {f"c{m}_{i}": label("plate-tilt", m) for m in (0.5, 1, 2, 4) for i in range(10)}

@@ -63,6 +63,16 @@ def generate_suite(
         int,
         _cases_option(min=0, max=MOST_CASES, help="Cases with an effect that no answerer has on its list."),
     ] = 48,
+    multiples: Annotated[
+        list[float] | None,
+        _cases_option(
+            "--multiple",
+            min=0.05,
+            max=20,
+            help="Severity of single effects, in typical or detectable ones; several times for several. "
+            f"[default: {', '.join(f'{one:g}' for one in MULTIPLES)}]",
+        ),
+    ] = None,
     detectable: Annotated[
         Path | None,
         _cases_option(help="Table that `atlas power --out` wrote; by default typical severities count."),
@@ -92,7 +102,8 @@ def generate_suite(
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}
     size = vertices or world_of(world).vertices
     table = detectable and read_detectable(detectable)
-    asked = Suite(_seed(seed, labels), counts, size, samples, table, world)  # pyright: ignore[reportArgumentType]
+    severities = tuple(multiples or MULTIPLES)
+    asked = Suite(_seed(seed, labels), counts, size, samples, table, world, severities)  # pyright: ignore[reportArgumentType]
     kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
     with progress_bar("cases", sum(counts.values())) as bar, kept:
         made = generate(asked, out, labels, workers=workers, step=lambda case: bar.advance())

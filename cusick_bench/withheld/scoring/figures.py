@@ -130,7 +130,8 @@ def figures_of(
     for subset, within in subsets.items():
         positives, goal = evidence[(kind == SINGLE) & within], AUROC_GOAL if subset == CLEAR else None
         figures.append(_auroc(method, subset, positives, evidence[kind == NULL], goal, bootstrap))
-    return figures + _calibration(method, cases, bootstrap)
+    clear = subsets[CLEAR] | (kind == NULL)
+    return figures + _calibration(method, ALL, cases, bootstrap) + _calibration(method, CLEAR, cases[clear], bootstrap)
 
 
 def _figure(
@@ -166,7 +167,7 @@ def _auroc(
     return Figure(method, AUROC, subset, float(auroc(positives, nulls)), low, high, number, goal)
 
 
-def _calibration(method: str, cases: pd.DataFrame, bootstrap: _Bootstrap | None) -> list[Figure]:
+def _calibration(method: str, subset: str, cases: pd.DataFrame, bootstrap: _Bootstrap | None) -> list[Figure]:
     known = cases.loc[cases["confidence"].notna()]
     confidence, right = known["confidence"].to_numpy(float), known["right"].to_numpy(float)
     if not len(known):
@@ -176,6 +177,7 @@ def _calibration(method: str, cases: pd.DataFrame, bootstrap: _Bootstrap | None)
         drawn = bootstrap.generator.integers(len(known), size=(bootstrap.resamples, len(known)))
         low, high = bootstrap.interval([calibration_error(confidence[rows], right[rows]) for rows in drawn])
         value = calibration_error_by_chance(confidence, bootstrap.generator)
-        chance = [Figure(method, CALIBRATION_BY_CHANCE, ALL, value, nan, nan, len(known))]
+        chance = [Figure(method, CALIBRATION_BY_CHANCE, subset, value, nan, nan, len(known))]
     error = calibration_error(confidence, right)
-    return [Figure(method, CALIBRATION, ALL, error, low, high, len(known), CALIBRATION_GOAL), *chance]
+    goal = CALIBRATION_GOAL if subset == CLEAR else None
+    return [Figure(method, CALIBRATION, subset, error, low, high, len(known), goal), *chance]

@@ -131,7 +131,11 @@ class Plan:
 
 
 def plan_suite(
-    seed: int, counts: Mapping[Kind, int], detectable: DetectableSeverities | None = None, world_name: str = DEFAULT
+    seed: int,
+    counts: Mapping[Kind, int],
+    detectable: DetectableSeverities | None = None,
+    world_name: str = DEFAULT,
+    multiples: Sequence[float] = MULTIPLES,
 ) -> list[Plan]:
     """Draws the cases of a suite, in an order that tells nothing.
 
@@ -140,6 +144,7 @@ def plan_suite(
         counts: How many cases of each kind. Single effects and severities are spread evenly.
         detectable: Severities at which each effect is detected in most cases.
         world_name: World that the cases lie in; they hold effects that it can do.
+        multiples: Severities of single effects, in multiples of the reference.
 
     Returns:
         The cases.
@@ -151,7 +156,7 @@ def plan_suite(
     generator, world = np.random.default_rng([seed, 0]), world_of(world_name)
     listed, outside = (tuple(name for name in names if name in world.laws) for names in (DRAWN, OUTSIDE))
     drawn: list[tuple[Kind, tuple[str, ...], float]] = [("null", (), 0.0)] * counts["null"]
-    for name, multiple in _spread(listed, MULTIPLES, counts["single"], generator):
+    for name, multiple in _spread(listed, multiples, counts["single"], generator):
         drawn.append(("single", (name,), multiple))
     for first, multiple in _spread(listed, _PAIR_MULTIPLES, counts["pair"], generator):
         second = _partner(first, listed, generator)

@@ -23,7 +23,7 @@ from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.seal import salt_of, sealed
-from cusick_bench.withheld.suite.design import Kind, Plan, plan_suite
+from cusick_bench.withheld.suite.design import MULTIPLES, Kind, Plan, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
 from cusick_bench.withheld.world.photograph import LABORATORY, jpeg
@@ -45,6 +45,7 @@ class Suite:
         samples: Samples of each case.
         detectable: Severities at which effects are detected in most cases; typical severities if None.
         world: Name of the world that the cases lie in.
+        multiples: Severities of single effects, in multiples of what is typical or detectable.
     """
 
     seed: int
@@ -53,6 +54,7 @@ class Suite:
     samples: int = SAMPLES
     detectable: DetectableSeverities | None = None
     world: str = DEFAULT
+    multiples: tuple[float, ...] = MULTIPLES
 
     def plans(self) -> list[Plan]:
         """Plans the cases of the suite.
@@ -60,7 +62,7 @@ class Suite:
         Returns:
             The cases.
         """
-        return plan_suite(self.seed, self.counts, self.detectable, self.world)
+        return plan_suite(self.seed, self.counts, self.detectable, self.world, self.multiples)
 
 
 _SUITE = TypeAdapter(Suite)
