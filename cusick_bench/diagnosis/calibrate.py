@@ -1,11 +1,12 @@
 """Calibration on simulated cases with known causes: how much noise there is, and how far evidence is to be trusted.
 
-The atlas is not the world. On cases of another world the whitened residual is wider than white where no effect acts,
-and evidences are stronger than deserved, as the model's errors are no more independent than effects' are alike. Two
-numbers mend that: a factor on the noise, such that the detection test holds its level on cases without effect, and a
-power of the evidences, set by the mean log score of the probabilities over all cases. The level is held by the upper
-bound of the share detected: the share itself is exceeded as often as not by that of other cases. None of the cases may
-be one that a diagnosis is scored on.
+The atlas is not the world. Its discrepancy is that of its own cheap drapes, more than another world shows; on cases of
+another world the whitened residual may still be wider than white where no effect acts, and evidences are stronger than
+deserved, as the model's errors are no more independent than effects' are alike. Three numbers mend that: the share of
+the discrepancy that makes cases without effect likeliest, a factor on the noise, such that the detection test holds its
+level on them, and a power of the evidences, set by the mean log score of the probabilities over all cases. The level is
+held by the upper bound of the share detected: the share itself is exceeded as often as not by that of other cases. None
+of the cases may be one that a diagnosis is scored on.
 
 References:
     Gneiting, Raftery. Strictly proper scoring rules, prediction, and estimation. JASA 102(477), 2007. Gruenwald, van
@@ -32,6 +33,7 @@ from cusick_bench.diagnosis.inference.fabric_sets import fabric_sets
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.processes import process_pool
 
+DISCREPANCIES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)
 TEMPERINGS = np.array([0.35, 0.5, 0.7, 1.0])
 _CONFIDENCE = 0.95  # that the level holds: what is detected in just its share of some nulls is in more of others
@@ -60,7 +62,7 @@ def calibrate(
         step: Called for every case that was looked at, in both passes.
 
     Returns:
-        Factor on the noise, and power of the evidences, with how far laws differ.
+        Share of the discrepancy, factor on the noise, and power of the evidences, with how far laws differ.
 
     Raises:
         DiagnosisError: Too few cases without effect, or too many of them that no noise explains.
@@ -70,6 +72,12 @@ def calibrate(
     if len(nulls) < _LEAST_NULLS:
         raise DiagnosisError(f"calibration needs at least {_LEAST_NULLS} cases without effect, got {len(nulls)}")
     with parallel_map(workers) as over:
+        likelihoods = []
+        for row in over(partial(log_likelihoods_of, emulator=emulator, known=known), nulls):
+            likelihoods.append(row)
+            step()
+        share = DISCREPANCIES[int(np.argmax(np.sum(likelihoods, axis=0)))]
+        known = replace(known, discrepancy=share)
         needed = []
         for rank in over(partial(_needed, emulator=emulator, known=known), nulls):
             needed.append(rank)
@@ -87,7 +95,7 @@ def calibrate(
 
 
 def looks(truths: Sequence[str]) -> int:
-    """How often a calibration looks at a case: at those without effect, then at those that set the power.
+    """How often a calibration looks at a case: at those without effect twice, then at those that set the power.
 
     Args:
         truths: What acts in each case.
@@ -95,7 +103,7 @@ def looks(truths: Sequence[str]) -> int:
     Returns:
         How often `calibrate` calls its `step`.
     """
-    return sum(truth == NONE for truth in truths) + len(truths[:: _every(len(truths))])
+    return 2 * sum(truth == NONE for truth in truths) + len(truths[:: _every(len(truths))])
 
 
 def _every(count: int) -> int:
@@ -118,6 +126,24 @@ def parallel_map(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
         return
     with process_pool(workers) as pool:
         yield pool.map
+
+
+def log_likelihoods_of(captures: Captures, emulator: Emulator, known: Calibration) -> list[float]:
+    """Log likelihood of a case without effect.
+
+    Args:
+        captures: Its silhouettes.
+        emulator: The atlas.
+        known: How far laws differ.
+
+    Returns:
+        At each of `DISCREPANCIES`, but for a constant [nat].
+    """
+    rows = []
+    for share in DISCREPANCIES:
+        _, data, _ = fabric_data(captures, emulator, replace(known, discrepancy=share, inflation=1.0))
+        rows.append(data.against().log_likelihood)
+    return rows
 
 
 def _needed(captures: Captures, emulator: Emulator, known: Calibration) -> int:

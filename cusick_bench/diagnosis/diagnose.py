@@ -25,8 +25,9 @@ from cusick_bench.diagnosis.inference.hypotheses import shifts
 from cusick_bench.diagnosis.inference.intervals import ParameterInterval, parameter_intervals
 from cusick_bench.diagnosis.inference.localise import Place, place
 from cusick_bench.diagnosis.inference.next_measurement import Advice, advise
+from cusick_bench.diagnosis.inference.noise import noise, scatter_of
 from cusick_bench.diagnosis.inference.novelty import Novelty
-from cusick_bench.diagnosis.inference.residual import Residual, base_vector, feature_vector, noise, scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual, base_vector, feature_vector
 from cusick_bench.diagnosis.inference.samples import SampleStatistics
 from cusick_bench.diagnosis.inference.verdict import Verdict
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -132,12 +133,10 @@ def diagnose(
         Refused: Another geometry than the atlas', one sample only, or a cloth beyond the atlas.
         DiagnosisError: No usable drape.
     """
-    chosen = options or Options()
+    chosen, known = options or Options(), calibration or Calibration()
     generator = np.random.default_rng([_SEED, chosen.seed])
     progress("statistics, base model, sets of effects", 0.0)
-    evidence = fabric_evidence(
-        captures, emulator, calibration or Calibration(), generator, without=chosen.without, shared=shared
-    )
+    evidence = fabric_evidence(captures, emulator, known, generator, without=chosen.without, shared=shared)
     found, sets, notes = evidence.finding, evidence.sets, list(evidence.notes)
     drifting = [one for one in evidence.causes if acts_later(one.hypothesis.effect)]
     if drifting:
@@ -146,7 +145,7 @@ def diagnose(
     if chosen.samples and (evidence.causes or chosen.always):
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
         simulated = closures(
-            emulator, evidence.samples, sets.residual, [evidence.causes], draping,
+            known.applied(emulator), evidence.samples, sets.residual, [evidence.causes], draping,
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)
@@ -173,7 +172,11 @@ def diagnose(
         residual=sets.residual,
         features=evidence.features,
         baselines=_baselines(
-            emulator, evidence.features, evidence.samples, evidence.plain, evidence.data.grids(evidence.plain)
+            evidence.data.emulator,
+            evidence.features,
+            evidence.samples,
+            evidence.plain,
+            evidence.data.grids(evidence.plain),
         ),
         notes=tuple(notes),
         without=chosen.without,

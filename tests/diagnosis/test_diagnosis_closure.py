@@ -11,7 +11,8 @@ from cusick_bench.diagnosis.atlas.store import load
 from cusick_bench.diagnosis.inference.evidence import Candidate
 from cusick_bench.diagnosis.inference.feature_rows import faces_of
 from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.residual import against_base, scatter_of
+from cusick_bench.diagnosis.inference.noise import scatter_of
+from cusick_bench.diagnosis.inference.residual import against_base
 from cusick_bench.diagnosis.inference.samples import SampleStatistics
 from cusick_bench.diagnosis.measure.gap import fit_of
 from cusick_bench.diagnosis.measure.statistics import NAMES

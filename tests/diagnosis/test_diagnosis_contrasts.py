@@ -19,8 +19,9 @@ from cusick_bench.diagnosis.inference.feature_rows import (
     in_rows,
 )
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.noise import noise, scatter_of
 from cusick_bench.diagnosis.inference.power import expected_features
-from cusick_bench.diagnosis.inference.residual import against_base, base_vector, feature_vector, noise, scatter_of
+from cusick_bench.diagnosis.inference.residual import against_base, base_vector, feature_vector
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
 
@@ -112,8 +113,8 @@ def test_data_widen_even_and_odd_parts_each_for_itself() -> None:
         3 * generator.standard_normal((200, COUNT)) * sd, 0.05 * generator.standard_normal((200, COUNT)) * sd, []
     )
     scatter = scatter_of(wide)
-    assert scatter[:, -1].tolist() == [398, 199, 199]
-    np.testing.assert_allclose(scatter[1, :-1] / sd**2, 9, rtol=0.5)
+    assert (scatter.within_freedom, scatter.paired_freedom) == (398, 199)
+    np.testing.assert_allclose(np.diag(scatter.even) / sd**2, 9, rtol=0.5)
     expected = expected_features(emulator, theta, 12)
     plain, widened = (
         noise(emulator, theta, expected, None, exact=True),
@@ -124,7 +125,7 @@ def test_data_widen_even_and_odd_parts_each_for_itself() -> None:
     assert (ratio[:COUNT] > 4).all()
     assert (ratio[COUNT:] < 0.5).all()
     one_face = scatter_of(np.where(np.arange(2)[:, None] == 0, wide, np.nan))
-    assert one_face[:, -1].tolist() == [199, 0, 0]
+    assert (one_face.within_freedom, one_face.paired_freedom, one_face.freedom) == (199, 0, 199)
     single = noise(emulator, theta, expected, one_face, exact=True)
     assert (np.diag(single.covariance)[FACE_ODD] * single.sd**2 > RESOLUTION**2 / 100).all()
 
@@ -176,3 +177,20 @@ def test_a_planted_offset_is_found_in_toy_cloths() -> None:
     best = int(np.argmin(((residual.white - moved) ** 2).sum(1)))
     assert hypothesis.values["shift"][best] == pytest.approx(3e-3, rel=0.5)
     assert abs(hypothesis.values["direction"][best] - 40) <= 15
+
+
+def test_the_noise_is_that_of_fabrics_that_scatter_otherwise_than_the_model() -> None:
+    """A dozen samples that scatter by half or by thrice the model's: mean squares of the noise stay near 1."""
+    emulator, theta, generator = toy_emulator(), PRIOR_MEAN, np.random.default_rng(11)
+    sd, n = emulator.sd(theta), COUNT
+    own, other = emulator.correlation[:n, :n], emulator.correlation[:n, n:]
+    root = np.linalg.cholesky((own + own.T) / 2 - (other + other.T) / 2 + 1e-9 * np.eye(n)) / np.sqrt(2)
+    for wider in (0.5, 3.0):
+        squares = []
+        for _ in range(30):
+            even, odd = (wider * (generator.standard_normal((12, n)) @ root.T) * sd for _ in range(2))
+            specimens = np.stack([emulator.mean(theta) + even - odd, emulator.mean(theta) + even + odd], axis=1)
+            found = noise(emulator, theta, features(specimens), scatter_of(specimens), exact=True)
+            odd_rows = odd.mean(0) / found.sd
+            squares.append(odd_rows @ np.linalg.solve(found.covariance[FACE_ODD, FACE_ODD], odd_rows) / n)
+        assert 0.8 < np.mean(squares) < 1.6, (wider, np.mean(squares))  # 2 and more without the scale g

@@ -164,7 +164,8 @@ def calibrate_atlas(
         print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
     else:
         output.print(
-            f"{atlas}: noise x {after.inflation:g}, evidence to the power {after.tempering:g} ({len(found)} cases)"
+            f"{atlas}: {after.discrepancy:g} of the atlas' discrepancy, noise x {after.inflation:g}, evidence to the "
+            f"power {after.tempering:g} ({len(found)} cases)"
         )
 
 
@@ -211,7 +212,8 @@ def power(
     from cusick_bench.diagnosis.inference.power import FABRICS, STIFFNESS, detectable, needed
     from cusick_bench.sim.effects import registered
 
-    emulator, calibration = load(atlas)
+    fitted, calibration = load(atlas)
+    emulator = calibration.applied(fitted)
     with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
         shift = needed(emulator, calibration, np.random.default_rng(0))
         inflation = calibration.inflation

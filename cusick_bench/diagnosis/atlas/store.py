@@ -6,7 +6,7 @@ save(path, fit(*read_points(folder)), Calibration())
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ class Calibration:
     Attributes:
         inflation: Standard deviation of the whitened residual where no effect acts; 1 in theory.
         tempering: Power of the evidences that makes probabilities come true; 1 in theory.
+        discrepancy: Share of the atlas' own discrepancy that other simulators show; 1 in theory.
         cases: How many cases that rests on; 0 for theory.
         law_mismatch: How far other laws for the same effect differ from the atlas', by effect: along its shift and
             across it, as shares of the shift's size; defaults for effects that it lacks.
@@ -53,6 +54,7 @@ class Calibration:
     tempering: float = 1.0
     cases: int = 0
     law_mismatch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    discrepancy: float = 1.0
 
     def mismatch(self, effect: str) -> tuple[float, float]:
         """How far other laws for an effect may differ.
@@ -66,6 +68,17 @@ class Calibration:
         known = registered().get(effect)
         default = LAW_MISMATCH if known is None else GEOMETRY_MISMATCH.get(known.kind, LAW_MISMATCH)
         return self.law_mismatch.get(effect, default)
+
+    def applied(self, emulator: Emulator) -> Emulator:
+        """The atlas with that share of its discrepancy.
+
+        Args:
+            emulator: The atlas as it was fitted.
+
+        Returns:
+            The atlas that fabrics are compared with.
+        """
+        return replace(emulator, discrepancy=self.discrepancy * emulator.discrepancy)
 
     def law_variance(self, effect: str, shift: Float[ndarray, "rows"]) -> Float[ndarray, "rows"]:
         """What other laws for an effect may add to the variance of each row.
@@ -86,6 +99,10 @@ class Calibration:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MOST:
                 raise ValueError(f"{name} of the calibration must be a number > 0, got {value!r}")
+        if isinstance(self.discrepancy, bool) or not isinstance(self.discrepancy, int | float):
+            raise ValueError(f"discrepancy of the calibration must be a number, got {self.discrepancy!r}")
+        if not 0 <= self.discrepancy <= 1:
+            raise ValueError(f"discrepancy of the calibration must be between 0 and 1, got {self.discrepancy!r}")
 
 
 def _shares(name: str, given: Any) -> tuple[float, float]:

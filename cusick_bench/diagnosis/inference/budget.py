@@ -21,7 +21,8 @@ from cusick_bench.diagnosis.inference.evidence import Candidate
 from cusick_bench.diagnosis.inference.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.hypotheses import shifts
-from cusick_bench.diagnosis.inference.residual import Residual, scatter_of
+from cusick_bench.diagnosis.inference.noise import scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual
 from cusick_bench.diagnosis.inference.samples import SampleStatistics
 
 _SPLITS = 20

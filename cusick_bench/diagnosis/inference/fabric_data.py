@@ -12,8 +12,9 @@ from cusick_bench.diagnosis.inference.effect_points import effect_points
 from cusick_bench.diagnosis.inference.evidence import Candidate, Grid, detectable_grids
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.misfit import Misfit, misfit_of
+from cusick_bench.diagnosis.inference.noise import Scatter, scatter_of
 from cusick_bench.diagnosis.inference.refusal import doubts, require_enough
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated
 from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.set_model import SetModel, SharedShift
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -29,7 +30,7 @@ class FabricData:
         emulator: The atlas, with the fabric's own outlines.
         calibration: Calibration of its probabilities.
         features: Features of the fabric.
-        scatter: Variances between its samples, from `scatter_of`; None for the model's own.
+        scatter: How its samples scatter; None for the model's own scatter.
         drift: Share of each face's captures that are later ones.
         without: Effects that are not considered.
     """
@@ -37,7 +38,7 @@ class FabricData:
     emulator: Emulator
     calibration: Calibration
     features: Features
-    scatter: ndarray | None
+    scatter: Scatter | None
     drift: float
     without: tuple[str, ...] = ()
 
@@ -147,7 +148,7 @@ def fabric_data(
     scaled, notes = to_atlas(captures)
     require_enough(captures)
     samples = sample_statistics(scaled)
-    own = replace(emulator, outlines=OwnOutlines(scaled))
+    own = replace(calibration.applied(emulator), outlines=OwnOutlines(scaled))
     scatter = scatter_of(samples.specimens)
     data = FabricData(own, calibration, samples.features(), scatter, samples.later, tuple(without))
     return samples, data, notes + doubts(captures, data.features)

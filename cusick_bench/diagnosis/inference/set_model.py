@@ -31,6 +31,8 @@ MOST = 5
 """Effects of a set."""
 COUNT_PRIOR: Final = np.array([0.5, 0.27, 0.13, 0.06, 0.03, 0.01])
 """Probability of so many effects."""
+COMMON_FREEDOM: Final = 30.0
+"""Degrees of freedom of what widens all rows of a fabric: so mean squares of nulls of three simulators scatter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,8 @@ class SetModel:
     def null_noise(self, draws: int, generator: np.random.Generator) -> Float[ndarray, "draws kept"]:
         """Noise of fabrics on which nothing acts, in units of what its standard deviation is taken to be.
 
-        That is known from a dozen samples only: Student's t in every row.
+        That is known from a dozen samples only: Student's t in every row, and in all rows together, as what widens a
+        fabric's scatter widens that of all statistics.
 
         Args:
             draws: Number of fabrics.
@@ -86,7 +89,9 @@ class SetModel:
         noise = generator.standard_normal((draws, len(self.white)))
         if not np.isfinite(self.freedom):
             return noise
-        return noise * np.sqrt(self.freedom / generator.chisquare(self.freedom, noise.shape))
+        rows = self.freedom / generator.chisquare(self.freedom, noise.shape)
+        fabrics = COMMON_FREEDOM / generator.chisquare(COMMON_FREEDOM, (draws, 1))
+        return noise * np.sqrt(rows * fabrics)
 
     def log_prior(self, count: int) -> float:
         """Log prior of any one set of a size.

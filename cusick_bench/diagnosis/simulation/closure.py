@@ -28,7 +28,8 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.evidence import Candidate, candidates, grid_at
 from cusick_bench.diagnosis.inference.feature_rows import MEANS
 from cusick_bench.diagnosis.inference.hypotheses import shifts
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, scatter_of
+from cusick_bench.diagnosis.inference.noise import scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual, against_base
 from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import features

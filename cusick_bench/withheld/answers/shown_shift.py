@@ -30,8 +30,9 @@ from pydantic.dataclasses import dataclass
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.evidence import grid_at
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses
+from cusick_bench.diagnosis.inference.noise import scatter_of
 from cusick_bench.diagnosis.inference.power import NEEDED
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, feature_vector, inflated, scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual, against_base, feature_vector, inflated
 from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
@@ -165,7 +166,8 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
     Returns:
         The shift, and the other effect that is most like it.
     """
-    emulator, calibration = load_atlas(atlas)
+    shipped, calibration = load_atlas(atlas)
+    emulator = calibration.applied(shipped)
     scatter = scatter_of(twin.specimens)
     plain = against_base(emulator, twin.features(), scatter=scatter, drift=twin.later)
     refit = against_base(emulator, case.features(), scatter=scatter, drift=case.later, start=plain.theta)

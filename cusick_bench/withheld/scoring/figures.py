@@ -130,8 +130,8 @@ def figures_of(
     for subset, within in subsets.items():
         positives, goal = evidence[(kind == SINGLE) & within], AUROC_GOAL if subset == CLEAR else None
         figures.append(_auroc(method, subset, positives, evidence[kind == NULL], goal, bootstrap))
-    clear = subsets[CLEAR] | (kind == NULL)
-    return figures + _calibration(method, ALL, cases, bootstrap) + _calibration(method, CLEAR, cases[clear], bootstrap)
+    figures += _calibration(method, ALL, cases, bootstrap)
+    return figures + _calibration(method, CLEAR, cases.loc[subsets[CLEAR] | (kind == NULL)], bootstrap)
 
 
 def _figure(
