@@ -5,8 +5,8 @@ another world the whitened residual may still be wider than white where no effec
 deserved, as the model's errors are no more independent than effects' are alike. Three numbers mend that: the share of
 the discrepancy that makes cases without effect likeliest, a factor on the noise, such that the detection test holds its
 level on them, and a power of the evidences, set by the mean log score of the probabilities over all cases. The level is
-held by the upper bound of the share detected: the share itself is exceeded as often as not by that of other cases. None
-of the cases may be one that a diagnosis is scored on.
+held where it is as likely as not, given the share detected, that no larger share of other cases would be. None of the
+cases may be one that a diagnosis is scored on.
 
 References:
     Gneiting, Raftery. Strictly proper scoring rules, prediction, and estimation. JASA 102(477), 2007. Gruenwald, van
@@ -36,12 +36,12 @@ from cusick_bench.runner.processes import process_pool
 DISCREPANCIES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)
 TEMPERINGS = np.array([0.35, 0.5, 0.7, 1.0])
-_CONFIDENCE = 0.95  # that the level holds: what is detected in just its share of some nulls is in more of others
-_LEAST_NULLS = 60  # with fewer not even nothing detected shows that it holds
+_CONFIDENCE = 0.5  # that the level holds: as likely as not
+_LEAST_NULLS = 40  # with fewer a single one decides
 _LEAST_PROBABILITY = 1e-3  # a cause that was left out as undetectable surprises by no more than that
 _SEED = 29
 _STEPS = 40  # of the sampler
-_MOST_TEMPERED = 150  # cases, evenly out of all, that set the power: each is sampled once for every power
+_MOST_TEMPERED = 60  # cases, evenly out of all, that set the power: each is sampled once for every power
 
 
 def calibrate(

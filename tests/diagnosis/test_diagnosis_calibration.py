@@ -42,7 +42,7 @@ def fabric(emulator: Emulator, bending: float) -> Residual:
 
 
 def test_calibration_finds_the_noise_and_the_power_that_suit_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tenth of the discrepancy is likeliest, three nulls in ten need more noise, half the evidence surprises least."""
+    """A tenth of the discrepancy is likeliest, three nulls in ten need more noise, half of the evidence is enough."""
     truths = [NONE if number % 2 else "creep" for number in range(400)]
     nulls = [number for number, truth in enumerate(truths) if truth == NONE]
     limits = {number: 1.25 if place < 0.3 * len(nulls) else 1.0 for place, number in enumerate(nulls)}
@@ -68,7 +68,7 @@ def test_calibration_finds_the_noise_and_the_power_that_suit_the_cases(monkeypat
     monkeypatch.setattr(module, "surprises_of", surprises)
     told: list[None] = []
     found = calibrate(list(enumerate(truths)), None, fitted, step=lambda: told.append(None))  # pyright: ignore[reportArgumentType]
-    assert len(told) == looks(truths) == 400 + 134
+    assert len(told) == looks(truths) == 400 + 58
     assert found.inflation == pytest.approx(1.25)
     assert found.tempering == pytest.approx(0.5)
     assert found.discrepancy == pytest.approx(0.1)
@@ -76,9 +76,9 @@ def test_calibration_finds_the_noise_and_the_power_that_suit_the_cases(monkeypat
     assert found.law_mismatch == fitted.law_mismatch
 
 
-@pytest.mark.parametrize(("detected", "place"), [(0, 0), (6, 0), (7, 1), (10, 1)])
-def test_the_level_holds_with_confidence(detected: int, place: int) -> None:
-    """Of 240 nulls 12 are the level; 6 are the most of which the upper bound of 95 % lies below it."""
+@pytest.mark.parametrize(("detected", "place"), [(0, 0), (11, 0), (12, 1), (20, 1)])
+def test_the_level_holds_as_likely_as_not(detected: int, place: int) -> None:
+    """Of 240 nulls 12 are the level; 11 are the most of which the median of the true share lies below it."""
     needed = [1] * detected + [0] * (240 - detected)
     assert inflation_at_level(needed) == INFLATIONS[place]
 

@@ -9,6 +9,7 @@ from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import GEOMETRY_MISMATCH, LAW_MISMATCH, Calibration, load
 from cusick_bench.diagnosis.inference.budget import Budget, budget
+from cusick_bench.diagnosis.inference.evened import evened_out
 from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
 from cusick_bench.diagnosis.inference.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, fabric_sets, named_causes
@@ -204,7 +205,10 @@ def test_all_that_a_laboratory_shares_is_named_and_stands_among_the_causes() -> 
     assert quiet.leading["camera-offset"] == pytest.approx(0.6)
     found = finding(0.01, own, FITS, ("camera-offset", "cut-size"))
     assert set(found.effects) == {"camera-offset", "cut-size", "creep"}
-    assert found.leading == {"creep": 0.9, "camera-offset": 0.08, "cut-size": 0.0, NONE: 0.0, UNKNOWN: 0.02}
+    left = 1 - FITS.probability
+    expected = {"creep": 0.9, "camera-offset": 0.08, "cut-size": 0.0, NONE: 0.0, UNKNOWN: 0.02}
+    expected = {name: left * value for name, value in expected.items()} | {UNKNOWN: left * 0.02 + FITS.probability}
+    assert found.leading == pytest.approx(expected)
 
 
 def test_shares_of_the_budget_add_up(emulator: Emulator, three: tuple[FabricData, FabricSets]) -> None:
@@ -256,6 +260,38 @@ def test_verdicts() -> None:
     assert carries.verdict == "several"
     assert UNKNOWN in carries.set90
     assert any("not on the list" in note for note in carries.notes)
+
+
+def test_the_worse_a_set_fits_the_likelier_is_a_cause_outside_of_the_list() -> None:
+    unknown = [Novelty(p, 0.9).probability for p in (0.8, 0.3, 0.1, 0.03, 0.001)]
+    assert unknown == sorted(unknown)
+    assert unknown[0] < 0.1
+    assert unknown[-1] > 0.9
+    sure = posterior({"creep": 0.95}, {("creep",): 0.95, (): 0.05}, {"creep": 0.96} | NOTHING)
+    doubted = finding(0.01, sure, Novelty(0.03, 0.9))
+    assert (doubted.verdict, doubted.effects) == ("effect", ("creep",)), "what has a signature of its own is named"
+    assert 0.4 < doubted.leading["creep"] < 0.6
+    assert UNKNOWN in doubted.set90
+
+
+def test_what_silhouettes_hardly_tell_apart_is_not_told_apart() -> None:
+    sure = posterior(
+        {"camera-scale": 1.0, "cut-size": 0.0, "creep": 0.9, "plate-tilt": 0.1},
+        {("camera-scale", "creep"): 0.9, ("camera-scale", "plate-tilt"): 0.1},
+        {"camera-scale": 0.7, "cut-size": 0.0, "creep": 0.3, "plate-tilt": 0.0, NONE: 0.0, UNKNOWN: 0.0},
+    )
+    found = evened_out(sure)
+    assert found.effects == pytest.approx({"camera-scale": 0.7, "cut-size": 0.3, "creep": 0.9, "plate-tilt": 0.1})
+    assert found.leading["camera-scale"] + found.leading["cut-size"] == pytest.approx(0.7)
+    assert next(iter(found.sets)) == ("camera-scale", "creep")
+    assert found.sets[("creep", "cut-size")] == pytest.approx(0.27)
+    assert sum(found.sets.values()) == pytest.approx(1)
+    together = posterior(
+        {"camera-scale": 1.0, "cut-size": 1.0},
+        {("camera-scale", "cut-size"): 1.0},
+        {"camera-scale": 0.6, "cut-size": 0.4},
+    )
+    assert evened_out(together).sets == {("camera-scale", "cut-size"): 1.0}
 
 
 def test_look_alikes_share_their_probability() -> None:

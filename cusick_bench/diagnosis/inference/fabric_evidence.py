@@ -6,7 +6,7 @@ Everything here is linear algebra on the atlas.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.inference.budget import Budget, budget
 from cusick_bench.diagnosis.inference.detection import detection_p_value
+from cusick_bench.diagnosis.inference.evened import evened_out
 from cusick_bench.diagnosis.inference.evidence import NONE, Candidate
 from cusick_bench.diagnosis.inference.fabric_data import FabricData, fabric_data
 from cusick_bench.diagnosis.inference.fabric_sets import (
@@ -115,7 +116,8 @@ def fabric_evidence(
     hidden = sorted({one.name for one in hypotheses(emulator)} - {*model.points.names, *without})
     if hidden:
         notes.append(f"undetectable in this fabric, whatever their strength: {', '.join(hidden)}")
-    sets = fabric_sets(data, plain, generator, shared=shared, progress=progress)
+    sampled = fabric_sets(data, plain, generator, shared=shared, progress=progress)
+    sets = replace(sampled, posterior=evened_out(sampled.posterior))
     notes += domain_doubts(emulator, data.features, sets.residual)
     likeliest = [*(one.hypothesis.name for one in shared), *next(iter(sets.posterior.sets))]
     best = named_set(data, sets, named_causes(data, sets, likeliest))

@@ -35,6 +35,9 @@ from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION
 _COUNT = len(NAMES)
 MODEL_FREEDOM: Final = 6.0
 """T, degrees of freedom that the model's own variances count for beside the data's."""
+TOGETHER: Final = 1.8
+"""Degrees of freedom of what widens all rows of a fabric, over those of one variance: so mean squares of cases without
+effect in three simulators scatter."""
 _CORRELATION_FREEDOM = 30.0  # that its correlations count for
 _DRIFT_FREEDOM = 12.0  # the same for drifts
 _SCALE_SD = 1.0  # of ln g between fabrics; 0.2 to 6 were met

@@ -6,7 +6,8 @@ rows count that no base model may get wrong. Two statistics are looked at togeth
 over the few directions in which effects move them most; the larger excess over the draws' is held against theirs.
 
 References:
-    Davison, Hinkley. Bootstrap methods and their application, 1997, Section 4.4 (parametric tests).
+    Davison, Hinkley. Bootstrap methods and their application, 1997, Section 4.4 (parametric tests). Sellke, Bayarri,
+    Berger. Calibration of p values for testing precise null hypotheses. The American Statistician 55(1), 2001.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ from cusick_bench.diagnosis.inference.refined import NamedSet
 
 LEVEL = 0.1
 """Share of fabrics with listed effects only for which an unlisted one is claimed."""
+_PRIOR_ODDS = 0.3  # of a cause outside of the list, where something acts
+_FITS = 0.3  # Bayes factor where the set fits
 _DIRECTIONS = 10
 _DRAWS = 1000
 
@@ -41,6 +44,16 @@ class Novelty:
     def rejected(self) -> bool:
         """Whether something acts that is not on the list."""
         return self.p <= LEVEL
+
+    @property
+    def probability(self) -> float:
+        """Probability that what accounts for most is not on the list, as far as goodness of fit tells.
+
+        The odds are multiplied by the largest Bayes factor against the set that a p-value of this size allows.
+        """
+        favours = 1 / (-np.e * self.p * np.log(self.p)) if self.p < 1 / np.e else _FITS
+        odds = _PRIOR_ODDS * favours
+        return float(odds / (1 + odds))
 
 
 def novelty(sets: FabricSets, named: NamedSet, generator: np.random.Generator) -> Novelty:

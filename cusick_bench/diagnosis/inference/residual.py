@@ -27,7 +27,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.feature_rows import as_seen
-from cusick_bench.diagnosis.inference.noise import MODEL_FREEDOM, Noise, Scatter, noise
+from cusick_bench.diagnosis.inference.noise import MODEL_FREEDOM, TOGETHER, Noise, Scatter, noise
 from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 
@@ -47,7 +47,7 @@ class Residual:
         white: w, the known entries' difference to the base model, whitened.
         root: L, the Cholesky factor of the known entries' covariance.
         drift: Share of each face's captures that are later ones.
-        freedom: Degrees of freedom of the variances between samples that the noise is made of.
+        freedom: Degrees of freedom of what makes all rows together noisier or quieter than is known.
         single: Which face alone is known, as in `Features.single`; 0 for both.
     """
 
@@ -167,7 +167,7 @@ def against_base(
     # y - y0(theta) = noise + J (true - theta), and true - theta = (true - theta0) + (theta0 - theta) about the prior
     centred = value - jacobian @ (PRIOR_MEAN - theta)
     white = solve_triangular(root, centred, lower=True)
-    freedom = np.inf if scatter is None else MODEL_FREEDOM + scatter.freedom
+    freedom = np.inf if scatter is None else TOGETHER * (MODEL_FREEDOM + scatter.freedom)
     return Residual(theta, posterior, kept, errors.sd, white, root, drift, freedom, features.single)
 
 

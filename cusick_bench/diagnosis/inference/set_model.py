@@ -31,8 +31,6 @@ MOST = 5
 """Effects of a set."""
 COUNT_PRIOR: Final = np.array([0.5, 0.27, 0.13, 0.06, 0.03, 0.01])
 """Probability of so many effects."""
-COMMON_FREEDOM: Final = 30.0
-"""Degrees of freedom of what widens all rows of a fabric: so mean squares of nulls of three simulators scatter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ class SetModel:
         points: All effects' points.
         listed: Effects that a set is chosen from, those without a point included.
         tempering: Power of the likelihood.
-        freedom: Degrees of freedom of the noise's variance.
+        freedom: Degrees of freedom of what makes all rows together noisier or quieter.
     """
 
     white: Float[ndarray, "kept"]
@@ -76,8 +74,8 @@ class SetModel:
     def null_noise(self, draws: int, generator: np.random.Generator) -> Float[ndarray, "draws kept"]:
         """Noise of fabrics on which nothing acts, in units of what its standard deviation is taken to be.
 
-        That is known from a dozen samples only: Student's t in every row, and in all rows together, as what widens a
-        fabric's scatter widens that of all statistics.
+        That is known from a dozen samples only, and what widens a fabric's scatter widens that of all statistics:
+        Student's t of all rows together.
 
         Args:
             draws: Number of fabrics.
@@ -89,9 +87,7 @@ class SetModel:
         noise = generator.standard_normal((draws, len(self.white)))
         if not np.isfinite(self.freedom):
             return noise
-        rows = self.freedom / generator.chisquare(self.freedom, noise.shape)
-        fabrics = COMMON_FREEDOM / generator.chisquare(COMMON_FREEDOM, (draws, 1))
-        return noise * np.sqrt(rows * fabrics)
+        return noise * np.sqrt(self.freedom / generator.chisquare(self.freedom, (draws, 1)))
 
     def log_prior(self, count: int) -> float:
         """Log prior of any one set of a size.

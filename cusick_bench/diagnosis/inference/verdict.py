@@ -16,7 +16,7 @@ NAMED = 0.6
 """Probability from which an effect is named, or a group of look-alikes out of which one acts."""
 _TOGETHER = 0.5  # probability of two look-alikes together, at most, over that of independent effects
 _LIKELY = 0.05  # probability from which an effect can be a member of a group
-_CARRIES = 0.5  # share of what no base model explains that a set takes at least where something unlisted acts too
+_CARRIES = 0.7  # share of what no base model explains that a set takes at least where something unlisted acts too
 _LEAST_STATED = 0.6  # probability of `none` or `unknown` where that is the verdict
 
 
@@ -81,6 +81,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
     groups = look_alikes(posterior, named)
     unlisted = test.rejected
+    leading = _with_unlisted(leading, test.probability)
     if unlisted and (not named or test.explained < _CARRIES):
         leading = _raised(leading, UNKNOWN, _LEAST_STATED)
         return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
@@ -133,6 +134,12 @@ def _with_shared(leading: Mapping[str, float], shared: Sequence[str]) -> dict[st
     if not shared:
         return dict(leading)
     return {**leading, **dict.fromkeys(shared, 0.0), shared[0]: leading[NONE], NONE: 0.0}
+
+
+def _with_unlisted(leading: Mapping[str, float], probability: float) -> dict[str, float]:
+    """Probabilities where goodness of fit gives something unlisted a probability of its own."""
+    mixed = {name: (1 - probability) * value for name, value in leading.items()}
+    return {**mixed, UNKNOWN: mixed[UNKNOWN] + probability}
 
 
 def _raised(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
