@@ -151,7 +151,7 @@ def calibrate_atlas(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Learns noise and trust in evidence from suites whose labels are open, and which are never scored again."""
+    """Learns how much noise there is from suites whose labels are open, and which are never scored again."""
     from cusick_bench.diagnosis.atlas.store import load, save
     from cusick_bench.diagnosis.calibrate import calibrate, looks
 
@@ -164,8 +164,8 @@ def calibrate_atlas(
         print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
     else:
         output.print(
-            f"{atlas}: {after.discrepancy:g} of the atlas' discrepancy, noise x {after.inflation:g}, evidence to the "
-            f"power {after.tempering:g} ({len(found)} cases)"
+            f"{atlas}: {after.discrepancy:g} of the atlas' discrepancy, noise x {after.inflation:g}, from {after.cases} "
+            "cases without effect"
         )
 
 

@@ -28,7 +28,7 @@ _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
 _SUMS = ("base", "base_spread", "log_sd")
 _MOST_FITS = 9  # that one function is the sum of
-_MOST = 1000  # of inflation and tempering
+_MOST = 1000  # of inflation
 
 
 LAW_MISMATCH = (0.3, 0.15)
@@ -43,15 +43,13 @@ class Calibration:
 
     Attributes:
         inflation: Standard deviation of the whitened residual where no effect acts; 1 in theory.
-        tempering: Power of the evidences that makes probabilities come true; 1 in theory.
         discrepancy: Share of the atlas' own discrepancy that other simulators show; 1 in theory.
-        cases: How many cases that rests on; 0 for theory.
+        cases: How many cases without effect that rests on; 0 for theory.
         law_mismatch: How far other laws for the same effect differ from the atlas', by effect: along its shift and
             across it, as shares of the shift's size; defaults for effects that it lacks.
     """
 
     inflation: float = 1.0
-    tempering: float = 1.0
     cases: int = 0
     law_mismatch: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     discrepancy: float = 1.0
@@ -95,10 +93,9 @@ class Calibration:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law_mismatch", {name: _shares(name, one) for name, one in self.law_mismatch.items()})
-        for name in ("inflation", "tempering"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MOST:
-                raise ValueError(f"{name} of the calibration must be a number > 0, got {value!r}")
+        value = self.inflation
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MOST:
+            raise ValueError(f"inflation of the calibration must be a number > 0, got {value!r}")
         if isinstance(self.discrepancy, bool) or not isinstance(self.discrepancy, int | float):
             raise ValueError(f"discrepancy of the calibration must be a number, got {self.discrepancy!r}")
         if not 0 <= self.discrepancy <= 1:

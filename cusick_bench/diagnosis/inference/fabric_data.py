@@ -104,7 +104,6 @@ class FabricData:
             misfit,
             effect_points(grids, misfit, self.calibration.mismatch),
             len(listed),
-            self.calibration.tempering,
             residual.freedom,
         )
 

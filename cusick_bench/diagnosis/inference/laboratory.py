@@ -259,7 +259,7 @@ class _Chain:
         own = model.points
         left = model.white - own.shift[self.own[fabric]].sum(0) - points.shift[others].sum(0)
         variance = 1 + own.variance[self.own[fabric]].sum(0) + points.variance[others].sum(0)
-        return model.tempering * likelihoods_of(model.misfit, left, variance, points).total
+        return likelihoods_of(model.misfit, left, variance, points).total
 
     def _options(self, total: ndarray, others: Sequence[int]) -> Float[ndarray, "options"]:
         """Probability of each shared point in a place, and last of none."""

@@ -60,7 +60,6 @@ class SetModel:
         misfit: The rows, and the pattern of the misfit.
         points: All effects' points.
         listed: Effects that a set is chosen from, those without a point included.
-        tempering: Power of the likelihood.
         freedom: Degrees of freedom of what makes all rows together noisier or quieter.
     """
 
@@ -68,7 +67,6 @@ class SetModel:
     misfit: Misfit
     points: EffectPoints
     listed: int
-    tempering: float = 1.0
     freedom: float = np.inf
 
     def null_noise(self, draws: int, generator: np.random.Generator) -> Float[ndarray, "draws kept"]:
@@ -132,7 +130,7 @@ class SetModel:
             The log joint probability.
         """
         likelihood = float(self.likelihoods(chosen, more=more, points=_no_points(self.points)).total[-1])
-        return self.tempering * likelihood + self.log_prior(len(chosen)) + float(self.points.log_prior[chosen].sum())
+        return likelihood + self.log_prior(len(chosen)) + float(self.points.log_prior[chosen].sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,7 +86,7 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
     taken = np.isin(points.effect, points.effect[list(others)])
     prior = np.where(taken, -np.inf, points.log_prior) + model.log_prior(min(count + 1, MOST))
     own = float(points.log_prior[list(others)].sum())
-    log_joint = model.tempering * likelihoods.total + own + np.append(prior, model.log_prior(count))
+    log_joint = likelihoods.total + own + np.append(prior, model.log_prior(count))
     # places are told apart: a set with one effect more stands in as many more places as are free
     weighed = log_joint - np.append(np.full(len(points), np.log(MOST - count)), 0.0)
     options = np.exp(weighed - float(np.logaddexp.reduce(weighed)))

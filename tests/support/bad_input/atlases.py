@@ -79,7 +79,7 @@ _CHANGED: dict[str, Callable[[Arrays], Arrays]] = {
     "about it: no calibration": _about(lambda about: {k: v for k, v in about.items() if k != "calibration"}),
     "about it: calibration as text": _about(lambda about: about | {"calibration": {"inflation": "much"}}),
     "about it: no inflation": _about(lambda about: about | {"calibration": {"inflation": 0.0}}),
-    "about it: negative tempering": _about(lambda about: about | {"calibration": {"tempering": -1.0}}),
+    "about it: negative discrepancy": _about(lambda about: about | {"calibration": {"discrepancy": -1.0}}),
     "terms that there are not": _with("base/1/columns", lambda array: array + 1000),
     "terms with negative numbers": _with("base/1/columns", lambda array: -array - 1),
     "more terms than weights": _with("base_spread/1/columns", lambda array: np.arange(7.0)),
