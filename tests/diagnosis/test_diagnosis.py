@@ -258,9 +258,9 @@ def test_advice_is_the_entropy_of_its_partition() -> None:
 
 
 def test_atlas_is_kept_to_single_precision(emulator: Emulator, tmp_path: Path) -> None:
-    save(tmp_path / "atlas.npz", emulator, Calibration(1.1, 0.9, 7))
+    save(tmp_path / "atlas.npz", emulator, Calibration(1.1, 7, discrepancy=0.2))
     again, calibration = load(tmp_path / "atlas.npz")
-    assert calibration == Calibration(1.1, 0.9, 7)
+    assert calibration == Calibration(1.1, 7, discrepancy=0.2)
     np.testing.assert_allclose(again.mean(THETA), emulator.mean(THETA), rtol=1e-5)
     assert again.responses.keys() == emulator.responses.keys()
 
