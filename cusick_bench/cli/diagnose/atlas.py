@@ -164,8 +164,8 @@ def calibrate_atlas(
         print_json({"path": atlas, "before": asdict(before), "after": asdict(after)})
     else:
         output.print(
-            f"{atlas}: {after.discrepancy:g} of the atlas' discrepancy, noise x {after.inflation:g}, from {after.cases} "
-            "cases without effect"
+            f"{atlas}: {after.discrepancy:g} of the atlas' discrepancy, noise x {after.inflation:g}, "
+            f"from {after.cases} cases without effect"
         )
 
 
