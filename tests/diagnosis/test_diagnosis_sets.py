@@ -263,14 +263,15 @@ def test_verdicts() -> None:
 
 
 def test_the_worse_a_set_fits_the_likelier_is_a_cause_outside_of_the_list() -> None:
-    unknown = [Novelty(p, 0.9).probability for p in (0.8, 0.3, 0.1, 0.03, 0.001)]
+    unknown = [Novelty(p, 0.0).probability for p in (0.8, 0.3, 0.1, 0.03, 0.001)]
     assert unknown == sorted(unknown)
     assert unknown[0] < 0.1
     assert unknown[-1] > 0.9
+    assert Novelty(0.001, 0.9).probability == pytest.approx(0.1 * unknown[-1]), "it accounts for what the set leaves"
     sure = posterior({"creep": 0.95}, {("creep",): 0.95, (): 0.05}, {"creep": 0.96} | NOTHING)
     doubted = finding(0.01, sure, Novelty(0.03, 0.9))
     assert (doubted.verdict, doubted.effects) == ("effect", ("creep",)), "what has a signature of its own is named"
-    assert 0.4 < doubted.leading["creep"] < 0.6
+    assert 0.9 < doubted.leading["creep"] < 0.93
     assert UNKNOWN in doubted.set90
 
 

@@ -49,11 +49,12 @@ class Novelty:
     def probability(self) -> float:
         """Probability that what accounts for most is not on the list, as far as goodness of fit tells.
 
-        The odds are multiplied by the largest Bayes factor against the set that a p-value of this size allows.
+        That something unlisted acts has odds that are multiplied by the largest Bayes factor against the set that a
+        p-value of this size allows; it accounts for most as far as the set does not.
         """
         favours = 1 / (-np.e * self.p * np.log(self.p)) if self.p < 1 / np.e else _FITS
         odds = _PRIOR_ODDS * favours
-        return float(odds / (1 + odds))
+        return float(odds / (1 + odds) * (1 - self.explained))
 
 
 def novelty(sets: FabricSets, named: NamedSet, generator: np.random.Generator) -> Novelty:
