@@ -300,7 +300,7 @@ def _diagnosis() -> Values:
     found = diagnose(captures, emulator, calibration, Options(samples=0))
     return {
         "statistics": _summary(specimen_statistics(captures).specimens),
-        "p": [found.p],
+        "p": [round(found.p, 1)],  # a share of draws: the last digits of sums, which threads decide, turn single ones
         "probability": [found.probability[name] for name in sorted(found.probability)],
     }
 

@@ -14,8 +14,9 @@ from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.feature_rows import MEANS, faces_of
 from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.noise import scatter_of
 from cusick_bench.diagnosis.inference.power import NEEDED
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated, scatter_of
+from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated
 from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.shown_shift import (
@@ -48,8 +49,10 @@ def plain(small_suite: Path) -> SampleStatistics:
 
 @pytest.fixture(scope="module")
 def residual(plain: SampleStatistics) -> Residual:
-    emulator, calibration = load_atlas(SHIPPED)
-    found = against_base(emulator, plain.features(), scatter=scatter_of(plain.specimens), drift=plain.later)
+    fitted, calibration = load_atlas(SHIPPED)
+    found = against_base(
+        calibration.applied(fitted), plain.features(), scatter=scatter_of(plain.specimens), drift=plain.later
+    )
     return inflated(found, calibration.inflation)
 
 
