@@ -19,9 +19,9 @@ from scipy.stats import binomtest
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.detection import ALPHA, detection_p_value
-from cusick_bench.diagnosis.inference.evidence import NONE
-from cusick_bench.diagnosis.inference.fabric_data import fabric_data
+from cusick_bench.diagnosis.inference.findings.detection import ALPHA, detection_p_value
+from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.processes import process_pool
 

@@ -14,7 +14,8 @@ from cusick_bench.diagnosis.document.build import document, refused_document
 from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument, laboratory_document
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.errors import Refused
-from cusick_bench.diagnosis.inference.laboratory import Laboratory, laboratory_of
+from cusick_bench.diagnosis.inference.laboratory.laboratory import laboratory_of
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.runner.environment import version_text

@@ -16,20 +16,20 @@ import numpy as np
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
-from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
-from cusick_bench.diagnosis.inference.budget import Budget
-from cusick_bench.diagnosis.inference.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
-from cusick_bench.diagnosis.inference.feature_rows import as_seen
-from cusick_bench.diagnosis.inference.hypotheses import shifts
-from cusick_bench.diagnosis.inference.intervals import ParameterInterval, parameter_intervals
-from cusick_bench.diagnosis.inference.localise import Place, place
-from cusick_bench.diagnosis.inference.next_measurement import Advice, advise
-from cusick_bench.diagnosis.inference.noise import noise, scatter_of
-from cusick_bench.diagnosis.inference.novelty import Novelty
-from cusick_bench.diagnosis.inference.residual import Residual, base_vector, feature_vector
-from cusick_bench.diagnosis.inference.samples import SampleStatistics
-from cusick_bench.diagnosis.inference.verdict import Verdict
+from cusick_bench.diagnosis.inference.findings.budget import Budget
+from cusick_bench.diagnosis.inference.findings.intervals import ParameterInterval, parameter_intervals
+from cusick_bench.diagnosis.inference.findings.novelty import Novelty
+from cusick_bench.diagnosis.inference.findings.verdict import Verdict
+from cusick_bench.diagnosis.inference.residuals.feature_rows import as_seen
+from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, base_vector, feature_vector
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.single_effects.baselines import largest_marginal_score, lasso_without_projection
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
+from cusick_bench.diagnosis.inference.single_effects.localise import Place, place
+from cusick_bench.diagnosis.inference.single_effects.next_measurement import Advice, advise
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap

@@ -20,18 +20,24 @@ from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError, Refused
-from cusick_bench.diagnosis.inference.baselines import largest_marginal_score, lasso_without_projection
-from cusick_bench.diagnosis.inference.budget import Budget, Share
-from cusick_bench.diagnosis.inference.detection import detection_p_value, detection_statistic
-from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate, candidates, detectable_grids
-from cusick_bench.diagnosis.inference.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.fabric_sets import fabric_sets
-from cusick_bench.diagnosis.inference.feature_rows import faces_of
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
-from cusick_bench.diagnosis.inference.localise import place
-from cusick_bench.diagnosis.inference.next_measurement import advise
-from cusick_bench.diagnosis.inference.power import detectable_at, expected_features
-from cusick_bench.diagnosis.inference.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
+from cusick_bench.diagnosis.inference.findings.budget import Budget, Share
+from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
+from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets
+from cusick_bench.diagnosis.inference.single_effects.baselines import largest_marginal_score, lasso_without_projection
+from cusick_bench.diagnosis.inference.single_effects.evidence import (
+    NONE,
+    UNKNOWN,
+    Candidate,
+    candidates,
+    detectable_grids,
+)
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.single_effects.localise import place
+from cusick_bench.diagnosis.inference.single_effects.next_measurement import advise
 from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import SPREADS, features
 from cusick_bench.diagnosis.measure.gap import Fold, Gap, gap

@@ -20,10 +20,10 @@ from cusick_bench.diagnosis.calibrate import (
     parallel_map,
 )
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.evidence import LEAST_SIZE, NONE, detectable_grids, grid_at
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses
-from cusick_bench.diagnosis.inference.power import expected_features
-from cusick_bench.diagnosis.inference.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.detectability.power import expected_features
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.single_effects.evidence import LEAST_SIZE, NONE, detectable_grids, grid_at
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 

@@ -8,12 +8,12 @@ import pytest
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load
-from cusick_bench.diagnosis.inference.evidence import Candidate
-from cusick_bench.diagnosis.inference.feature_rows import faces_of
-from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.noise import scatter_of
-from cusick_bench.diagnosis.inference.residual import against_base
-from cusick_bench.diagnosis.inference.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
+from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import against_base
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.measure.gap import fit_of
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.simulation import closure

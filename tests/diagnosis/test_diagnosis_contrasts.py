@@ -8,8 +8,9 @@ from numpy import ndarray
 from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
-from cusick_bench.diagnosis.inference import feature_rows
-from cusick_bench.diagnosis.inference.feature_rows import (
+from cusick_bench.diagnosis.inference.detectability.power import expected_features
+from cusick_bench.diagnosis.inference.residuals import feature_rows
+from cusick_bench.diagnosis.inference.residuals.feature_rows import (
     DRIFT,
     FACE_EVEN,
     FACE_ODD,
@@ -18,10 +19,9 @@ from cusick_bench.diagnosis.inference.feature_rows import (
     as_seen,
     in_rows,
 )
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
-from cusick_bench.diagnosis.inference.noise import noise, scatter_of
-from cusick_bench.diagnosis.inference.power import expected_features
-from cusick_bench.diagnosis.inference.residual import against_base, base_vector, feature_vector
+from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import against_base, base_vector, feature_vector
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
 

@@ -9,8 +9,8 @@ from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
-from cusick_bench.diagnosis.inference.feature_rows import MEANS
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines

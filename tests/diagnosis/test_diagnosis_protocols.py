@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
-from cusick_bench.diagnosis.inference.samples import to_atlas
+from cusick_bench.diagnosis.inference.residuals.samples import to_atlas
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.measure.statistics import FREE, RESOLUTION, capture_statistics
 from cusick_bench.report.diagnosis.words import cloth_in_words

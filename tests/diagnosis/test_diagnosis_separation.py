@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.power import NEEDED
-from cusick_bench.diagnosis.inference.separation import separations, summary
+from cusick_bench.diagnosis.inference.detectability.power import NEEDED
+from cusick_bench.diagnosis.inference.detectability.separation import separations, summary
 from cusick_bench.diagnosis.measure.statistics import GROUPS
 
 LEVEL = -7.0

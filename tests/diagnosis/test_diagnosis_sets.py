@@ -8,22 +8,23 @@ import pytest
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import GEOMETRY_MISMATCH, LAW_MISMATCH, Calibration, load
-from cusick_bench.diagnosis.inference.budget import Budget, budget
-from cusick_bench.diagnosis.inference.evened import evened_out
-from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
-from cusick_bench.diagnosis.inference.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.fabric_sets import FabricSets, fabric_sets, named_causes
-from cusick_bench.diagnosis.inference.feature_rows import DRIFT, FACE_EVEN, FACE_ODD, ROWS, SPREAD, faces_of
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
-from cusick_bench.diagnosis.inference.intervals import parameter_intervals
-from cusick_bench.diagnosis.inference.laboratory import LaboratoryFabric, laboratory
-from cusick_bench.diagnosis.inference.misfit import misfit_of
-from cusick_bench.diagnosis.inference.novelty import Novelty, novelty
-from cusick_bench.diagnosis.inference.power import expected_features
-from cusick_bench.diagnosis.inference.refined import named_set, shared_set
-from cusick_bench.diagnosis.inference.samples import SampleStatistics
-from cusick_bench.diagnosis.inference.set_sampler import SetPosterior, conditional
-from cusick_bench.diagnosis.inference.verdict import finding, look_alikes, set90
+from cusick_bench.diagnosis.inference.detectability.power import expected_features
+from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
+from cusick_bench.diagnosis.inference.findings.evened import evened_out
+from cusick_bench.diagnosis.inference.findings.intervals import parameter_intervals
+from cusick_bench.diagnosis.inference.findings.novelty import Novelty, novelty
+from cusick_bench.diagnosis.inference.findings.verdict import finding, look_alikes, set90
+from cusick_bench.diagnosis.inference.laboratory.laboratory import laboratory
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import LaboratoryFabric
+from cusick_bench.diagnosis.inference.residuals.feature_rows import DRIFT, FACE_EVEN, FACE_ODD, ROWS, SPREAD, faces_of
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets, fabric_sets, named_causes
+from cusick_bench.diagnosis.inference.sets.misfit import misfit_of
+from cusick_bench.diagnosis.inference.sets.refined import named_set, shared_set
+from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior, conditional
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
-from cusick_bench.diagnosis.inference.equivalents import ABSORBED
+from cusick_bench.diagnosis.inference.single_effects.equivalents import ABSORBED
 from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answers

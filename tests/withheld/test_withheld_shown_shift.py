@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.inference.feature_rows import MEANS, faces_of
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
-from cusick_bench.diagnosis.inference.noise import scatter_of
-from cusick_bench.diagnosis.inference.power import NEEDED
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated
-from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics
+from cusick_bench.diagnosis.inference.detectability.power import NEEDED
+from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS, faces_of
+from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, inflated
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.shown_shift import (
     ShownShift,

@@ -209,7 +209,7 @@ def power(
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
     from cusick_bench.diagnosis.atlas.store import load
-    from cusick_bench.diagnosis.inference.power import FABRICS, STIFFNESS, detectable, needed
+    from cusick_bench.diagnosis.inference.detectability.power import FABRICS, STIFFNESS, detectable, needed
     from cusick_bench.sim.effects import registered
 
     fitted, calibration = load(atlas)
@@ -254,7 +254,7 @@ def separation(
 ) -> None:
     """Separation of every pair of effects at three stiffnesses, with all statistics and without some groups."""
     from cusick_bench.diagnosis.atlas.store import load
-    from cusick_bench.diagnosis.inference.separation import LEVELS, NEW_GROUPS, separations, summary
+    from cusick_bench.diagnosis.inference.detectability.separation import LEVELS, NEW_GROUPS, separations, summary
 
     emulator, _ = load(atlas)
     left_out = tuple(leave_out or NEW_GROUPS)

@@ -30,7 +30,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.controls.known_answers import Amount, Control
 from cusick_bench.diagnosis.controls.reading import REFUSED, Estimate, Reading
-from cusick_bench.diagnosis.inference.equivalents import EQUIVALENTS
+from cusick_bench.diagnosis.inference.single_effects.equivalents import EQUIVALENTS
 from cusick_bench.diagnosis.measure.statistics import RESOLUTION
 
 SHOWN = 0.6  # probability from which on an effect counts as shown although it is not named

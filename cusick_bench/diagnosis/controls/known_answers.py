@@ -54,7 +54,7 @@ from cusick_bench.diagnosis.controls.planted_data import (
     rendered,
     two_observations,
 )
-from cusick_bench.diagnosis.inference.equivalents import EQUIVALENTS
+from cusick_bench.diagnosis.inference.single_effects.equivalents import EQUIVALENTS
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.resampling import sign_flip_test
 from cusick_bench.diagnosis.measure.statistics import columns, specimen_statistics

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
 from cusick_bench.diagnosis.diagnose import Diagnosis
-from cusick_bench.diagnosis.inference.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 
 REFUSED = "refused"
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from cusick_bench.diagnosis.document.part import Interval, Map, Part, Probability
-from cusick_bench.diagnosis.inference.verdict import Verdict
+from cusick_bench.diagnosis.inference.findings.verdict import Verdict
 
 
 def _names(value: Any) -> Any:

@@ -16,8 +16,8 @@ from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.document.part import Interval
 from cusick_bench.diagnosis.document.statistic_rows import finite, statistic_rows
-from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
-from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN, Candidate
+from cusick_bench.diagnosis.inference.single_effects.equivalents import ABSORBED, EQUIVALENTS
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN, Candidate
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.gap import Gap
 from cusick_bench.diagnosis.simulation.samples import Simulated

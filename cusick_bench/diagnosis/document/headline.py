@@ -1,7 +1,7 @@
 """The verdict of a diagnosis in one sentence."""
 
 from cusick_bench.diagnosis.diagnose import Diagnosis
-from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 from cusick_bench.sim.effects import registered
 
 _BESIDE = {UNKNOWN: "something that is not on the list", NONE: "chance alone"}

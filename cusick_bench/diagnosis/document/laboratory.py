@@ -7,7 +7,7 @@ from pydantic import Field
 
 from cusick_bench.diagnosis.document.model import ParameterValue
 from cusick_bench.diagnosis.document.part import Part, Probability
-from cusick_bench.diagnosis.inference.laboratory import Laboratory
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 

@@ -22,7 +22,7 @@ from cusick_bench.diagnosis.document.answer import (
 )
 from cusick_bench.diagnosis.document.part import Interval, Part, Probability
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.verdict import Verdict
+from cusick_bench.diagnosis.inference.findings.verdict import Verdict
 from cusick_bench.files import BadFile, parse_json, read_text
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, PLATE_RADIUS

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.localise import EDGES, SECTORS
+from cusick_bench.diagnosis.inference.single_effects.localise import EDGES, SECTORS
 
 Probability = Annotated[float, Field(ge=0, le=1 + 1e-6)]  # sums of probabilities may exceed 1 by rounding
 Interval = tuple[float, float]

@@ -8,8 +8,8 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document.model import StatisticRow
-from cusick_bench.diagnosis.inference.feature_rows import FACE_EVEN
-from cusick_bench.diagnosis.inference.hypotheses import shifts
+from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES
 
 _LENGTHS = (

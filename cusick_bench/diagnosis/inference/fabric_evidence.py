@@ -12,25 +12,25 @@ import numpy as np
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
-from cusick_bench.diagnosis.inference.budget import Budget, budget
-from cusick_bench.diagnosis.inference.detection import detection_p_value
-from cusick_bench.diagnosis.inference.evened import evened_out
-from cusick_bench.diagnosis.inference.evidence import NONE, Candidate
-from cusick_bench.diagnosis.inference.fabric_data import FabricData, fabric_data
-from cusick_bench.diagnosis.inference.fabric_sets import (
+from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
+from cusick_bench.diagnosis.inference.findings.detection import detection_p_value
+from cusick_bench.diagnosis.inference.findings.evened import evened_out
+from cusick_bench.diagnosis.inference.findings.novelty import Novelty, novelty
+from cusick_bench.diagnosis.inference.findings.verdict import Finding, finding
+from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData, fabric_data
+from cusick_bench.diagnosis.inference.sets.fabric_sets import (
     FabricSets,
     fabric_sets,
     likeliest_candidates,
     named_causes,
     refitted,
 )
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses
-from cusick_bench.diagnosis.inference.novelty import Novelty, novelty
-from cusick_bench.diagnosis.inference.refined import named_set
-from cusick_bench.diagnosis.inference.refusal import domain_doubts
-from cusick_bench.diagnosis.inference.residual import Residual
-from cusick_bench.diagnosis.inference.samples import SampleStatistics
-from cusick_bench.diagnosis.inference.verdict import Finding, finding
+from cusick_bench.diagnosis.inference.sets.refined import named_set
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 

@@ -25,12 +25,12 @@ from scipy.optimize import minimize
 from cusick_bench.diagnosis.atlas.base_model import BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.inference.evidence import Candidate, candidates, grid_at
-from cusick_bench.diagnosis.inference.feature_rows import MEANS
-from cusick_bench.diagnosis.inference.hypotheses import shifts
-from cusick_bench.diagnosis.inference.noise import scatter_of
-from cusick_bench.diagnosis.inference.residual import Residual, against_base
-from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS
+from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, candidates, grid_at
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.gap import Fold, Gap, fit_of, gap

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy import ndarray
 
-from cusick_bench.diagnosis.inference.localise import EDGES, SECTORS
+from cusick_bench.diagnosis.inference.single_effects.localise import EDGES, SECTORS
 from cusick_bench.report.diagnosis.number_format import percent
 from cusick_bench.report.drawing.inline_svg import TICK_SIZE, page_figure, panel
 from cusick_bench.report.drawing.palette import CARD, MAP, REAL, SOFT, TINT

@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
-from cusick_bench.diagnosis.inference.localise import EDGES
+from cusick_bench.diagnosis.inference.single_effects.localise import EDGES
 from cusick_bench.report.diagnosis.bars import Bar, bars_graph
 from cusick_bench.report.diagnosis.cloth_map import Arrow, Region, cloth_map
 from cusick_bench.report.diagnosis.number_format import percent, plain

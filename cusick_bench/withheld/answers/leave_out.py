@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 
-from cusick_bench.diagnosis.inference.equivalents import ABSORBED
+from cusick_bench.diagnosis.inference.single_effects.equivalents import ABSORBED
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.withheld.answers.blind import answer_each
 from cusick_bench.withheld.errors import WithheldError

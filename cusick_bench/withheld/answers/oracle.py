@@ -13,8 +13,8 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.inference.evidence import Candidate
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically

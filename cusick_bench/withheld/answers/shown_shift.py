@@ -28,12 +28,12 @@ from pydantic import TypeAdapter, model_validator
 from pydantic.dataclasses import dataclass
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
-from cusick_bench.diagnosis.inference.evidence import grid_at
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses
-from cusick_bench.diagnosis.inference.noise import scatter_of
-from cusick_bench.diagnosis.inference.power import NEEDED
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, feature_vector, inflated
-from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.detectability.power import NEEDED
+from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, feature_vector, inflated
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.single_effects.evidence import grid_at
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld.answers.blind import case_captures

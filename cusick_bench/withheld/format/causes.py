@@ -6,7 +6,7 @@ package's further effects are known by their registration.
 
 from collections.abc import Collection
 
-from cusick_bench.diagnosis.inference.equivalents import ABSORBED, EQUIVALENTS
+from cusick_bench.diagnosis.inference.single_effects.equivalents import ABSORBED, EQUIVALENTS
 from cusick_bench.sim.effects import registered
 
 NONE, UNKNOWN = "none", "unknown"

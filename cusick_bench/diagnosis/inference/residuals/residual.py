@@ -26,8 +26,8 @@ from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, PRIOR_MEAN, PRIOR
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.feature_rows import as_seen
-from cusick_bench.diagnosis.inference.noise import MODEL_FREEDOM, TOGETHER, Noise, Scatter, noise
+from cusick_bench.diagnosis.inference.residuals.feature_rows import as_seen
+from cusick_bench.diagnosis.inference.residuals.noise import MODEL_FREEDOM, TOGETHER, Noise, Scatter, noise
 from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 

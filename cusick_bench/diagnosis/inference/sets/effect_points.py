@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.diagnosis.inference.evidence import Grid
-from cusick_bench.diagnosis.inference.misfit import Misfit
+from cusick_bench.diagnosis.inference.sets.misfit import Misfit
+from cusick_bench.diagnosis.inference.single_effects.evidence import Grid
 
 _MOST_DOUBT = 0.1
 """Share of a shift's square that the atlas' own doubt may add: an effect that stands for noise explains nothing."""

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cusick_bench.diagnosis.inference.effect_points import EffectPoints
-from cusick_bench.diagnosis.inference.evidence import Candidate
-from cusick_bench.diagnosis.inference.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.residual import Residual
-from cusick_bench.diagnosis.inference.set_model import SetModel, SharedShift
-from cusick_bench.diagnosis.inference.set_sampler import STEPS, SetPosterior, forward_selection, sample_sets
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.set_model import SetModel, SharedShift
+from cusick_bench.diagnosis.inference.sets.set_sampler import STEPS, SetPosterior, forward_selection, sample_sets
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 
 _REFITS = 2
 _STAYS = 0.3  # posterior standard deviations

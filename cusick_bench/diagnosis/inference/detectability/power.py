@@ -16,10 +16,10 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
-from cusick_bench.diagnosis.inference.detection import detection_statistic
-from cusick_bench.diagnosis.inference.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.findings.detection import detection_statistic
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import RESOLUTION
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.inference.evidence import Grid
+from cusick_bench.diagnosis.inference.single_effects.evidence import Grid
 
 _THRESHOLD = 3.5  # standard deviations; about 5 % of fabrics without effect exceed it over 20 effects
 _STRENGTH = 0.3

@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.inference.effect_points import EffectPoints
-from cusick_bench.diagnosis.inference.fabric_sets import FabricSets
-from cusick_bench.diagnosis.inference.refined import NamedSet
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.sets.refined import NamedSet
 
 LEVEL = 0.1
 """Share of fabrics with listed effects only for which an unlisted one is claimed."""

@@ -8,15 +8,15 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
-from cusick_bench.diagnosis.inference.effect_points import effect_points
-from cusick_bench.diagnosis.inference.evidence import Candidate, Grid, detectable_grids
-from cusick_bench.diagnosis.inference.hypotheses import hypotheses, shifts
-from cusick_bench.diagnosis.inference.misfit import Misfit, misfit_of
-from cusick_bench.diagnosis.inference.noise import Scatter, scatter_of
-from cusick_bench.diagnosis.inference.refusal import doubts, require_enough
-from cusick_bench.diagnosis.inference.residual import Residual, against_base, inflated
-from cusick_bench.diagnosis.inference.samples import SampleStatistics, sample_statistics, to_atlas
-from cusick_bench.diagnosis.inference.set_model import SetModel, SharedShift
+from cusick_bench.diagnosis.inference.residuals.noise import Scatter, scatter_of
+from cusick_bench.diagnosis.inference.residuals.refusal import doubts, require_enough
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, inflated
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.sets.effect_points import effect_points
+from cusick_bench.diagnosis.inference.sets.misfit import Misfit, misfit_of
+from cusick_bench.diagnosis.inference.sets.set_model import SetModel, SharedShift
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid, detectable_grids
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines

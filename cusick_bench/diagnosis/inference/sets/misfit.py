@@ -23,8 +23,8 @@ from numpy import ndarray
 from scipy.linalg import solve_triangular
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.inference.feature_rows import FACE_EVEN, MAY_BE_WRONG, SPREAD
-from cusick_bench.diagnosis.inference.residual import Residual
+from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, MAY_BE_WRONG, SPREAD
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
 
 _ANY_DIRECTION = 0.5  # share of A that prefers no direction
 _SPREAD_MISFIT = 0.7  # standard deviation of ln sd beside one standard deviation of a mean's misfit

@@ -19,7 +19,7 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import scaled_place
-from cusick_bench.diagnosis.inference.feature_rows import in_rows
+from cusick_bench.diagnosis.inference.residuals.feature_rows import in_rows
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
 from cusick_bench.diagnosis.measure.own_outlines import UNDONE, OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated

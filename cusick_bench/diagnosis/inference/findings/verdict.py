@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from cusick_bench.diagnosis.inference.detection import ALPHA
-from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN
-from cusick_bench.diagnosis.inference.novelty import Novelty
-from cusick_bench.diagnosis.inference.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.findings.detection import ALPHA
+from cusick_bench.diagnosis.inference.findings.novelty import Novelty
+from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 
 Verdict = Literal["none", "effect", "several", "ambiguous", "unknown", "refused"]
 """No effect, one, several together, one of some, something that is not on the list, or no diagnosis at all."""

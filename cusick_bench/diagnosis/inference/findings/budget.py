@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.diagnosis.inference.evidence import Candidate
-from cusick_bench.diagnosis.inference.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.fabric_sets import FabricSets
-from cusick_bench.diagnosis.inference.hypotheses import shifts
-from cusick_bench.diagnosis.inference.noise import scatter_of
-from cusick_bench.diagnosis.inference.residual import Residual
-from cusick_bench.diagnosis.inference.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 
 _SPLITS = 20
 _LEAST_SAMPLES = 4

@@ -5,7 +5,7 @@ import numpy as np
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, NAMES
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.errors import Refused
-from cusick_bench.diagnosis.inference.residual import Residual
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS

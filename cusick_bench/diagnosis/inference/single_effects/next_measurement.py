@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cusick_bench.diagnosis.inference.evidence import NONE
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE
 
 
 @dataclass(frozen=True)

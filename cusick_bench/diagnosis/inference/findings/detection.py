@@ -9,8 +9,8 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.special import logsumexp
 
-from cusick_bench.diagnosis.inference.misfit import ANY_PRIOR, ANY_SIZES, MISFIT_PRIOR, MISFIT_SIZES
-from cusick_bench.diagnosis.inference.set_model import SetModel
+from cusick_bench.diagnosis.inference.sets.misfit import ANY_PRIOR, ANY_SIZES, MISFIT_PRIOR, MISFIT_SIZES
+from cusick_bench.diagnosis.inference.sets.set_model import SetModel
 
 ALPHA = 0.05
 """Level of the detection test, over all effects together."""

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from cusick_bench.diagnosis.inference.effect_points import EffectPoints
-from cusick_bench.diagnosis.inference.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 
 _LEVEL = 0.9
 _DIGITS = 9  # to which values of a grid are the same

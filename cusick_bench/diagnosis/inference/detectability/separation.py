@@ -25,9 +25,9 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.power import NEEDED, expected_features
-from cusick_bench.diagnosis.inference.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.detectability.power import NEEDED, expected_features
+from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import ORDERS, Features
 from cusick_bench.diagnosis.measure.statistics import GROUPS
 

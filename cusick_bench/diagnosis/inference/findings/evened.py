@@ -8,8 +8,8 @@ from collections import defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from cusick_bench.diagnosis.inference.equivalents import EQUIVALENTS
-from cusick_bench.diagnosis.inference.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.single_effects.equivalents import EQUIVALENTS
 
 UNSURE = 0.6
 """Share of a cause's probability that is spread evenly over the group."""

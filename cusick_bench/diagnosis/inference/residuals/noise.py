@@ -28,7 +28,7 @@ from scipy.special import digamma, polygamma
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms, spread_terms
-from cusick_bench.diagnosis.inference.feature_rows import DRIFT, FACE_EVEN, MAY_BE_WRONG, MEANS, ROWS, SPREAD
+from cusick_bench.diagnosis.inference.residuals.feature_rows import DRIFT, FACE_EVEN, MAY_BE_WRONG, MEANS, ROWS, SPREAD
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION
 

@@ -9,11 +9,11 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
-from cusick_bench.diagnosis.inference.effect_points import EffectPoints
-from cusick_bench.diagnosis.inference.evidence import Candidate
-from cusick_bench.diagnosis.inference.fabric_data import FabricData
-from cusick_bench.diagnosis.inference.fabric_sets import FabricSets
-from cusick_bench.diagnosis.inference.set_model import likelihoods_of
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.sets.set_model import likelihoods_of
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 
 _STEPS = {"direction": 5.0, "radius": 0.006}
 """First steps, [deg] and [m]; a fifth of itself for a severity."""

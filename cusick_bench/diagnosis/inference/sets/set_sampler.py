@@ -19,9 +19,9 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.special import logsumexp
 
-from cusick_bench.diagnosis.inference.evidence import NONE, UNKNOWN
-from cusick_bench.diagnosis.inference.misfit import ANY_SIZES, MISFIT_SIZES
-from cusick_bench.diagnosis.inference.set_model import MOST, SetModel, SharedShift
+from cusick_bench.diagnosis.inference.sets.misfit import ANY_SIZES, MISFIT_SIZES
+from cusick_bench.diagnosis.inference.sets.set_model import MOST, SetModel, SharedShift
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 
 STEPS: Final = 120
 """Of each chain, after a fifth as many that are not counted."""

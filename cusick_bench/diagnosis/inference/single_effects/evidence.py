@@ -21,8 +21,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.inference.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.inference.residual import Residual
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
 
 NONE: Final = "none"
 UNKNOWN: Final = "unknown"

@@ -13,8 +13,8 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.special import logsumexp
 
-from cusick_bench.diagnosis.inference.evidence import Candidate, Grid
-from cusick_bench.diagnosis.inference.hypotheses import RINGS
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import RINGS
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 SECTORS = 16

@@ -23,9 +23,9 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.special import gammaln, logsumexp
 
-from cusick_bench.diagnosis.inference.effect_points import EffectPoints
-from cusick_bench.diagnosis.inference.misfit import ANY_PRIOR, ANY_SIZES, MISFIT_PRIOR, MISFIT_SIZES, Misfit
-from cusick_bench.diagnosis.inference.point_likelihood import log_densities
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.misfit import ANY_PRIOR, ANY_SIZES, MISFIT_PRIOR, MISFIT_SIZES, Misfit
+from cusick_bench.diagnosis.inference.sets.point_likelihood import log_densities
 
 MOST = 5
 """Effects of a set."""

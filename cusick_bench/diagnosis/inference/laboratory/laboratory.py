@@ -1,0 +1,136 @@
+"""Effects of the laboratory, which all fabrics of a data set share: camera, plate, cut, order of captures.
+
+A camera that stands off its place does so for every fabric. So an effect of the laboratory has one severity and one
+direction, in the camera's frame, for all fabrics; those of the cloth are each fabric's own. Both are sampled together:
+the shared set given the fabrics' own sets, by the sum of the fabrics' log likelihoods at every point of the shared
+grid, and each fabric's own set given what is shared. What one fabric cannot decide, several may.
+
+Two effects that look alike (a camera beside its place, a plate out of level) are not exchanged in one step once every
+fabric's own set has settled about one of them. So short chains start from no shared effect and from each single one;
+those that get furthest go on, and count by the mean joint probability of what they visit.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import Calibration
+from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import (
+    Laboratory,
+    LaboratoryFabric,
+    shared_points,
+)
+from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk, pooled
+from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
+from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets
+from cusick_bench.diagnosis.inference.sets.refined import shared_set
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.measure.captures import Captures
+
+STEPS: Final = 40
+"""Steps of every chain that goes on after the screening."""
+_SCREENED = 8  # steps of every chain, after which only the likeliest go on
+_CHAINS = 2
+_OWN_STEPS = 30  # of each fabric's own chains before, which give a start only
+_LEAST_FABRICS = 2
+
+
+def laboratory(
+    fabrics: Sequence[LaboratoryFabric],
+    generator: np.random.Generator,
+    *,
+    steps: int = STEPS,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Laboratory | None:
+    """Weighs effects that all fabrics share.
+
+    Args:
+        fabrics: The fabrics of one data set.
+        generator: Generator of the sampler.
+        steps: Steps of each chain that goes on.
+        progress: Called with the share that is over.
+
+    Returns:
+        The laboratory; None of fewer than two fabrics.
+    """
+    if len(fabrics) < _LEAST_FABRICS:
+        return None
+    points = [shared_points(fabric) for fabric in fabrics]
+    tried = [SharedWalk(fabrics, points, generator, start) for start in ([], *_starts(fabrics, points))]
+    total, done = len(tried) * _SCREENED + _CHAINS * steps, 0
+    for chain in tried:
+        for _ in range(_SCREENED):
+            chain.step(counts=False)
+            done += 1
+            progress(done / total)
+    chains = sorted(tried, key=lambda chain: -chain.log_joint())[:_CHAINS]
+    for chain in chains:
+        for _ in range(steps):
+            chain.step(counts=True)
+            done += 1
+            progress(done / total)
+    mean = np.array([np.mean(chain.log_joints) for chain in chains])
+    found = pooled(chains, np.exp(mean - float(np.logaddexp.reduce(mean))))
+    own = chains[int(np.argmax(mean))].own
+    named = shared_set([(fabric.data, fabric.sets) for fabric in fabrics], own, found.named)
+    return _with_causes(found, named)
+
+
+def laboratory_of(
+    captures: Sequence[Captures],
+    emulator: Emulator,
+    calibration: Calibration,
+    generator: np.random.Generator,
+    *,
+    without: Sequence[str] = (),
+    progress: Callable[[str, float], None] = lambda what, share: None,
+) -> Laboratory | None:
+    """Weighs what the fabrics of a data set share; fabrics that are refused take no part.
+
+    Args:
+        captures: Silhouettes of each fabric.
+        emulator: The atlas.
+        calibration: Calibration of its probabilities.
+        generator: Generator of the samplers.
+        without: Effects that are not to be considered.
+        progress: Called to tell what is being done, and the share that is over.
+
+    Returns:
+        The laboratory; None of fewer than two fabrics.
+    """
+    if len(captures) < _LEAST_FABRICS:
+        return None
+    fabrics = []
+    for number, one in enumerate(captures):
+        progress(f"{one.fabric}: sets of effects", number / (2 * len(captures)))
+        try:
+            _, data, _ = fabric_data(one, emulator, calibration, without)
+            sets = fabric_sets(data, data.against(), generator, steps=_OWN_STEPS)
+            domain_doubts(emulator, data.features, sets.residual)
+        except Refused:
+            continue
+        fabrics.append(LaboratoryFabric(one.fabric, data, sets))
+    return laboratory(fabrics, generator, progress=lambda share: progress("what they share", (1 + share) / 2))
+
+
+def _starts(fabrics: Sequence[LaboratoryFabric], points: Sequence[EffectPoints]) -> list[list[int]]:
+    """The best shared point of each effect that may be shared."""
+    chain = SharedWalk(fabrics, points, np.random.default_rng(0), [])
+    own = np.sum([chain.given(fabric, ()) for fabric in range(len(fabrics))], axis=0)
+    gained = own[:-1] - own[-1] + chain.log_prior
+    effect = chain.points[0].effect
+    of_effect = [np.flatnonzero(effect == number) for number in np.unique(effect)]
+    best = [int(points[np.argmax(gained[points])]) for points in of_effect]
+    return [[point] for point in best if np.isfinite(gained[point])]
+
+
+def _with_causes(found: Laboratory, causes: Sequence[Candidate]) -> Laboratory:
+    """The laboratory with other parameters of some effects."""
+    by_name = {one.hypothesis.name: one for one in causes}
+    return replace(found, effects=tuple(replace(one, cause=by_name.get(one.name, one.cause)) for one in found.effects))

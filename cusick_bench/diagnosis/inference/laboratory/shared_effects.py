@@ -1,0 +1,138 @@
+"""What fabrics of a laboratory may share: the effects, their points and prior, and what is found of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.special import gammaln
+
+from cusick_bench.diagnosis.inference.findings.intervals import ParameterInterval
+from cusick_bench.diagnosis.inference.findings.verdict import NAMED
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints, effect_points
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.single_effects.evidence import LEAST_SIZE, Candidate, grid_at
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses
+
+SHARED: Final = (
+    "camera-scale", "camera-offset", "camera-tilt", "perspective", "threshold", "plate-tilt", "plate-radius",
+    "off-centre", "cut-size",
+)  # fmt: skip
+"""Effects that all fabrics of a laboratory may share, in the laboratory's frame."""
+MOST_SHARED: Final = 3
+"""Most effects in a shared set."""
+_COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])  # probability of a shared set of 0, 1, 2, 3 effects
+_SPREAD = 1.0  # of ln severity about the typical one, in laboratories that work with care
+
+
+@dataclass(frozen=True, eq=False)
+class SharedEffect:
+    """An effect that the fabrics of a laboratory may share.
+
+    Attributes:
+        name: Name of the effect.
+        probability: That all fabrics show it, with one severity and direction.
+        cause: The effect at its likeliest shared parameters.
+        intervals: 90 % intervals of these.
+        evidence: By fabric, ln of its likelihood with the effect over that without, the other effects being the same
+            [nat].
+    """
+
+    name: str
+    probability: float
+    cause: Candidate
+    intervals: Mapping[str, ParameterInterval]
+    evidence: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Laboratory:
+    """What the fabrics of a data set share.
+
+    Attributes:
+        fabrics: Their names.
+        effects: Every effect that may be shared, the likeliest first.
+        sets: Probability of each set of them.
+    """
+
+    fabrics: tuple[str, ...]
+    effects: tuple[SharedEffect, ...]
+    sets: Mapping[tuple[str, ...], float]
+
+    @property
+    def named(self) -> tuple[Candidate, ...]:
+        """Effects that are taken to act in every fabric."""
+        return tuple(one.cause for one in self.effects if one.probability >= NAMED)
+
+
+@dataclass(frozen=True, eq=False)
+class LaboratoryFabric:
+    """A fabric of a laboratory.
+
+    Attributes:
+        name: Its name.
+        data: Its features.
+        sets: Sets of effects, weighed for it alone.
+    """
+
+    name: str
+    data: FabricData
+    sets: FabricSets
+
+
+def shared_points(fabric: LaboratoryFabric) -> EffectPoints:
+    """All points of the effects that may be shared, the same in every fabric.
+
+    Args:
+        fabric: A fabric of the laboratory.
+
+    Returns:
+        The points, in the rows of this fabric's misfit.
+    """
+    data, sets = fabric.data, fabric.sets
+    listed = [one for one in hypotheses(data.emulator) if _may_be_shared(one) and one.name not in data.without]
+    grids = [grid_at(data.emulator, one, sets.residual) for one in listed]
+    return effect_points(grids, sets.model.misfit, data.calibration.mismatch, weak=True)
+
+
+def log_prior(points: Sequence[EffectPoints]) -> Float[ndarray, "points"]:
+    """Log prior of the points of each effect, over those that some fabric shows.
+
+    Args:
+        points: Points of the effects that may be shared, in the rows of each fabric.
+
+    Returns:
+        For each point, -inf where no fabric shows it.
+    """
+    first = points[0]
+    strong = np.max([one.size() for one in points], axis=0) >= LEAST_SIZE
+    prior = np.full(len(first), -np.inf)
+    by_grid = [np.exp(-0.5 * (np.log(np.abs(g.hypothesis.severity())) / _SPREAD) ** 2) for g in first.grids]
+    weight = np.array([by_grid[grid][row] for grid, row in zip(first.grid, first.row, strict=True)])
+    for number in range(len(first.names)):
+        own = np.logical_and(first.effect == number, strong)
+        prior[own] = np.log(weight[own] / max(float(weight[own].sum()), 1e-9))
+    return prior
+
+
+def log_count(count: int, listed: int) -> float:
+    """Log prior of any one shared set of a size.
+
+    Args:
+        count: Number of effects in the set.
+        listed: Number of effects that may be shared.
+
+    Returns:
+        The log probability.
+    """
+    if count > MOST_SHARED:
+        return -np.inf
+    choices = gammaln(listed + 1) - gammaln(count + 1) - gammaln(listed - count + 1)
+    return float(np.log(_COUNT_PRIOR[count]) - choices)
+
+
+def _may_be_shared(one: Hypothesis) -> bool:
+    return one.name in SHARED and one.frame in ("", "lab")
