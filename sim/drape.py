@@ -24,14 +24,14 @@ from torch import Tensor
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
-from cusick_bench.sim.engine.branch import Branch, follow
 from cusick_bench.sim.engine.cloth_system import ClothSystem
-from cusick_bench.sim.engine.drop import FACTOR_MEMORY
+from cusick_bench.sim.engine.dynamics.drop import FACTOR_MEMORY
 from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.plate.system import ShellSystem
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.shell_system import ShellSystem
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.statics.branch import Branch, follow
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.outcome import Outcome
 from cusick_bench.sim.torch_engine.drop import CPU_MEMORY

@@ -104,8 +104,8 @@ def drop_with_history(
     """
     import torch
 
-    from cusick_bench.sim.engine.drop import Stepper, too_far
-    from cusick_bench.sim.engine.drop_batch import flown_apart
+    from cusick_bench.sim.engine.dynamics.drop import Stepper, too_far
+    from cusick_bench.sim.engine.dynamics.drop_batch import flown_apart
     from cusick_bench.sim.engine.parameters import Parameters
 
     settings, base, unknowns = simulator.settings, simulator.system, simulator.unknowns

@@ -23,7 +23,7 @@ from numba.core import config
 _log = logging.getLogger(__name__)
 
 CALLED = (
-    "sim/laws/*.py", "sim/engine/block_sums.py", "sim/engine/shell_points.py", "sim/linear/dense.py",
+    "sim/laws/*.py", "sim/engine/plate/block_sums.py", "sim/engine/plate/points.py", "sim/linear/dense.py",
     "sim/linear/lanes.py", "metrics/surface.py",
 )  # fmt: skip
 """Files whose compiled functions those of other files call."""

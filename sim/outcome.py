@@ -13,12 +13,12 @@ from cusick_bench.sim.contact.barrier import SelfContact
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.engine.cloth_system import ClothSystem
-from cusick_bench.sim.engine.descent import FALLING
-from cusick_bench.sim.engine.drop_batch import drop_batch
-from cusick_bench.sim.engine.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.dynamics.drop_batch import drop_batch
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
+from cusick_bench.sim.engine.statics.descent import FALLING
+from cusick_bench.sim.engine.statics.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.errors import DrapeDiverged
 
 DROP_AT_REST = 0.05

@@ -51,7 +51,7 @@ def test_nothing_else_is_installed(monkeypatch: pytest.MonkeyPatch, wanted: set[
 
 def test_a_nested_package_that_is_forgotten_is_noticed(monkeypatch: pytest.MonkeyPatch, wanted: set[str]):
     monkeypatch.setattr(setuptools, "find_packages", lambda *_args, **_options: [])
-    assert "cusick_bench/sim/engine/drop.py" in wanted - _installed(monkeypatch, ROOT)
+    assert "cusick_bench/sim/engine/dynamics/drop.py" in wanted - _installed(monkeypatch, ROOT)
 
 
 def test_version_is_said_alike_everywhere():

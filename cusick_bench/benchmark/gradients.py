@@ -15,7 +15,7 @@ from torch import Tensor
 from cusick_bench.benchmark.workload import cloth
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.drape import Drape, DrapeSimulator
-from cusick_bench.sim.engine.branch import rim_folds
+from cusick_bench.sim.engine.statics.branch import rim_folds
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 

@@ -21,7 +21,7 @@ from cusick_bench.runner.environment import environment
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.torch_engine.engine import torch_device
 

@@ -30,7 +30,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.engine.triangles.system import Law
 
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
 _POOL = 4096  # tables drawn from a posterior, of which every element gets one

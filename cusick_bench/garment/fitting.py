@@ -5,8 +5,8 @@ carried positions g = x + h w one linear solve gives the rest of the motion, for
 
     ((1 + h c) M + h^2 K(g)) u = M (v - w) + h (F(g) - c M w),    v' = w + u,    x' = g + h u,
 
-with c the drag of still air. Without drag it is the step of `cusick_bench.sim.engine.drop` where the waist is still,
-and it strains no cloth that moves along with the waist. Folds do not touch each other: they may pass through one
+with c the drag of still air. Without drag it is the step of `cusick_bench.sim.engine.dynamics.drop` where the waist is
+still, and it strains no cloth that moves along with the waist. Folds do not touch each other: they may pass through one
 another, as in the Cusick drapes of the paper.
 
 References:
@@ -25,9 +25,9 @@ from cusick_bench.garment.errors import GarmentError
 from cusick_bench.garment.motion import STILL, WaistMotion
 from cusick_bench.garment.skirt import Skirt
 from cusick_bench.sim.constants import GRAVITY
+from cusick_bench.sim.engine.dynamics.step_kernels import move, right_hand_side
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.step_kernels import move, right_hand_side
-from cusick_bench.sim.engine.system import DrapeSystem, Law
+from cusick_bench.sim.engine.triangles.system import DrapeSystem, Law
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor
 

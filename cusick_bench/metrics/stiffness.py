@@ -96,7 +96,7 @@ def element_weights(mesh: Mesh, plate_radius: float) -> ElementWeights:
         Weights that add up to 1 in each direction.
     """
     from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
-    from cusick_bench.sim.engine.elements import elements_of
+    from cusick_bench.sim.engine.triangles.elements import elements_of
 
     elements = elements_of(mesh)
     area = elements.hinge_weight / elements.hinge_scale**2  # (l^2 / A) / (l / A)^2

@@ -32,7 +32,7 @@ from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
-from cusick_bench.sim.engine.branch import follow
+from cusick_bench.sim.engine.statics.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.silhouette import Method, render

@@ -44,7 +44,7 @@ from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.engine.triangles.system import Law
 
 FABRICS = ("fabric_1", "fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
 AREAL_DENSITY = 0.15  # [kg/m2] assumed

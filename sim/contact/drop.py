@@ -5,9 +5,9 @@ A step of length h goes to the least of the incremental potential
     (x - y)^T M (x - y) / (2 h^2) + E(x) + E_c(x),  y = x_n + h v_n,
 
 with the energy of the cloth E and of its contacts E_c. Where nothing touches, one Newton step with the
-positive-semidefinite stiffness is taken, the step of `cusick_bench.sim.engine.drop`: a cloth that never touches
-itself falls as it does there. Where something touches, no step goes through it or upwards, and Newton goes on until it
-may take a whole step.
+positive-semidefinite stiffness is taken, the step of `cusick_bench.sim.engine.dynamics.drop`: a cloth that never
+touches itself falls as it does there. Where something touches, no step goes through it or upwards, and Newton goes on
+until it may take a whole step.
 
 References:
     Li, Ferguson, Schneider, Langlois, Zorin, Panozzo, Jiang, Kaufman. Incremental Potential Contact: intersection- and

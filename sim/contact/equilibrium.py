@@ -1,10 +1,10 @@
 """Static equilibrium of a cloth that may rest on itself: Newton with a barrier, and gradients through the contacts.
 
-The way down is that of `cusick_bench.sim.engine.descent`. With contacts every step is also cut short of the first
-touch (continuous collision detection), so that a cloth laid down without intersections comes to rest without any. The
-path decides where it rests: until the net force is a small part of the weight the steps stay those of a falling cloth.
-`contact_drop` falls with memory of velocity, as `drop` does; a search from its end finds the rest that belongs to that
-fall.
+The way down is that of `cusick_bench.sim.engine.statics.descent`. With contacts every step is also cut short of the
+first touch (continuous collision detection), so that a cloth laid down without intersections comes to rest without
+any. The path decides where it rests: until the net force is a small part of the weight the steps stay those of a
+falling cloth. `contact_drop` falls with memory of velocity, as `drop` does; a search from its end finds the rest that
+belongs to that fall.
 
 At rest the forces of cloth and contacts balance, F(x, p) + F_c(x) = 0. F_c does not depend on the parameters, hence
 dL/dp = lambda . dF/dp with (H + H_c) lambda = dL/dx.
@@ -28,9 +28,9 @@ from cusick_bench.sim.contact.drop import check_contact
 from cusick_bench.sim.contact.intersections import checked_positions
 from cusick_bench.sim.contact.matrix import ContactMatrix
 from cusick_bench.sim.engine.cloth_system import ClothSystem
-from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
-from cusick_bench.sim.engine.equilibrium import equilibrium_adjoint
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.statics.descent import FALLING, descend, first_definite
+from cusick_bench.sim.engine.statics.equilibrium import equilibrium_adjoint
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 AT_REST = 0.05  # net force below which the cloth no longer falls, as a fraction of its weight

@@ -2,11 +2,11 @@
 
 Both offer the same: `evaluate` a batch's configurations into forces, energy and matrix, `adjoint`, `layout`, `linear`,
 `free`, `fixed`, `spring`. Configurations are arrays over the mesh's vertices; what stands there is the system's
-(vertices, or the control points of a shell, see `shell_unknowns`).
+(vertices, or the control points of a shell, see `plate.unknowns`).
 """
 
-from cusick_bench.sim.engine.shell_system import ShellEvaluation, ShellSystem
-from cusick_bench.sim.engine.system import DrapeSystem, Evaluation
+from cusick_bench.sim.engine.plate.system import ShellEvaluation, ShellSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem, Evaluation
 
 ClothSystem = DrapeSystem | ShellSystem
 """A cloth on its support, under gravity, with one material law."""

@@ -11,7 +11,7 @@ from cusick_bench.sim.constants import GRAVITY, PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
 
 if TYPE_CHECKING:
-    from cusick_bench.sim.engine.system import Law
+    from cusick_bench.sim.engine.triangles.system import Law
 
 
 Clamp = Literal["half", "whole"]

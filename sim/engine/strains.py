@@ -14,11 +14,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.engine.cloth_system import ClothSystem
-from cusick_bench.sim.engine.elements import Elements
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.shell_secants import secant_plates
-from cusick_bench.sim.engine.shell_system import ShellSystem
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.plate.secants import secant_plates
+from cusick_bench.sim.engine.plate.system import ShellSystem
+from cusick_bench.sim.engine.triangles.elements import Elements
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 
 HINGE_SHARE = 1 / (1 / 3 + 2 * math.sqrt(3) / math.pi)
 """Size of a cylinder's curvature over the sum of its hinges'. Rolled up to a curvature k in the direction phi, a

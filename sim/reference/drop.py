@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy.sparse.linalg import splu
 from torch import Tensor
 
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.reference.laws import Reference, TorchParameters
 
 

@@ -32,7 +32,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from cusick_bench.sim.engine.shell_system import EDGE_SHARE, ShellSystem
+from cusick_bench.sim.engine.plate.system import EDGE_SHARE, ShellSystem
 from cusick_bench.sim.reference.laws import TorchParameters
 from cusick_bench.sim.reference.tables import CURVATURE_STEP, weights_bending_paper, weights_stretch_paper
 

@@ -26,8 +26,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from cusick_bench.sim.engine.shell_system import ShellSystem
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.plate.system import ShellSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern
 from cusick_bench.sim.torch_engine.batch_forces import BatchForces

@@ -17,11 +17,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from cusick_bench.sim.engine.drop_batch import flown_apart, halved
+from cusick_bench.sim.engine.dynamics.drop_batch import flown_apart, halved
+from cusick_bench.sim.engine.plate.system import ShellSystem
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns, VertexUnknowns
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.shell_system import ShellSystem
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns, VertexUnknowns
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.outcome import DROP_AT_REST
 from cusick_bench.sim.torch_engine.drop import DroppedMembers, drop_members, free_memory, prepared

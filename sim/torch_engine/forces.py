@@ -24,7 +24,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.torch_engine.gather import GatherOuter, GatherSum
 from cusick_bench.sim.torch_engine.laws import Strain, bending, stretch, tension
 

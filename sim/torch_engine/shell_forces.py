@@ -26,7 +26,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from cusick_bench.sim.engine.shell_system import EDGE_SHARE, ShellSystem
+from cusick_bench.sim.engine.plate.system import EDGE_SHARE, ShellSystem
 from cusick_bench.sim.laws.tables import CURVATURE_STEP
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.gather import GatherProducts, GatherSum

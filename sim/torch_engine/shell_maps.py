@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array, vstack
 from torch import Tensor
 
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.gather import SparseMatrix
 

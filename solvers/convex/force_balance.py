@@ -4,7 +4,7 @@ At rest elastic forces balance gravity, A(x) theta + b = 0 at every free vertex:
 (see `engine.force_basis`), with gravity's b for a scale. Shapes are measured with errors, to which the stiff
 membrane answers with large forces, and no cloth is as uniform as its model. With displacement errors N(0, s_x^2) and
 force errors N(0, D), D the square of a share of each vertex's weight plus the forces of an uneven cloth
-(`cusick_bench.sim.engine.force_modes`), the gap linearised at the corrected shape x_k = x + d_k is
+(`cusick_bench.sim.engine.triangles.force_modes`), the gap linearised at the corrected shape x_k = x + d_k is
 
     A(x_k) theta + b + H_k d_k ~ N(0, s_x^2 H_k H_k^T + D),    H = -df/dx,
 
@@ -32,9 +32,9 @@ from scipy.linalg import cholesky, solve_triangular
 
 from cusick_bench.problem.priors import BENDING_SIZE, COUPLING_SD, STRETCH_REFERENCE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine.force_basis import STRETCH_NUMBERS, TABLE_NUMBERS, stiffness, unit_forces
-from cusick_bench.sim.engine.force_modes import field_modes, uneven_forces
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.force_basis import STRETCH_NUMBERS, TABLE_NUMBERS, stiffness, unit_forces
+from cusick_bench.sim.engine.triangles.force_modes import field_modes, uneven_forces
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.solvers.base import SolverError
 
 ROUNDS = 12

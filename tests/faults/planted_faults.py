@@ -59,7 +59,7 @@ FAULTS = (
     Fault(
         "sign of a force",
         "gravity pulls the cloth up",
-        "sim/engine/system.py",
+        "sim/engine/triangles/system.py",
         "force[..., 2] -= system.gravity * self.p.mass",
         "force[..., 2] += system.gravity * self.p.mass",
         "tests/sim/test_drape.py::test_cloth_stays_on_its_plate_and_hangs_around_it",

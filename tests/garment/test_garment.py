@@ -34,10 +34,10 @@ from cusick_bench.problem import StiffnessPrior
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.obj import read_obj
 from cusick_bench.sim.cloth.shape import smooth_field
-from cusick_bench.sim.engine.drop import drop
-from cusick_bench.sim.engine.elements import elements_of
+from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.elements import elements_of
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 
 SIZE = SkirtSize(waist=0.11, length=0.4, hem=0.25)

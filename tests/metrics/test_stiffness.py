@@ -23,7 +23,7 @@ from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
-from cusick_bench.sim.engine.elements import elements_of
+from cusick_bench.sim.engine.triangles.elements import elements_of
 from cusick_bench.sim.laws.paper import paper_stress
 from cusick_bench.sim.laws.plate import plate_stiffness
 from cusick_bench.solvers.base import Prediction, Solver

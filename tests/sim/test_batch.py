@@ -9,10 +9,10 @@ import torch
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.branch import follow, rim_folds
-from cusick_bench.sim.engine.drop import drop, drop_adjoint
+from cusick_bench.sim.engine.dynamics.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.statics.branch import follow, rim_folds
 from cusick_bench.sim.errors import SimulationError
 
 MESH = disc_mesh(150, seed=2)

@@ -18,10 +18,10 @@ from cusick_bench.sim.cloth.shape import dihedral_angles
 from cusick_bench.sim.constants import CLOTH_RADIUS, GRAVITY, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.effects import effect
-from cusick_bench.sim.engine.elements import elements_of
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.elements import elements_of
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.history import drop_with_history
 from cusick_bench.sim.setup import Setup

@@ -17,10 +17,10 @@ from cusick_bench.sim.contact.barrier import SelfContact, smallest_distance
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.contact.intersections import intersections
-from cusick_bench.sim.engine.drop import drop
-from cusick_bench.sim.engine.equilibrium import equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.statics.equilibrium import equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 
 pytest.importorskip("ipctk", reason="self-contact needs ipctk; pip install 'cusick-bench[contact]'")

@@ -17,7 +17,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
-from cusick_bench.sim.engine.drop import drop_adjoint
+from cusick_bench.sim.engine.dynamics.drop import drop_adjoint
 from cusick_bench.sim.engine.settings import MOST_HALVINGS, DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
 
@@ -123,7 +123,7 @@ def test_the_way_back_leaves_out_drops_that_no_cloth_keeps(monkeypatch: pytest.M
         steps.append(step_seconds)
         return plain(*arguments, step_seconds=step_seconds)
 
-    monkeypatch.setattr("cusick_bench.sim.engine.drop_batch.drop_adjoint", counted)
+    monkeypatch.setattr("cusick_bench.sim.engine.dynamics.drop_batch.drop_adjoint", counted)
     material = specimen(WILD).material
     tensor = material.bending.clone().requires_grad_()
     batch = _batch(HINGES, (WILD,), [Material(material.stretch, tensor, material.density)])

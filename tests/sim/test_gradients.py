@@ -9,11 +9,11 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.drop import drop, drop_adjoint
-from cusick_bench.sim.engine.equilibrium import equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.dynamics.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.statics.equilibrium import equilibrium, equilibrium_adjoint
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.reference.drop import drop_reference
 from cusick_bench.sim.reference.laws import Reference, TorchParameters

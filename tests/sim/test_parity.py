@@ -13,9 +13,9 @@ import pytest
 
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.obj import read_obj
-from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint
+from cusick_bench.sim.engine.dynamics.drop import Rollout, drop, drop_adjoint
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 
 ROOT = Path(__file__).resolve().parents[2]
 STEP = 0.05  # [s]

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
-from cusick_bench.sim.engine.drop import drop
-from cusick_bench.sim.engine.equilibrium import equilibrium
+from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem, Law
+from cusick_bench.sim.engine.statics.equilibrium import equilibrium
+from cusick_bench.sim.engine.triangles.system import DrapeSystem, Law
 from cusick_bench.sim.linear.interface import NotPositiveDefinite
 
 pytestmark = pytest.mark.usefixtures("one_thread")

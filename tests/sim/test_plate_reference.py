@@ -7,9 +7,9 @@ import pytest
 import torch
 from plate_cloths import STATES, dense_matrix, plate_unknowns, random_cloths, random_state, taut_laid
 
-from cusick_bench.sim.engine.drop import drop, drop_adjoint
+from cusick_bench.sim.engine.dynamics.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns
 from cusick_bench.sim.laws.plate import curvature_shares, plate_bending, plate_stiffness, squared_curvature
 from cusick_bench.sim.reference.plate import PlateParameters, PlateReference, mean_weights
 from cusick_bench.sim.reference.tables import weights_bending_paper

@@ -8,8 +8,8 @@ from scipy.sparse import csr_array
 
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.shell_system import ShellSystem
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns
+from cusick_bench.sim.engine.plate.system import ShellSystem
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns
 from cusick_bench.sim.errors import SimulationError
 
 MESH = disc_mesh(97)

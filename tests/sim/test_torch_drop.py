@@ -9,9 +9,9 @@ from cotton_tables import BENDING, STRETCH
 
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
-from cusick_bench.sim.engine.drop import drop, drop_adjoint
+from cusick_bench.sim.engine.dynamics.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern
 from cusick_bench.sim.torch_engine import forces as torch_forces

@@ -12,8 +12,8 @@ from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.torch_engine.drop import prepared
 from cusick_bench.sim.torch_engine.forces import BatchParameters

@@ -11,9 +11,9 @@ from cusick_bench.sim.cloth.heterogeneity import modulated
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, smooth_field
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.force_basis import stiffness, unit_forces
-from cusick_bench.sim.engine.force_modes import field_modes, uneven_forces
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.triangles.force_basis import stiffness, unit_forces
+from cusick_bench.sim.engine.triangles.force_modes import field_modes, uneven_forces
 from cusick_bench.sim.reference.laws import Reference, TorchParameters
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render

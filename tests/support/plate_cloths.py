@@ -7,9 +7,9 @@ from numpy import ndarray
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.plate.system import ShellSystem
+from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.shell_system import ShellSystem
-from cusick_bench.sim.engine.shell_unknowns import ShellUnknowns
 
 VERTICES = 97
 

@@ -9,7 +9,7 @@ from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.constants import GRAVITY
 from cusick_bench.sim.effects import registered
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.suite.design import EFFECTS, OUTSIDE
 from cusick_bench.withheld.world.fields import matern_field

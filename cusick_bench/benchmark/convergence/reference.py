@@ -22,9 +22,9 @@ from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.branch import rim_folds
 from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
-from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.engine.statics.branch import rim_folds
+from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import DrapeDiverged
 
 _RAISED = 6e-3  # [m]

@@ -23,8 +23,8 @@ from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.branch import follow
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.statics.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
 
 FOLD_STATISTICS = ("area_dc", "folds", "fold_centroid", "fold_depth")

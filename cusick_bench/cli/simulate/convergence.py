@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.time_step import TimeStep
     from cusick_bench.report.figures.convergence import Panel
     from cusick_bench.sim.engine.settings import Clamp as ClampOfDrape
-    from cusick_bench.sim.engine.system import Law as LawOfDrape
+    from cusick_bench.sim.engine.triangles.system import Law as LawOfDrape
 
 app = typer.Typer()
 

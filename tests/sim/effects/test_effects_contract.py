@@ -14,7 +14,7 @@ from cusick_bench.sim.cloth.shape import smooth_field
 from cusick_bench.sim.effects import Effect, Parameter, apply_all, effect, parse, registered
 from cusick_bench.sim.effects.registry import Cause
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import Law
+from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup, Side, Simulators, drape_setups
 

@@ -22,7 +22,7 @@ from cusick_bench.sim.effects.history.shear_friction import YIELD_SHEAR
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.strains import HINGE_SHARE
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.history import Rank, State, StateLaw, drop_with_history
 from cusick_bench.sim.setup import Setup, drape_setups

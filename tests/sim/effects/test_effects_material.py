@@ -19,10 +19,10 @@ from cusick_bench.sim.contact.barrier import smallest_distance
 from cusick_bench.sim.contact.intersections import intersections
 from cusick_bench.sim.effects import apply_all, effect, parse
 from cusick_bench.sim.effects.material.grain_skew import skewed
-from cusick_bench.sim.engine.drop import drop
+from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.setup import Setup, drape_setups
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")

@@ -14,8 +14,8 @@ from cusick_bench.sim.effects import parse
 from cusick_bench.sim.effects.history.bending_friction import YIELD_CURVATURE
 from cusick_bench.sim.effects.history.shear_friction import YIELD_SHEAR
 from cusick_bench.sim.engine.parameters import Parameters
+from cusick_bench.sim.engine.plate.system import ShellSystem
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.shell_system import ShellSystem
 from cusick_bench.sim.engine.strains import ShellStrains
 from cusick_bench.sim.history import State
 from cusick_bench.sim.setup import Setup, drape_setups

@@ -3,7 +3,7 @@ import pytest
 from shells import jittered, stencils_of
 
 from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.engine.hinge_kernels import hinge_angles
+from cusick_bench.sim.engine.triangles.hinge_kernels import hinge_angles
 
 MESHES = {"disc": disc_mesh(120), "jittered": jittered(disc_mesh(120), 0.15)}
 

@@ -13,7 +13,7 @@ from numpy import ndarray
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.linear.interface import Factor
 from cusick_bench.withheld.world.scene import Scene, Vertices, gravity_vector

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.withheld.world.scene import EffectParameters, Law, Scene, Vertices
 from cusick_bench.withheld.world.triangles.internal_variables import InternalVariables
 

@@ -6,7 +6,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.withheld.world.scene import Scene, Vertices
 
 

@@ -18,8 +18,8 @@ from numpy import ndarray
 
 from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
-from cusick_bench.sim.engine.elements import Elements
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.elements import Elements
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.withheld.world.scene import Scene, sum_of_fields, unit_vector
 from cusick_bench.withheld.world.triangles.placed_disc import on_plate, placed
 

@@ -22,8 +22,8 @@ from numba import get_num_threads
 from numpy import ndarray
 
 from cusick_bench.sim.engine.cloth_system import ClothSystem, Evaluated
+from cusick_bench.sim.engine.dynamics.step_kernels import move, right_hand_side
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
-from cusick_bench.sim.engine.step_kernels import move, right_hand_side
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 

@@ -1,6 +1,6 @@
 """Compiled kernels of law `plate`: energy, forces and stiffness at the quadrature points of a shell.
 
-With y as in `shell_points`, N = x_,1 x x_,2, C = sum_k m_k c_k and moments m_k, second derivatives of sum_k m_k kappa_k
+With y as in `points`, N = x_,1 x x_,2, C = sum_k m_k c_k and moments m_k, second derivatives of sum_k m_k kappa_k
 are those of
 
     2 sum_k m_k ds_k . P dN / J + 2 C . (dx_,1 x dx_,2) - dN . [n C^T + C n^T + (sum_k m_k kappa_k) P / J] dN / J,
@@ -30,8 +30,8 @@ References:
 
 import numpy as np
 
-from cusick_bench.sim.engine.block_sums import BLOCK_BYTES, add_blocks, put_blocks
-from cusick_bench.sim.engine.shell_points import (
+from cusick_bench.sim.engine.plate.block_sums import BLOCK_BYTES, add_blocks, put_blocks
+from cusick_bench.sim.engine.plate.points import (
     bending_slopes,
     curvature,
     member_table,

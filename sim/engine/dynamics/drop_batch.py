@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.engine.cloth_system import ClothSystem
-from cusick_bench.sim.engine.drop import Rollout, drop, drop_adjoint, evaluated
+from cusick_bench.sim.engine.dynamics.drop import Rollout, drop, drop_adjoint, evaluated
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import MembersDiverged

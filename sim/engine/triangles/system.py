@@ -1,7 +1,7 @@
 """The mechanical system of one drape: a mesh on its support, under gravity, with one material law.
 
 `DrapeSystem` turns positions into forces and stiffness of the free vertices and turns adjoint vectors into parameter
-gradients. `drop` and `equilibrium` are two ways to a drape on top of it.
+gradients. `dynamics.drop` and `statics.equilibrium` are two ways to a drape on top of it.
 """
 
 import copy
@@ -14,11 +14,11 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine import assembly, face_kernels, hinge_kernels
-from cusick_bench.sim.engine.elements import Elements, elements_of
-from cusick_bench.sim.engine.layout import BlockLayout, GatherTables, block_layout, gather_tables
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
-from cusick_bench.sim.engine.workspace import Workspace
+from cusick_bench.sim.engine.triangles import assembly, face_kernels, hinge_kernels
+from cusick_bench.sim.engine.triangles.elements import Elements, elements_of
+from cusick_bench.sim.engine.triangles.layout import BlockLayout, GatherTables, block_layout, gather_tables
+from cusick_bench.sim.engine.triangles.workspace import Workspace
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.laws import tables
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver

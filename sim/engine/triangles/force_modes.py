@@ -11,9 +11,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine.force_basis import tables_of
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.force_basis import tables_of
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 
 _KEPT = 1 - 1e-3  # share of a field's variance that its modes keep
 

@@ -1,11 +1,11 @@
-"""Compiled adjoint of law `plate`: derivatives of S = h lambda . F - h^2 lambda . K v, as in `face_kernels`.
+"""Compiled adjoint of law `plate`: derivatives of S = h lambda . F - h^2 lambda . K v, as in `triangles.face_kernels`.
 
-Points, nodes and places are those of `shell_kernels`, y is that of `shell_points`.
+Points, nodes and places are those of `kernels`, y is that of `points`.
 """
 
 import numpy as np
 
-from cusick_bench.sim.engine.shell_points import (
+from cusick_bench.sim.engine.plate.points import (
     bending_slopes,
     curvature,
     member_table,

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from cusick_bench.sim.engine.elements import Elements
+from cusick_bench.sim.engine.triangles.elements import Elements
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """A drape as static equilibrium: Newton on the energy with its exact Hessian, gradients by implicit differentiation.
 
-The way down is that of `cusick_bench.sim.engine.descent`. At rest F(x, p) = 0, hence dL/dp = lambda . dF/dp with
+The way down is that of `descent`. At rest F(x, p) = 0, hence dL/dp = lambda . dF/dp with
 H lambda = dL/dx, H = -dF/dx: one more solve.
 """
 
@@ -13,8 +13,8 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from cusick_bench.sim.engine.cloth_system import ClothSystem
-from cusick_bench.sim.engine.descent import FALLING, descend, first_definite
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.statics.descent import FALLING, descend, first_definite
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.linear.interface import Factor
 

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, vstack
 from scipy.sparse.linalg import splu
 
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
-from cusick_bench.sim.engine.shell_system import ShellSystem
+from cusick_bench.sim.engine.plate.system import ShellSystem
 from cusick_bench.sim.errors import SimulationError
 
 _FLAT = 1e-6  # [m] by which vertices may lie off the plate's plane

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.system import DrapeSystem
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 
 STRETCH_TABLE, BENDING_TABLE = (6, 4), (3, 5)
 STRETCH_NUMBERS, TABLE_NUMBERS = 24, 39

@@ -14,8 +14,10 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.engine import shell_adjoint, shell_kernels
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
+from cusick_bench.sim.engine.plate import adjoint_kernels, kernels
+from cusick_bench.sim.engine.plate.layout import MatrixTerms, PointNodes, ShellLayout, shell_layout
+from cusick_bench.sim.engine.plate.workspace import Workspace
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
 from cusick_bench.sim.shell.grain import along_grain
@@ -26,154 +28,6 @@ EDGE_SHARE = 0.002
 """Share of the membrane energy at the edges. Measured on the reference drapes: it matters where folds are hardly wider
 than the mesh (ln_bending -6.6, 1205 vertices: .001 to .007 change the drape coefficient by .5 points), not elsewhere.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class PointNodes:
-    """Nodes of all points one behind another ("places"), those of the edges first.
-
-    Attributes:
-        start: First place of every point, and the end.
-        nodes: Control point at every place.
-        weights: Rows of the derivatives at every place, see `shell_points`; zero beyond the second at vertices.
-        point: Point of every place.
-    """
-
-    start: Int[ndarray, "points_and_end"]
-    nodes: Int[ndarray, "places"]
-    weights: Float[ndarray, "places 5"]
-    point: Int[ndarray, "places"]
-
-    @classmethod
-    def of(cls, stencils: ShellStencils) -> "PointNodes":
-        """Puts the nodes of a shell's points one behind another.
-
-        Args:
-            stencils: Its quadrature points.
-
-        Returns:
-            The nodes.
-        """
-        nodes, weights = [], []
-        for padded, counts, rows in (
-            (stencils.edge_nodes, stencils.edge_counts, stencils.edge_weights),
-            (stencils.vertex_nodes, stencils.vertex_counts, stencils.vertex_weights),
-        ):
-            used = np.arange(padded.shape[1]) < counts[:, None]
-            nodes.append(padded[used])
-            own = np.zeros((len(nodes[-1]), 5))
-            own[:, : rows.shape[1]] = rows.transpose(0, 2, 1)[used]
-            weights.append(own)
-        counts = np.concatenate([stencils.edge_counts, stencils.vertex_counts])
-        point = np.repeat(np.arange(len(counts)), counts)
-        return cls(_starts(counts), np.concatenate(nodes), np.concatenate(weights), point)
-
-    def pairs(self) -> tuple[Int[ndarray, "pairs"], Int[ndarray, "pairs"]]:
-        """Places of all pairs of nodes of a point, both ways and each with itself.
-
-        Returns:
-            First and second places; the first ascend, and so do the second of each.
-        """
-        counts = np.diff(self.start)[self.point]
-        first = np.repeat(np.arange(len(self.nodes)), counts)
-        within = np.arange(len(first)) - np.repeat(_starts(counts)[:-1], counts)
-        return first, self.start[self.point[first]] + within
-
-
-@dataclass(frozen=True, eq=False)
-class ShellLayout:
-    """Sparsity of the free control points, and what adds up where; names are those of `BlockLayout`.
-
-    Attributes:
-        indptr: Row pointers of the full symmetric block pattern (CSR).
-        indices: Column of every slot, sorted within a row.
-        diagonal: Slot of every diagonal block.
-        row_start, row_places: Places whose node every row is.
-    """
-
-    indptr: Int[ndarray, "rows_plus_one"]
-    indices: Int[ndarray, "slots"]
-    diagonal: Int[ndarray, "rows"]
-    row_start: Int[ndarray, "rows_plus_one"]
-    row_places: Int[ndarray, "places"]
-
-
-def _starts(counts: ndarray) -> ndarray:
-    return np.concatenate([[0], np.cumsum(counts)])
-
-
-def shell_layout(nodes: PointNodes, rows: int) -> ShellLayout:
-    """Lays out the block matrix of a shell.
-
-    Args:
-        nodes: Nodes of its points.
-        rows: Number of free control points.
-
-    Returns:
-        The pattern, and where every row's nodes are.
-    """
-    first, second = nodes.pairs()
-    row, column = np.divmod(np.unique(nodes.nodes[first] * rows + nodes.nodes[second]), rows)
-    by_row = np.argsort(nodes.nodes, kind="stable")
-    return ShellLayout(
-        indptr=np.searchsorted(row, np.arange(rows + 1)),
-        indices=column,
-        diagonal=np.flatnonzero(row == column),
-        row_start=np.searchsorted(nodes.nodes[by_row], np.arange(rows + 1)),
-        row_places=by_row,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Terms:
-    """For every entry of `row_places`, the nodes of its point whose column the solver reads, and the slots."""
-
-    start: Int[ndarray, "places_and_end"]
-    other: ndarray
-    slots: ndarray
-
-    @classmethod
-    def of(cls, nodes: PointNodes, layout: ShellLayout, needed: Int[ndarray, "needed"]) -> "_Terms":
-        first, second = nodes.pairs()
-        rows = len(layout.diagonal)
-        of_slot = np.repeat(np.arange(rows), np.diff(layout.indptr)) * rows + layout.indices
-        slot = np.searchsorted(of_slot, nodes.nodes[first] * rows + nodes.nodes[second])
-        read = np.zeros(len(of_slot), bool)
-        read[needed] = True
-        rank = np.empty_like(layout.row_places)
-        rank[layout.row_places] = np.arange(len(rank))
-        kept = np.flatnonzero(read[slot])
-        kept = kept[np.argsort(rank[first[kept]], kind="stable")]
-        start = np.searchsorted(rank[first[kept]], np.arange(len(rank) + 1))
-        # unsigned, so that kernels need not ask whether an index counts from the end
-        return cls(start, second[kept].astype(np.uint32), slot[kept].astype(np.uint32))
-
-
-@dataclass(frozen=True, eq=False)
-class _Buffers:
-    """What the kernels return of points and nodes, used again from evaluation to evaluation."""
-
-    energy: Float[ndarray, "members points"]
-    vector: Float[ndarray, "members places 3"]
-    edge_block: Float[ndarray, "members edges numbers"]
-    vertex_block: Float[ndarray, "members vertices numbers"]
-    slope: Float[ndarray, "members edge_places numbers"]
-
-    @classmethod
-    def of(cls, members: int, nodes: PointNodes, edges: int) -> "_Buffers":
-        points = len(nodes.start) - 1
-        shapes = (
-            (points,), (len(nodes.nodes), 3), (edges, shell_kernels.EDGE_BLOCKS),
-            (points - edges, shell_kernels.VERTEX_BLOCKS), (nodes.start[edges], shell_kernels.NODE_SLOPES),
-        )  # fmt: skip
-        return cls(*(np.zeros((members, *shape)) for shape in shapes))
-
-    def first(self, members: int) -> "_Buffers":
-        """Those of as many members."""
-        if members == len(self.energy):
-            return self
-        arrays = (self.energy, self.vector, self.edge_block, self.vertex_block, self.slope)
-        return _Buffers(*(array[:members] for array in arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,23 +154,23 @@ class ShellSystem:
         return solver(pattern, self.backend)
 
     @cached_property
-    def _terms(self) -> _Terms:
-        return _Terms.of(self.nodes, self.layout, self.linear.needed_slots)
+    def _terms(self) -> MatrixTerms:
+        return MatrixTerms.of(self.nodes, self.layout, self.linear.needed_slots)
 
     @cached_property
-    def _buffers(self) -> list[_Buffers]:
+    def _buffers(self) -> list[Workspace]:
         return []
 
-    def _work(self, members: int) -> _Buffers:
+    def _work(self, members: int) -> Workspace:
         """Buffers of as many members, used again at every evaluation of as many or fewer."""
         if not self._buffers or len(self._buffers[0].energy) < members:
-            self._buffers[:] = [_Buffers.of(members, self.nodes, self.edges)]
+            self._buffers[:] = [Workspace.of(members, self.nodes, self.edges)]
         return self._buffers[0].first(members)
 
     @cached_property
     def element_bytes(self) -> int:
         """What the evaluated points and nodes of one cloth take [bytes]."""
-        return sum(array.nbytes for array in vars(_Buffers.of(1, self.nodes, self.edges)).values())
+        return sum(array.nbytes for array in vars(Workspace.of(1, self.nodes, self.edges)).values())
 
     @cached_property
     def _plate_frame(self) -> Float[ndarray, "3 fixed"]:
@@ -372,12 +226,12 @@ class ShellSystem:
         s, nodes, work = self.stencils, self.nodes, self._work(len(x))
         base = np.ascontiguousarray(self.frame(x)[:, :2])
         u = self.displacement(x)
-        shell_kernels.edge_stiffness(
+        kernels.edge_stiffness(
             exact, nodes.start, nodes.nodes, nodes.weights, s.edge_area, EDGE_SHARE, base, u, p.stretch,
             self.rest_shear, p.bending, _curvatures(p.rest_angle), p.poisson, work.energy, work.vector, work.edge_block,
             work.slope,
         )  # fmt: skip
-        shell_kernels.vertex_stiffness(
+        kernels.vertex_stiffness(
             exact, nodes.start, nodes.nodes, nodes.weights, s.vertex_area, 1.0 - EDGE_SHARE, self.edges, base, u,
             p.stretch, self.rest_shear, work.energy, work.vector, work.vertex_block,
         )  # fmt: skip
@@ -394,7 +248,7 @@ class ShellSystem:
         """
         nodes, found = self.nodes, np.empty((1, self.edges, 3))
         base = np.ascontiguousarray(self.frame(x[None])[:, :2])
-        shell_kernels.shell_curvatures(nodes.start, nodes.nodes, nodes.weights, base, self.displacement(x[None]), found)
+        kernels.shell_curvatures(nodes.start, nodes.nodes, nodes.weights, base, self.displacement(x[None]), found)
         return found[0]
 
     def shear(self, x: Float[ndarray, "vertices 3"]) -> Float[ndarray, "points"]:
@@ -490,12 +344,12 @@ class ShellSystem:
         base = np.ascontiguousarray(self.frame(x)[:, :2])
         u, along, across = self.displacement(x), multiplier[:, free], velocity[:, free]
         g_base, g_poisson = np.empty((len(x), self.points, 2, 3)), np.empty((len(x), edges))
-        shell_adjoint.edge_adjoint(
+        adjoint_kernels.edge_adjoint(
             force_factor, stiffness_factor, nodes.start, nodes.nodes, nodes.weights, s.edge_area, EDGE_SHARE, base, u,
             along, across, p.stretch, p.bending, _curvatures(p.rest_angle), p.poisson, work.vector, g_base,
             gradient.stretch, gradient.bending, _curvatures(gradient.rest_angle), g_poisson,
         )  # fmt: skip
-        shell_adjoint.vertex_adjoint(
+        adjoint_kernels.vertex_adjoint(
             force_factor, stiffness_factor, nodes.start, nodes.nodes, nodes.weights, s.vertex_area, 1.0 - EDGE_SHARE,
             edges, base, u, along, across, p.stretch, work.vector, g_base, gradient.stretch,
         )  # fmt: skip
@@ -519,7 +373,7 @@ class ShellSystem:
             Sums.
         """
         found = np.empty((len(vectors), len(self.free), 3))
-        shell_kernels.gather_vectors(self.layout.row_start, self.layout.row_places, vectors, found)
+        kernels.gather_vectors(self.layout.row_start, self.layout.row_places, vectors, found)
         return found
 
 
@@ -532,7 +386,7 @@ class ShellEvaluation:
     """All quadrature points of a batch, evaluated; sums are made on demand. Valid until the next evaluation."""
 
     system: ShellSystem
-    work: _Buffers
+    work: Workspace
     x: Float[ndarray, "members vertices 3"]
     p: Parameters
     exact: bool
@@ -571,7 +425,7 @@ class ShellEvaluation:
         system, work, layout = self.system, self.work, self.system.layout
         nodes, terms = system.nodes, system._terms
         blocks = np.zeros((len(self.x), len(layout.indices), 3, 3)) if out is None else out
-        shell_kernels.gather_stiffness(
+        kernels.gather_stiffness(
             self.exact, scale, layout.row_start, layout.row_places, nodes.point, system.edges, terms.start,
             terms.other, terms.slots, layout.indptr, layout.diagonal, system.free,
             np.broadcast_to(diagonal, (len(self.x), system.mesh.vertices)), nodes.weights, work.edge_block,
