@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, replace
-from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, plain, print_json, user_errors
+from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
-    MOST_SAMPLES,
     Json,
     LawName,
     Seed,
@@ -31,37 +27,39 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.garment import Body, GarmentError, WaistMotion
+from cusick_bench.cli.simulate.garment_options import (
+    Amplitude,
+    Draws,
+    Duration,
+    HemRadius,
+    Heterogeneity,
+    HipRadius,
+    Kind,
+    KindName,
+    LayingHeight,
+    Length,
+    Motion,
+    MotionName,
+    Period,
+    WaistRadius,
+    motion_option,
+    waist_motion,
+    wearing_of,
+)
+from cusick_bench.garment import GarmentError
 from cusick_bench.runner.store import disk_errors, write_json
 
 if TYPE_CHECKING:
-    from cusick_bench.garment import Cloth, Skirt
+    from cusick_bench.cli.progress import Bar
+    from cusick_bench.garment import Cloth
 
 
 app = typer.Typer(help="Skirts from a digitised cloth.", no_args_is_help=True)
-
-_skirt_option = partial(typer.Option, rich_help_panel="Skirt")
-_motion_option = partial(typer.Option, rich_help_panel="Motion")
-_LAYING_LENGTH = 0.08  # [m] correlation length of the height in which a skirt is put on
 
 
 @app.callback()
 def _root() -> None:
     """Skirts from a digitised cloth."""
-
-
-class Kind(StrEnum):
-    """Kinds of skirts."""
-
-    circular = "circular"
-    a_line = "a-line"
-
-
-class Motion(StrEnum):
-    """Motions of the waist."""
-
-    sway = "sway"
-    turn = "turn"
 
 
 @app.command()
@@ -77,25 +75,16 @@ def skirt(
     bending: Annotated[str | None, BENDING] = None,
     stretch: Stretch = 300.0,
     shear: Shear = 60.0,
-    heterogeneity: Annotated[
-        float,
-        cloth_option(max=3, help="Standard deviation of log stiffness between elements, where the fit has none."),
-    ] = 0.1,
+    heterogeneity: Heterogeneity = 0.1,
     name: Annotated[str | None, cloth_option(help="Name of the cloth; a colour in it is used.")] = None,
-    kind: Annotated[Kind, _skirt_option(help="Cut of the skirt.")] = Kind.circular,
-    dynamic: Annotated[bool, _motion_option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
-    motion: Annotated[Motion, _motion_option(help="How the waist moves.")] = Motion.sway,
-    amplitude: Annotated[
-        float | None,
-        _motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg."),
-    ] = None,
-    period: Annotated[float, _motion_option(max=600, help="Period of the motion [s].")] = 1.2,
-    duration: Annotated[float, _motion_option(max=600, help="How long the waist moves [s].")] = 2.4,
-    draws: Annotated[int, simulation_option(max=MOST_SAMPLES, help="Skirts, each of its own draw of the cloth.")] = 4,
-    laying_height: Annotated[
-        float,
-        simulation_option(help="Standard deviation of the heights in which each skirt is put on [m]."),
-    ] = 0.01,
+    kind: Kind = KindName.circular,
+    dynamic: Annotated[bool, motion_option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
+    motion: Motion = MotionName.sway,
+    amplitude: Amplitude = None,
+    period: Period = 1.2,
+    duration: Duration = 2.4,
+    draws: Draws = 4,
+    laying_height: LayingHeight = 0.01,
     vertices: Vertices = 2500,
     law: Annotated[
         LawName | None,
@@ -103,61 +92,140 @@ def skirt(
             help="Material law; that of the result by default, and paper for tables of law plate.", show_default=False
         ),
     ] = None,
-    waist: Annotated[float, _skirt_option(max=1, help="Radius of the waist [m].")] = 0.11,
-    length: Annotated[float, _skirt_option(max=2, help="Length from waist to hem [m].")] = 0.35,
-    hem: Annotated[float, _skirt_option(max=3, help="Radius of the A-line skirt's hem [m].")] = 0.22,
-    hip: Annotated[float, _skirt_option(max=2, help="Radius of the hips [m]; 0 for no body in the skirt.")] = 0.13,
+    waist: WaistRadius = 0.11,
+    length: Length = 0.35,
+    hem: HemRadius = 0.22,
+    hip: HipRadius = 0.13,
     seed: Seed = 0,
     out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
     as_json: Json = False,
 ) -> None:
     """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
-    from cusick_bench.garment import KINDS, Fitting, SkirtSize, hang, spread, walk
-    from cusick_bench.garment.measurement import measure
     from cusick_bench.garment.output import write_motion, write_rest
+    from cusick_bench.garment.skirt import SkirtSize
+    from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
-    if draws < 1:
-        raise GarmentError(f"the number of draws must be at least 1, got {draws}")
     cloth = _cloth(result, density, bending, stretch, shear, heterogeneity, name)
     _check_law(law, cloth)
-    size = SkirtSize(waist=waist, length=length, hem=hem)
-    body = None if hip == 0 else Body(waist=waist, hip=hip)
-    moving = _motion(motion, amplitude, period, duration)
-    pattern = KINDS[kind.value](size, vertices, seed=seed)
-    fitting = Fitting.of(
-        pattern, cloth.draw(pattern.mesh, draws, np.random.default_rng([seed, 3])), law=cloth.law, body=body
-    )
+    size, moving = SkirtSize(waist, length, hem), waist_motion(motion, amplitude, period, duration)
+    wearing = wearing_of(
+        kind, size, hip, moving if dynamic else None,
+        vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,
+    )  # fmt: skip
     if out is not None:
         with disk_errors(out):
             out.mkdir(parents=True, exist_ok=True)
     with progress_bar("hanging the skirts (at most so many steps)") as bar:
-        rest, resting = hang(fitting, _laid(pattern, laying_height, draws, seed), progress=bar.show)
-    measures = [measure(pattern, x) for x in rest.positions]
-    each = [{"draw": i, **asdict(m), "at_rest": bool(resting[i])} for i, m in enumerate(measures)]
-    document: dict[str, Any] = {
-        "kind": kind.value, "cloth": cloth.name, "stiffness_from": cloth.source, "law": cloth.law,
-        "areal_density_kg_m2": cloth.density, "vertices": pattern.mesh.vertices, "faces": len(pattern.mesh.faces),
-        "size": asdict(size), "hip_m": hip, "seed": seed, "converged": bool(resting.all()),
-        "spread": spread(rest.positions, measures), "draws": each,
-    }  # fmt: skip
-    frames = None
-    if dynamic:
-        with progress_bar("moving the waist") as bar:
-            frames = walk(fitting, rest, moving, progress=bar.show)
-        document["motion"] = _moved(pattern, moving, *frames)
-    document["seconds"] = time.perf_counter() - clock
+        worn = wear(cloth, wearing, lambda what, done, total: _tell_stage(bar, what, done, total))
+    document = worn.document() | {"seconds": time.perf_counter() - clock}
     if out is not None:
         with disk_errors(out), progress_bar("drawing"), interruptible(f"what was ready is in {out}"):
-            write_rest(out, pattern, rest.positions, cloth.name, body)
-            if frames is not None:
-                write_motion(out, pattern, *frames, moving, cloth.name, body)
+            write_rest(out, worn.pattern, worn.positions, cloth.name, wearing.body)
+            if dynamic:
+                write_motion(out, worn.pattern, worn.times, worn.frames, moving, cloth.name, wearing.body)
             write_json(out / "summary.json", plain(document))
         document["out"] = out
     if as_json:
         print_json(document)
     else:
         _print(document)
+
+
+@app.command()
+@user_errors
+def compare(
+    run: Annotated[Path, typer.Argument(help="Results folder of a run.", metavar="RUN")],
+    solver: Annotated[
+        str | None,
+        cloth_option(help="Solver whose cloths to wear; needed where several of the run have simulated one."),
+    ] = None,
+    heterogeneity: Heterogeneity = 0.1,
+    kind: Kind = KindName.circular,
+    static: Annotated[bool, motion_option("--static/--dynamic", help="Leave out the motion.")] = False,
+    motion: Motion = MotionName.sway,
+    amplitude: Amplitude = None,
+    period: Period = 1.2,
+    duration: Duration = 2.4,
+    draws: Draws = 4,
+    laying_height: LayingHeight = 0.01,
+    vertices: Vertices = 2500,
+    waist: WaistRadius = 0.11,
+    length: Length = 0.35,
+    hem: HemRadius = 0.22,
+    hip: HipRadius = 0.13,
+    seed: Seed = 0,
+    out: Annotated[
+        Path | None, output_option(help="Folder for the picture, the page and the numbers; by default RUN/garments.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Hangs the same skirt of every cloth of a run, moves them alike, and shows them side by side.
+
+    Writes side_by_side.png (at rest, and at three moments of the motion), garments.html (skirts to be turned in three
+    dimensions) and garments.json. Of several seeds the first is taken.
+    """
+    from cusick_bench.garment import cloth_of_cell
+    from cusick_bench.garment.page import write_page
+    from cusick_bench.garment.side_by_side import compared, save_side_by_side
+    from cusick_bench.garment.skirt import SkirtSize
+    from cusick_bench.garment.wearing import wear
+
+    clock = time.perf_counter()
+    cells = _cells_of(run, solver)
+    moving = None if static else waist_motion(motion, amplitude, period, duration)
+    wearing = wearing_of(
+        kind, SkirtSize(waist, length, hem), hip, moving,
+        vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,
+    )  # fmt: skip
+    cloths = [replace(cloth_of_cell(folder, spread=heterogeneity), name=name) for name, folder in cells.items()]
+    folder = out or run / "garments"
+    with disk_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    worn = []
+    with progress_bar("cloths", len(cloths)) as bar, interruptible("nothing was written"):
+        for number, cloth in enumerate(cloths):
+            bar.say(cloth.name)
+            bar.show(number)
+            worn.append(wear(cloth, wearing))
+    rows = compared(worn)
+    document: dict[str, Any] = {
+        "run": str(run), "kind": kind.value, "vertices": worn[0].pattern.mesh.vertices, "seed": seed, "cloths": rows,
+        "motion": None if moving is None else asdict(moving), "skirts": [one.document() for one in worn],
+        "seconds": time.perf_counter() - clock,
+    }  # fmt: skip
+    with disk_errors(folder), progress_bar("drawing", len(worn)) as bar:
+        write_json(folder / "garments.json", plain(document))
+        save_side_by_side(worn, folder / "side_by_side.png", bar.show)
+        write_page(worn, folder / "garments.html")
+    document["out"] = folder
+    if as_json:
+        print_json(document)
+    else:
+        _print_compared(rows, folder)
+
+
+def _cells_of(run: Path, solver: str | None) -> dict[str, Path]:
+    """Folder of the first seed's cell of every cloth, by cloth."""
+    from cusick_bench.leaderboard import load_cells
+
+    table = load_cells(run).table
+    fitted = table[[found is not None for found in table["stiffness"]]]
+    names = sorted(set(fitted["solver"]))
+    if not names:
+        raise GarmentError(f"no cell of {run} has found any stiffness; run a solver with physics, such as homo")
+    if solver is None and len(names) > 1:
+        raise GarmentError(f"{run} has cloths of several solvers; choose one with --solver: {', '.join(names)}")
+    chosen = names[0] if solver is None else solver
+    if chosen not in names:
+        raise GarmentError(f"{run} has no cloth of {chosen!r}; use --solver with one of {', '.join(names)}")
+    own = fitted[fitted["solver"] == chosen].sort_values(["cloth", "seed"]).drop_duplicates("cloth")
+    return {str(cloth): Path(folder) for cloth, folder in zip(own["cloth"], own["folder"], strict=True)}
+
+
+def _tell_stage(bar: Bar, what: str, done: int, total: int) -> None:
+    bar.say(what)
+    bar.show(done, total)
 
 
 def _cloth(
@@ -194,37 +262,6 @@ def _check_law(law: LawName | None, cloth: Cloth) -> None:
         raise GarmentError(f"the cloth's tables are for law {cloth.law}, got --law {law.value}; leave it out")
 
 
-def _motion(motion: Motion, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
-    if motion is Motion.sway:
-        return WaistMotion(sway=0.08 if amplitude is None else amplitude, period=period, seconds=seconds)
-    return WaistMotion(turn=np.radians(90.0 if amplitude is None else amplitude), period=period, seconds=seconds)
-
-
-def _laid(pattern: Skirt, laying: float, draws: int, seed: int) -> np.ndarray:
-    """How each skirt is put on: its own undulation decides where its folds form."""
-    from cusick_bench.sim.cloth.shape import smooth_field
-
-    fields = [smooth_field(laying, _LAYING_LENGTH, np.random.default_rng([seed, draw, 4])) for draw in range(draws)]
-    return np.stack([pattern.laid(field) for field in fields])
-
-
-def _moved(pattern: Skirt, motion: WaistMotion, times: np.ndarray, frames: np.ndarray) -> dict[str, Any]:
-    """Numbers of the motion: how far the hem spreads and how far it trails behind the waist."""
-    shifts = np.stack([motion.pose(time)[1] for time in times])
-    hem = frames[:, :, pattern.hem] - shifts[:, None, None]
-    radius = np.hypot(hem[..., 0], hem[..., 1]).mean(-1)  # (frames, draws)
-    trail = np.hypot(*np.moveaxis(hem[..., :2].mean(-2) - hem[:1, ..., :2].mean(-2), -1, 0))
-    return {
-        **asdict(motion), "frames": len(times), "hem_radius_rest_m": float(radius[0].mean()),
-        "hem_radius_max_m": float(radius.max(0).mean()), "hem_radius_max_sd_m": _sd(radius.max(0)),
-        "hem_trail_max_m": float(trail.max(0).mean()), "hem_trail_max_sd_m": _sd(trail.max(0)),
-    }  # fmt: skip
-
-
-def _sd(values: np.ndarray) -> float:
-    return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
-
-
 def _print(document: dict[str, Any]) -> None:
     table = Table(title=f"{document['kind']} skirt of {document['cloth']}, {document['vertices']} vertices")
     columns = {
@@ -249,3 +286,22 @@ def _print(document: dict[str, Any]) -> None:
             f"in motion the hem spreads from {motion['hem_radius_rest_m']:.3f} to {motion['hem_radius_max_m']:.3f} m "
             f"and trails the waist by up to {motion['hem_trail_max_m']:.3f} m"
         )
+
+
+def _print_compared(rows: list[dict[str, Any]], folder: Path) -> None:
+    from cusick_bench.garment.side_by_side import mean_and_deviation
+
+    table = Table(title="skirts side by side: mean and standard deviation over draws")
+    for title in ("cloth", "folds", "hem radius [mm]", "drape coefficient", "draws differ by [mm]", "at rest"):
+        table.add_column(title, justify="left" if title == "cloth" else "right")
+    for row in rows:
+        table.add_row(
+            row["cloth"],
+            mean_and_deviation(row, "folds", 1, 1),
+            mean_and_deviation(row, "hem_radius_m", 1e3),
+            mean_and_deviation(row, "drape_coefficient", 1, 3),
+            f"{1e3 * row['vertex_sd_m']:.0f}",
+            "yes" if row["at_rest"] else "no",
+        )
+    output.print(table)
+    tell(f"wrote {folder / 'side_by_side.png'}, garments.html and garments.json")

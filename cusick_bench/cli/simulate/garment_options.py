@@ -1,0 +1,107 @@
+"""What the garment commands are asked: cut, size, motion, draws."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cusick_bench.cli.options import MOST_SAMPLES, cloth_option, simulation_option
+
+if TYPE_CHECKING:
+    from cusick_bench.garment import WaistMotion
+    from cusick_bench.garment.skirt import SkirtSize
+    from cusick_bench.garment.wearing import Wearing
+
+_skirt_option = partial(typer.Option, rich_help_panel="Skirt")
+motion_option = partial(typer.Option, rich_help_panel="Motion")
+
+
+class KindName(StrEnum):
+    """Kinds of skirts."""
+
+    circular = "circular"
+    a_line = "a-line"
+
+
+class MotionName(StrEnum):
+    """Motions of the waist."""
+
+    sway = "sway"
+    turn = "turn"
+
+
+Heterogeneity = Annotated[
+    float, cloth_option(max=3, help="Standard deviation of log stiffness between elements, where the fit has none.")
+]
+Kind = Annotated[KindName, _skirt_option(help="Cut of the skirt.")]
+WaistRadius = Annotated[float, _skirt_option("--waist", max=1, help="Radius of the waist [m].")]
+Length = Annotated[float, _skirt_option(max=2, help="Length from waist to hem [m].")]
+HemRadius = Annotated[float, _skirt_option("--hem", max=3, help="Radius of the A-line skirt's hem [m].")]
+HipRadius = Annotated[float, _skirt_option("--hip", max=2, help="Radius of the hips [m]; 0 for no body in the skirt.")]
+Motion = Annotated[MotionName, motion_option(help="How the waist moves.")]
+Amplitude = Annotated[
+    float | None, motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg.")
+]
+Period = Annotated[float, motion_option(max=600, help="Period of the motion [s].")]
+Duration = Annotated[float, motion_option(max=600, help="How long the waist moves [s].")]
+Draws = Annotated[
+    int, simulation_option(max=MOST_SAMPLES, help="Skirts of a cloth, each of its own draw of its stiffness.")
+]
+LayingHeight = Annotated[
+    float, simulation_option(help="Standard deviation of the heights in which each skirt is put on [m].")
+]
+
+
+def waist_motion(motion: MotionName, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
+    """The motion that the options ask for.
+
+    Args:
+        motion: Its kind.
+        amplitude: Its amplitude [m or deg], or None for the usual one.
+        period: Its period [s].
+        seconds: How long it lasts [s].
+
+    Returns:
+        The motion.
+
+    Raises:
+        GarmentError: A value out of range.
+    """
+    from cusick_bench.garment import WaistMotion
+
+    if motion is MotionName.sway:
+        return WaistMotion(sway=0.08 if amplitude is None else amplitude, period=period, seconds=seconds)
+    return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), period=period, seconds=seconds)
+
+
+def wearing_of(
+    kind: KindName, size: SkirtSize, hip: float, motion: WaistMotion | None, *, vertices: int, draws: int,
+    laying_height: float, seed: int,
+) -> Wearing:  # fmt: skip
+    """How a cloth is worn, by the options.
+
+    Args:
+        kind: Cut of the skirt.
+        size: Its measures.
+        hip: Radius of the hips [m], 0 for no body.
+        motion: How the waist moves, or None.
+        vertices: Size of the mesh.
+        draws: Skirts of a cloth.
+        laying_height: Standard deviation of the heights in which each skirt is put on [m].
+        seed: Seed of pattern, draws and heights.
+
+    Returns:
+        It.
+
+    Raises:
+        GarmentError: A value out of range.
+    """
+    from cusick_bench.garment import Body
+    from cusick_bench.garment.wearing import Wearing
+
+    body = None if hip == 0 else Body(waist=size.waist, hip=hip)
+    return Wearing(kind.value, size, vertices, body, motion, draws, laying_height, seed)

@@ -1,0 +1,111 @@
+"""Skirts of all cloths of a run side by side: the command, its picture and its page."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.garment import GarmentError, WaistMotion, cloth_of_numbers
+from cusick_bench.garment.page import write_page
+from cusick_bench.garment.side_by_side import save_side_by_side
+from cusick_bench.garment.skirt import SkirtSize
+from cusick_bench.garment.wearing import Wearing, wear
+from tests.support.html_page import Page
+
+SMALL = ["--vertices", "170", "--length", "0.3", "--draws", "2", "--duration", "0.4", "--hip", "0"]
+BENDING = {"limp": 3e-6, "stiff": 1e-3}
+
+
+def _cell(run: Path, solver: str, cloth: str, bending: float | None, seed: int = 0) -> None:
+    folder = run / "cells" / f"{solver}-{cloth}-{seed}".replace(":", "_")
+    folder.mkdir(parents=True)
+    record = {"solver": solver, "kind": "solver", "cloth": cloth, "seed": seed, "dataset": "lab", "settings": {}}
+    record |= {"dataset_hash": "abc", "protocol": "paper", "train": [0], "test": [1]}
+    (folder / "cell.json").write_text(json.dumps(record))
+    found = None if bending is None else {"value": bending, "ci90": None}
+    stiffness = found and {"stiffness": dict.fromkeys(("warp", "weft", "bias"), found)}
+    stretch = found and {"stretch": dict.fromkeys(("warp", "weft", "shear"), found)}
+    result = (
+        record | {"status": "done", "metrics": {"train_mse": 0.01, "test_mse": 0.05}, "spent": {}} | (stiffness or {}) | (stretch or {})
+    )
+    (folder / "result.json").write_text(json.dumps(result))
+    tables = {"stretch": np.tile([150.0, 1.0, 150.0, 30.0], (6, 1)), "bending": np.full((3, 5), bending or 1.0)}
+    np.savez(folder / "prediction.npz", density=np.array(0.2), **({} if bending is None else tables))
+    (folder / "done").touch()
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    for cloth, bending in BENDING.items():
+        _cell(tmp_path / "run", "homo", cloth, bending)
+        _cell(tmp_path / "run", "null:disc", cloth, None)
+    return tmp_path / "run"
+
+
+def _drapes(page: Path) -> list[dict]:
+    """What the viewer of a page can turn."""
+    (document,) = (script for script in Page(page.read_text()).scripts if script.startswith("{"))
+    return json.loads(document)["drapes"]
+
+
+def _compare(*arguments: str):
+    return CliRunner().invoke(app, ["garment", "compare", *arguments])
+
+
+def test_the_same_skirt_of_every_cloth_is_compared(run: Path):
+    result = _compare(str(run), *SMALL, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    limp, stiff = document["cloths"]
+    assert [limp["cloth"], stiff["cloth"]] == ["limp", "stiff"]
+    assert limp["hem_radius_m"] < 0.8 * stiff["hem_radius_m"]
+    assert limp["draws"] == 2
+    assert limp["hem_radius_m"] == pytest.approx(document["skirts"][0]["spread"]["mean"]["hem_radius_m"])
+    assert document["skirts"][1]["motion"]["hem_trail_max_m"] > 0
+    folder = run / "garments"
+    assert json.loads((folder / "garments.json").read_text())["cloths"] == document["cloths"]
+    with Image.open(folder / "side_by_side.png") as picture:
+        pixels = np.asarray(picture.convert("L"), dtype=float)
+    rows, columns = np.array_split(pixels, 4), np.array_split(pixels, 2, axis=1)
+    assert all(part.min() < 200 for part in (*rows, *columns))  # at rest and in three moments, both cloths
+    drapes = _drapes(folder / "garments.html")
+    assert [(one["cloth"], one["method"]) for one in drapes] == [
+        (cloth, f"draw {number}") for cloth in BENDING for number in range(2)
+    ]
+
+
+def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
+    _cell(run, "heter", "limp", 1e-5)
+    result = _compare(str(run), *SMALL)
+    assert result.exit_code == 2
+    assert "choose one with --solver: heter, homo" in " ".join(result.output.split())
+    result = _compare(str(run), *SMALL, "--solver", "bdp")
+    assert "has no cloth of 'bdp'; use --solver with one of heter, homo" in " ".join(result.output.split())
+
+
+def test_a_run_without_any_simulated_cloth_is_refused(tmp_path: Path):
+    _cell(tmp_path, "null:disc", "limp", None)
+    result = _compare(str(tmp_path), *SMALL)
+    assert result.exit_code == 2
+    assert "has found any stiffness" in " ".join(result.output.split())
+
+
+def test_a_single_draw_at_rest_has_no_spread_and_no_motion(tmp_path: Path):
+    cloth = cloth_of_numbers(density=0.2, bending=(1e-5, 1e-5, 1e-5))
+    still = wear(cloth, Wearing(size=SkirtSize(length=0.3), vertices=170, draws=1))
+    assert len(still.frames) == 0
+    assert "motion" not in still.document()
+    save_side_by_side([still], tmp_path / "still.png")
+    moving = wear(cloth, Wearing(size=SkirtSize(length=0.3), vertices=170, draws=1, motion=WaistMotion(seconds=0.2)))
+    save_side_by_side([moving], tmp_path / "moving.png")
+    with Image.open(tmp_path / "still.png") as still_picture, Image.open(tmp_path / "moving.png") as moving_picture:
+        assert still_picture.height < 0.5 * moving_picture.height
+    write_page([still], tmp_path / "page.html")
+    assert "nan" not in (tmp_path / "page.html").read_text().split("<script")[0]
+    assert _drapes(tmp_path / "page.html")[0]["colourings"] == {}
+    with pytest.raises(GarmentError, match="no cloth to show"):
+        save_side_by_side([], tmp_path / "none.png")
