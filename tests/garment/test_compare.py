@@ -30,7 +30,10 @@ def _cell(run: Path, solver: str, cloth: str, bending: float | None, seed: int =
     stiffness = found and {"stiffness": dict.fromkeys(("warp", "weft", "bias"), found)}
     stretch = found and {"stretch": dict.fromkeys(("warp", "weft", "shear"), found)}
     result = (
-        record | {"status": "done", "metrics": {"train_mse": 0.01, "test_mse": 0.05}, "spent": {}} | (stiffness or {}) | (stretch or {})
+        record
+        | {"status": "done", "metrics": {"train_mse": 0.01, "test_mse": 0.05}, "spent": {}}
+        | (stiffness or {})
+        | (stretch or {})
     )
     (folder / "result.json").write_text(json.dumps(result))
     tables = {"stretch": np.tile([150.0, 1.0, 150.0, 30.0], (6, 1)), "bending": np.full((3, 5), bending or 1.0)}
@@ -83,6 +86,12 @@ def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
     result = _compare(str(run), *SMALL)
     assert result.exit_code == 2
     assert "choose one with --solver: heter, homo" in " ".join(result.output.split())
+    both = _compare(str(run), *SMALL, "--static", "--solver", "heter", "--solver", "homo", "--json")
+    assert [row["cloth"] for row in json.loads(both.stdout)["cloths"]] == [
+        "limp of heter",
+        "limp of homo",
+        "stiff of homo",
+    ]
     result = _compare(str(run), *SMALL, "--solver", "bdp")
     assert "has no cloth of 'bdp'; use --solver with one of heter, homo" in " ".join(result.output.split())
 

@@ -137,8 +137,8 @@ def skirt(
 def compare(
     run: Annotated[Path, typer.Argument(help="Results folder of a run.", metavar="RUN")],
     solver: Annotated[
-        str | None,
-        cloth_option(help="Solver whose cloths to wear; needed where several of the run have simulated one."),
+        list[str] | None,
+        cloth_option(help="Solver whose cloths to wear, repeatable; needed where several of the run have found one."),
     ] = None,
     heterogeneity: Heterogeneity = 0.1,
     kind: Kind = KindName.circular,
@@ -172,7 +172,7 @@ def compare(
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
-    cells = _cells_of(run, solver)
+    cells = _cells_of(run, solver or [])
     moving = None if static else waist_motion(motion, amplitude, period, duration)
     wearing = wearing_of(
         kind, SkirtSize(waist, length, hem), hip, moving,
@@ -205,22 +205,23 @@ def compare(
         _print_compared(rows, folder)
 
 
-def _cells_of(run: Path, solver: str | None) -> dict[str, Path]:
-    """Folder of the first seed's cell of every cloth, by cloth."""
+def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
+    """Folder of the first seed's cell of every cloth, by cloth, and by solver where there are several."""
     from cusick_bench.leaderboard import load_cells
 
-    table = load_cells(run).table
-    fitted = table[[found is not None for found in table["stiffness"]]]
+    cells = load_cells(run).table.sort_values(["cloth", "solver", "seed"])
+    fitted = cells.loc[cells["stiffness"].notna()].drop_duplicates(["cloth", "solver"])
     names = sorted(set(fitted["solver"]))
     if not names:
         raise GarmentError(f"no cell of {run} has found any stiffness; run a solver with physics, such as homo")
-    if solver is None and len(names) > 1:
+    if not solvers and len(names) > 1:
         raise GarmentError(f"{run} has cloths of several solvers; choose one with --solver: {', '.join(names)}")
-    chosen = names[0] if solver is None else solver
-    if chosen not in names:
-        raise GarmentError(f"{run} has no cloth of {chosen!r}; use --solver with one of {', '.join(names)}")
-    own = fitted[fitted["solver"] == chosen].sort_values(["cloth", "seed"]).drop_duplicates("cloth")
-    return {str(cloth): Path(folder) for cloth, folder in zip(own["cloth"], own["folder"], strict=True)}
+    chosen = solvers or names
+    if missing := [name for name in chosen if name not in names]:
+        raise GarmentError(f"{run} has no cloth of {missing[0]!r}; use --solver with one of {', '.join(names)}")
+    own = fitted.loc[fitted["solver"].isin(chosen)]
+    labels = own["cloth"] if len(chosen) == 1 else own["cloth"] + " of " + own["solver"]
+    return {str(label): Path(folder) for label, folder in zip(labels, own["folder"], strict=True)}
 
 
 def _tell_stage(bar: Bar, what: str, done: int, total: int) -> None:
