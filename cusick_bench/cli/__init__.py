@@ -42,6 +42,7 @@ PANELS = {
         "verify": "results.verify",
         "check": "results.check",
         "submit": "results.submit",
+        "export": "export.export",
     },
     "Diagnose": {
         "diagnose": "diagnose.diagnose",

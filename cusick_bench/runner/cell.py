@@ -190,11 +190,10 @@ def _attempt(
         true = _true_stiffness(dataset, cell.cloth)  # before the work, since a damaged file ends it
         problem = build_problem(dataset, cell, folder, simulators)
         meter = problem.meter
-        prediction = _solve(problem, dataset, cell, report)
+        prediction = solve_cell(problem, dataset, cell, report)
         spent = _spent(meter)  # before scoring, which is not the solver's time
         report(1.0, meter.best_loss, "scoring")
-        pairs, protocol = read_repeats(dataset, cell.cloth), dataset.protocol
-        metrics = score(prediction, *_samples(dataset, cell), repeat_pairs=pairs, protocol=protocol)
+        metrics = score_cell(dataset, cell, prediction)
         found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
         _write_prediction(folder / "prediction.npz", prediction, problem, drawn)
         outcome = {"status": "done", "failure": "", "finished": prediction.finished, "metrics": metrics}
@@ -216,7 +215,25 @@ def _attempt(
     return outcome | {"spent": spent or _spent(meter)}
 
 
-def _solve(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Report) -> Prediction:
+def _unwatched(share: float, loss: float, message: str) -> None:
+    """The report of a cell that nobody watches."""
+
+
+def solve_cell(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Report = _unwatched) -> Prediction:
+    """Has a cell's solver answer its problem.
+
+    Args:
+        problem: The cell's problem, from `build_problem`.
+        dataset: Data; only oracles are shown what is held out.
+        cell: What is asked.
+        report: Called to tell how far the solver is.
+
+    Returns:
+        The answer.
+
+    Raises:
+        CusickError: The solver cannot be used on this problem.
+    """
     solver = make_solver(cell.solver)
     if isinstance(solver, Oracle):
         solver = solver.revealing(_heldout(dataset, cell))
@@ -229,8 +246,23 @@ def _solve(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report: Rep
     )
 
 
-def _samples(dataset: DrapeDataset, cell: Cell) -> tuple[DrapeSample, list[DrapeSample]]:
-    return read_sample(dataset, cell.train[0]), [read_sample(dataset, row) for row in cell.test]
+def score_cell(dataset: DrapeDataset, cell: Cell, prediction: Prediction) -> dict[str, float]:
+    """Scores an answer on the cell's samples.
+
+    Args:
+        dataset: Data.
+        cell: Whose training and held-out samples are compared with.
+        prediction: The answer.
+
+    Returns:
+        Metrics by name, as `cusick_bench.metrics.prediction_score.score` has them.
+
+    Raises:
+        MetricError: The prediction does not fit these samples.
+    """
+    train, test = read_sample(dataset, cell.train[0]), [read_sample(dataset, row) for row in cell.test]
+    pairs = read_repeats(dataset, cell.cloth)
+    return score(prediction, train, test, repeat_pairs=pairs, protocol=dataset.protocol)
 
 
 def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:

@@ -1,0 +1,13 @@
+"""`cusick-bench export`: for other programs. One module a subcommand."""
+
+import typer
+
+from cusick_bench.cli.export.benchopt import benchopt
+
+app = typer.Typer(help="Write for other programs.", no_args_is_help=True, add_completion=False)
+app.command()(benchopt)
+
+
+@app.callback()
+def _export() -> None:
+    """Write for other programs."""

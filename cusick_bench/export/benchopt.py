@@ -1,0 +1,133 @@
+"""A benchopt benchmark (Moreau et al., NeurIPS 2022) whose data, solvers and scores are this package's.
+
+    DIR/objective.py        what is fitted and how it is scored
+    DIR/datasets/*.py       cloths: of the shipped set, on which `benchopt test` runs, and of another one
+    DIR/solvers/*.py        one solver a file; another one is one more file
+    DIR/README.md           how to run it
+
+The files are written from `templates/benchopt`, and call `drape_task`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from cusick_bench import __version__
+from cusick_bench.datasets import REGISTRY, DrapeDataset
+from cusick_bench.export.errors import ExportError
+from cusick_bench.runner import ProblemSettings, Source, load_once
+from cusick_bench.solvers.base import Solver
+from cusick_bench.solvers.registry import make_solver
+
+SOLVERS = ("homo", "cmaes", "nlopt:LN_BOBYQA", "null:disc", "null:copy")
+"""What is compared where nothing else is asked for: one of a kind."""
+
+_SHIPPED = "synthetic"
+_SIMULATED = "simulated"  # the name by which `benchopt test` finds the data set that it runs on
+
+
+def write_benchmark(
+    folder: Path,
+    *,
+    solvers: Sequence[str] = SOLVERS,
+    data: str = _SHIPPED,
+    settings: ProblemSettings | None = None,
+    command: str = "cusick-bench export benchopt",
+) -> list[Path]:
+    """Writes a benchmark into a new folder.
+
+    Args:
+        folder: Where it is to be; made if it is not there.
+        solvers: Registered names, with options.
+        data: Data set beside the shipped one: name or folder.
+        settings: Vertices, steps, law and parameter space of the problems.
+        command: What the benchmark's README says it was written by.
+
+    Returns:
+        The files written.
+
+    Raises:
+        ExportError: The folder is not empty, or the same solver is given twice.
+        CusickError: An unknown solver, or data that cannot be read.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ExportError(f"a benchmark is written into a new folder, and {folder} is there already; give another one")
+    texts = _texts(folder, solvers, data, settings or ProblemSettings(), command)
+    for path, text in texts.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return list(texts)
+
+
+def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSettings, command: str) -> dict[Path, str]:
+    """Every file's text; all that can be wrong goes wrong here, before anything is written."""
+    texts = {
+        folder / "objective.py": _filled(
+            "objective.py",
+            vertices=settings.vertices,
+            steps=settings.drape.steps,
+            law=json.dumps(settings.drape.law),
+            space=json.dumps(settings.space),
+        ),
+        folder / "datasets" / f"{_SIMULATED}.py": _dataset(_SIMULATED, _SHIPPED),
+    }
+    if data != _SHIPPED:
+        texts[folder / "datasets" / "drapes.py"] = _dataset("drapes", data)
+    for text in solvers:
+        solver = make_solver(text)
+        path = folder / "solvers" / f"{re.sub(r'[^a-z0-9]+', '_', solver.name.lower())}.py"
+        if path in texts:
+            raise ExportError(f"a solver's file is {path.name}, and two are asked for; give each solver once")
+        texts[path] = _solver(solver, text)
+    texts[folder / "README.md"] = _filled("README.md", command=command, version=__version__)
+    return texts
+
+
+def _dataset(name: str, data: str) -> str:
+    dataset: DrapeDataset = load_once(Source(data))
+    place = data if data in REGISTRY else str(Path(data).expanduser().resolve())
+    of = "the shipped synthetic set" if data == _SHIPPED else f"`{dataset.name}`"
+    return _filled(
+        "dataset.py",
+        summary=f"Drapes of {of}, a cloth at a time",
+        of=of,
+        name=json.dumps(name),
+        first=json.dumps(dataset.cloths[0]),
+        cloths=json.dumps(list(dataset.cloths)),
+        data=json.dumps(place),
+    )
+
+
+def _solver(solver: Solver, text: str) -> str:
+    given = [setting.partition("=")[0].strip() for setting in text.split(",")[1:]]
+    return _filled(
+        "solver.py",
+        summary=solver.summary[:1].upper() + solver.summary[1:] or solver.name,
+        reference=json.dumps(solver.reference) if solver.reference else "",
+        name=json.dumps(solver.name),
+        parameters=repr({option: [solver.options[option]] for option in given}),
+        searches=solver.kind == "solver",
+    )
+
+
+def _filled(template: str, **content: Any) -> str:
+    return _environment().get_template(f"{template}.j2").render(**content)
+
+
+@lru_cache(maxsize=1)
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("cusick_bench.export", "templates/benchopt"),
+        autoescape=False,  # Python and Markdown; what comes from outside is put in as Python's own literals
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )

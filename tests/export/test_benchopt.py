@@ -1,0 +1,163 @@
+"""The benchmark that is written for benchopt: passes its own tests where benchopt is installed, and runs anywhere."""
+
+import importlib.util
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar
+
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.export.benchopt import write_benchmark
+from cusick_bench.export.drape_task import FEWEST_DRAPES
+from cusick_bench.export.errors import ExportError
+from cusick_bench.runner import ProblemSettings, Source, load_once, plan, run
+from cusick_bench.sim.engine.settings import DrapeSettings
+
+TOY = ProblemSettings(vertices=97, drape=DrapeSettings(law="plate", steps=3))
+
+
+class _Base:
+    """What the classes of a benchmark inherit from benchopt, as far as these files use it."""
+
+    parameters: ClassVar[dict[str, list[Any]]] = {}
+
+    def __init__(self) -> None:
+        for name, values in self.parameters.items():
+            setattr(self, name, values[0])
+
+    def get_seed(self, *, use_repetition: bool) -> int:
+        assert use_repetition
+        return 7
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module `benchopt`, so that the files run where the real one is not installed."""
+    module: Any = ModuleType("benchopt")
+    module.BaseObjective = module.BaseSolver = module.BaseDataset = _Base
+    monkeypatch.setitem(sys.modules, "benchopt", module)
+
+
+@pytest.fixture(scope="module")
+def benchmark(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("benchopt") / "benchmark"
+    write_benchmark(folder, solvers=["sobol", "null:random-phase,draws=3"], settings=TOY)
+    return folder
+
+
+def _class(path: Path, name: str) -> Any:
+    spec = importlib.util.spec_from_file_location(f"written_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return getattr(module, name)
+
+
+def _solved(benchmark: Path, solver_file: str, drapes: int) -> tuple[Any, dict[str, float]]:
+    """A solver's way through benchopt's calls, and its scores."""
+    data = _class(benchmark / "datasets/simulated.py", "Dataset")().get_data()
+    objective = _class(benchmark / "objective.py", "Objective")()
+    objective.set_data(**data)
+    solver = _class(benchmark / "solvers" / solver_file, "Solver")()
+    task = objective.get_objective()
+    assert solver.skip(**task) == (False, None)
+    solver.set_objective(**task)
+    solver.warm_up()
+    solver.pre_run_hook(drapes)
+    solver.run(drapes)
+    return solver, objective.evaluate_result(**solver.get_result())
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_a_solver_gets_the_scores_of_a_run_with_the_same_seed_and_budget(benchmark: Path, tmp_path: Path):
+    solver, scores = _solved(benchmark, "sobol.py", 0)
+    assert solver.attempt.problem.meter.forward_equivalents == FEWEST_DRAPES
+    source = Source("synthetic")
+    (cell,) = plan(
+        load_once(source), solvers=["sobol"], cloths=["fabric_1"], seeds=[7], settings=solver.attempt.cell.settings
+    )
+    (result,) = run(source, [cell], tmp_path / "run")
+    for name, value in result["metrics"].items():
+        assert scores[name] == value or math.isnan(value)
+    assert scores["value"] == scores["train_mse"]
+    drapes = solver.get_next(0)
+    assert drapes > FEWEST_DRAPES
+    assert solver.get_next(drapes) == 2 * drapes
+    solver.pre_run_hook(drapes)
+    assert solver.attempt.problem.meter.budget.forward_equivalents == drapes
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_options_of_a_solver_are_parameters(benchmark: Path):
+    solver, scores = _solved(benchmark, "null_random_phase.py", 1)
+    assert solver.parameters == {"draws": [3]}
+    assert solver.sampling_strategy == "run_once"
+    assert solver.text == "null:random-phase,draws=3"
+    assert scores["draws"] == 3
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_a_solver_that_does_not_fit_says_why(tmp_path: Path):
+    write_benchmark(tmp_path / "b", solvers=["equilibrium-gap"], settings=TOY)
+    objective = _class(tmp_path / "b/objective.py", "Objective")()
+    objective.set_data(data="synthetic", cloth="fabric_1")
+    skipped, reason = _class(tmp_path / "b/solvers/equilibrium_gap.py", "Solver")().skip(**objective.get_objective())
+    assert skipped
+    assert "--law paper" in reason
+
+
+@pytest.mark.skipif(importlib.util.find_spec("benchopt") is None, reason="benchopt is not installed")
+def test_benchopt_accepts_it(benchmark: Path, tmp_path: Path):
+    # In the environment of these tests: benchopt calls the `python` of the PATH.
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        [sys.executable, "-m", "benchopt", "test", str(benchmark), "--skip-install"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
+    assert " passed" in done.stdout
+
+
+def test_the_command_writes_it_and_says_how_to_go_on(tmp_path: Path):
+    folder = tmp_path / "new"
+    result = CliRunner().invoke(
+        app, ["export", "benchopt", str(folder), "--vertices", "297", "--law", "paper", "--json"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "benchopt test" in result.stderr
+    written = {Path(path).relative_to(folder).as_posix() for path in json.loads(result.stdout)["files"]}
+    assert {"objective.py", "datasets/simulated.py", "solvers/homo.py", "README.md"} <= written
+    assert written == {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    text = (folder / "objective.py").read_text(encoding="utf-8")
+    assert '"vertices": [297]' in text
+    assert '"law": ["paper"]' in text
+
+
+def test_own_data_are_a_data_set_beside_the_shipped_one(tmp_path: Path, stand_in: None):
+    shipped = Path(str(importlib.util.find_spec("cusick_bench.datasets").submodule_search_locations[0]))  # pyright: ignore
+    write_benchmark(tmp_path / "b", solvers=["null:disc"], data=str(shipped / "synthetic/data"))
+    data = _class(tmp_path / "b/datasets/drapes.py", "Dataset")
+    assert data.name == "drapes"
+    assert load_once(Source(data().get_data()["data"])).cloths == data.parameters["cloth"]
+
+
+def test_a_folder_with_files_is_left_alone(tmp_path: Path):
+    kept = tmp_path / "objective.py"
+    kept.write_text("mine", encoding="utf-8")
+    with pytest.raises(ExportError, match="give another one"):
+        write_benchmark(tmp_path)
+    assert kept.read_text(encoding="utf-8") == "mine"
+
+
+def test_one_solver_twice_is_refused_before_anything_is_written(tmp_path: Path):
+    with pytest.raises(ExportError, match="each solver once"):
+        write_benchmark(tmp_path / "b", solvers=["null:random-phase", "null:random-phase,draws=9"])
+    assert not (tmp_path / "b").exists()
