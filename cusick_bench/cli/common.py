@@ -11,7 +11,7 @@ import math
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -81,19 +81,6 @@ def fail(text: str) -> None:
 def command_line() -> str:
     """The command that runs, as one types it."""
     return shlex.join(["cusick-bench", *sys.argv[1:]])
-
-
-def repeated_option(name: str, values: Iterable[str]) -> list[str]:
-    """Words of a command that give an option several times.
-
-    Args:
-        name: The option, such as `--fabric`.
-        values: Its values.
-
-    Returns:
-        The words, unquoted.
-    """
-    return [word for value in values for word in (name, value)]
 
 
 class Terminated(KeyboardInterrupt):

@@ -44,7 +44,7 @@ def calibrate(
 
     Args:
         cases: Silhouettes, and what acts there: those where it is `none` count.
-        emulator: The atlas.
+        emulator: The atlas as it was fitted.
         before: What the fit of the atlas learned: how far laws differ, which is kept and counts here too.
         workers: Processes.
         step: Called for every case without effect that was looked at, in both passes.
@@ -106,17 +106,15 @@ def log_likelihoods_of(captures: Captures, emulator: Emulator, known: Calibratio
 
     Args:
         captures: Its silhouettes.
-        emulator: The atlas.
+        emulator: The atlas as it was fitted.
         known: How far laws differ.
 
     Returns:
         At each of `DISCREPANCIES`, but for a constant [nat].
     """
-    rows = []
-    for share in DISCREPANCIES:
-        _, data, _ = fabric_data(captures, emulator, replace(known, discrepancy=share, inflation=1.0))
-        rows.append(data.against().log_likelihood)
-    return rows
+    _, fabric, _ = fabric_data(captures, emulator, replace(known, inflation=1.0))
+    atlases = (replace(known, discrepancy=share).applied(fabric.emulator) for share in DISCREPANCIES)
+    return [replace(fabric, emulator=atlas).against().log_likelihood for atlas in atlases]
 
 
 def _needed(captures: Captures, emulator: Emulator, known: Calibration) -> int:
@@ -160,11 +158,11 @@ def p_value_of(captures: Captures, emulator: Emulator, calibration: Calibration)
 
     Args:
         captures: Silhouettes of a case.
-        emulator: The atlas.
-        calibration: Factor on the noise, and how far laws differ.
+        emulator: The atlas as it was fitted.
+        calibration: Share of its discrepancy, factor on the noise, and how far laws differ.
 
     Returns:
         The p-value.
     """
-    _, data, _ = fabric_data(captures, emulator, calibration)
+    _, data, _ = fabric_data(captures, calibration.applied(emulator), calibration)
     return detection_p_value(data.model(data.against()), np.random.default_rng(_SEED))

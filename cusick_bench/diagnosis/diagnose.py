@@ -119,7 +119,7 @@ def diagnose(
 
     Args:
         captures: Its silhouettes.
-        emulator: The atlas.
+        emulator: The atlas, calibrated.
         calibration: Calibration of the probabilities; theory by default.
         options: How to diagnose.
         shared: Effects of the laboratory that all its fabrics show, from `laboratory`.
@@ -145,7 +145,7 @@ def diagnose(
     if chosen.samples and (evidence.causes or chosen.always):
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
         simulated = closures(
-            known.applied(emulator), evidence.samples, sets.residual, [evidence.causes], draping,
+            emulator, evidence.samples, sets.residual, [evidence.causes], draping,
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)

@@ -1,7 +1,7 @@
 """What a diagnosis is asked for, and the atlas that it rests on."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,12 +37,28 @@ class Options:
         Returns:
             The command as one types it.
         """
-        words = ["cusick-bench", "diagnose", data, *_repeated("--fabric", fabrics), "--samples", str(self.samples)]
-        words += _repeated("--without-effect", self.without)
+        words = [
+            "cusick-bench",
+            "diagnose",
+            data,
+            *repeated_option("--fabric", fabrics),
+            "--samples",
+            str(self.samples),
+        ]
+        words += repeated_option("--without-effect", self.without)
         words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
         words += ["--seed", str(self.seed)]
         return shlex.join([*words, "--force"] if force else words)
 
 
-def _repeated(name: str, values: Sequence[str]) -> list[str]:
+def repeated_option(name: str, values: Iterable[str]) -> list[str]:
+    """Words of a command that give an option several times.
+
+    Args:
+        name: The option, such as `--fabric`.
+        values: Its values.
+
+    Returns:
+        The words, unquoted.
+    """
     return [word for value in values for word in (name, value)]

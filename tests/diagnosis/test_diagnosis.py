@@ -14,7 +14,7 @@ from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.observation import silhouette
 from cusick_bench.diagnosis.atlas.points import point_file, read_point, read_points
 from cusick_bench.diagnosis.atlas.ridge import ridge
-from cusick_bench.diagnosis.atlas.store import Calibration, load, save
+from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
@@ -51,7 +51,7 @@ THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0
 
 @pytest.fixture(scope="module")
 def emulator() -> Emulator:
-    return load()[0]
+    return load_uncalibrated()[0]
 
 
 @pytest.fixture(scope="module")
@@ -268,6 +268,7 @@ def test_atlas_is_kept_to_single_precision(emulator: Emulator, tmp_path: Path) -
     again, calibration = load(tmp_path / "atlas.npz")
     assert calibration == Calibration(1.1, 7, discrepancy=0.2)
     np.testing.assert_allclose(again.mean(THETA), emulator.mean(THETA), rtol=1e-5)
+    np.testing.assert_allclose(again.discrepancy, 0.2 * emulator.discrepancy, rtol=1e-5)
     assert again.responses.keys() == emulator.responses.keys()
 
 
@@ -416,7 +417,7 @@ def test_simulated_cause_moves_what_the_atlas_says(emulator: Emulator, one_threa
 def test_features_without_anything() -> None:
     nothing = features(np.full((2, 2, len(NAMES)), np.nan))
     with pytest.raises(DiagnosisError, match="at least one drape"):
-        against_base(load()[0], nothing)
+        against_base(load_uncalibrated()[0], nothing)
 
 
 def test_range_of_the_base_model_holds_its_prior() -> None:

@@ -1,5 +1,6 @@
 """What keeps a diagnosis honest: noise and trust learned from known cases, what cannot be seen, what is in no list."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,30 +8,34 @@ import pytest
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
+from cusick_bench.datasets import load as load_data
 from cusick_bench.diagnosis import calibrate as module
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import Calibration, load
+from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.calibrate import (
     DISCREPANCIES,
     INFLATIONS,
     calibrate,
     inflation_at_level,
+    log_likelihoods_of,
     looks,
     parallel_map,
 )
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
+from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
 from cusick_bench.diagnosis.inference.single_effects.evidence import LEAST_SIZE, NONE, detectable_grids, grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
+from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 
 
 @pytest.fixture(scope="module")
 def emulator() -> Emulator:
-    return load()[0]
+    return load_uncalibrated()[0]
 
 
 def fabric(emulator: Emulator, bending: float) -> Residual:
@@ -66,6 +71,27 @@ def test_calibration_finds_the_noise_and_the_power_that_suit_the_cases(monkeypat
     assert found.discrepancy == pytest.approx(0.1)
     assert found.cases == 200
     assert found.law_mismatch == fitted.law_mismatch
+
+
+def test_only_a_calibration_sees_the_atlas_as_it_was_fitted() -> None:
+    """Whoever compares fabrics with the atlas gets it calibrated, and nobody calibrates it twice."""
+    package = Path(module.__file__).parents[1]
+    texts = {path.relative_to(package).as_posix(): path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
+    assert {name for name, text in texts.items() if "load_uncalibrated" in text or ".applied(" in text} == {
+        "cli/diagnose/atlas.py", "diagnosis/atlas/store.py", "diagnosis/calibrate.py",
+    }  # fmt: skip
+    assert texts["cli/diagnose/atlas.py"].count("load_uncalibrated(") == 1, "atlas calibrate alone"
+
+
+def test_likelihoods_are_those_of_each_share_of_the_discrepancy(emulator: Emulator) -> None:
+    data, known = load_data("synthetic"), Calibration(inflation=1.3)
+    captures = read_captures(data, data.cloths[0])
+    found = log_likelihoods_of(captures, emulator, known)
+    for share in (DISCREPANCIES[0], DISCREPANCIES[-1]):
+        one = replace(known, discrepancy=share, inflation=1.0)
+        _, fabric, _ = fabric_data(captures, one.applied(emulator), one)
+        assert found[DISCREPANCIES.index(share)] == fabric.against().log_likelihood
+    assert len(set(found)) == len(DISCREPANCIES)
 
 
 @pytest.mark.parametrize(("detected", "place"), [(0, 0), (11, 0), (12, 1), (20, 1)])

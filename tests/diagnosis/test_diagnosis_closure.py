@@ -7,7 +7,7 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import load
+from cusick_bench.diagnosis.atlas.store import load_uncalibrated
 from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
 from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
 from cusick_bench.diagnosis.inference.residuals.residual import against_base
@@ -27,7 +27,7 @@ NOTHING = np.zeros(len(NAMES))
 
 @pytest.fixture(scope="module")
 def emulator() -> Emulator:
-    return load()[0]
+    return load_uncalibrated()[0]
 
 
 def drawn(

@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.diagnosis.atlas.store import Calibration
-from cusick_bench.diagnosis.atlas.store import load as load_atlas
+from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
@@ -36,7 +35,7 @@ def captures(laboratories: dict[str, Path], name: str) -> Captures:
 
 
 def evidence(of: Captures) -> FabricEvidence:
-    return fabric_evidence(of, load_atlas()[0], Calibration(), np.random.default_rng(0))
+    return fabric_evidence(of, load_uncalibrated()[0], Calibration(), np.random.default_rng(0))
 
 
 def rows(of: Captures) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import GEOMETRY_MISMATCH, LAW_MISMATCH, Calibration, load
+from cusick_bench.diagnosis.atlas.store import GEOMETRY_MISMATCH, LAW_MISMATCH, Calibration, load_uncalibrated
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
 from cusick_bench.diagnosis.inference.findings.evened import evened_out
@@ -33,7 +33,7 @@ SIZES = {"camera-offset": (3e-3, 120.0), "face-asymmetry": (0.35, None), "creep"
 
 @pytest.fixture(scope="module")
 def emulator() -> Emulator:
-    return load()[0]
+    return load_uncalibrated()[0]
 
 
 def planted(emulator: Emulator, names: tuple[str, ...], bending: float = -6.0) -> tuple[FabricData, list[Candidate]]:

@@ -49,10 +49,8 @@ def plain(small_suite: Path) -> SampleStatistics:
 
 @pytest.fixture(scope="module")
 def residual(plain: SampleStatistics) -> Residual:
-    fitted, calibration = load_atlas(SHIPPED)
-    found = against_base(
-        calibration.applied(fitted), plain.features(), scatter=scatter_of(plain.specimens), drift=plain.later
-    )
+    emulator, calibration = load_atlas(SHIPPED)
+    found = against_base(emulator, plain.features(), scatter=scatter_of(plain.specimens), drift=plain.later)
     return inflated(found, calibration.inflation)
 
 

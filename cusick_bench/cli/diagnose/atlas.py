@@ -152,10 +152,10 @@ def calibrate_atlas(
     as_json: Json = False,
 ) -> None:
     """Learns how much noise there is from suites whose labels are open, and which are never scored again."""
-    from cusick_bench.diagnosis.atlas.store import load, save
+    from cusick_bench.diagnosis.atlas.store import load_uncalibrated, save
     from cusick_bench.diagnosis.calibrate import calibrate, looks
 
-    emulator, before = load(atlas)
+    emulator, before = load_uncalibrated(atlas)
     found = [case for cases, labels in _pairs(suites) for case in _open_cases(cases, labels)]
     with progress_bar("cases", looks([truth for _, truth in found])) as bar:
         after = calibrate(found, emulator, before, workers=workers, step=bar.advance)
@@ -212,8 +212,7 @@ def power(
     from cusick_bench.diagnosis.inference.detectability.power import FABRICS, STIFFNESS, detectable, needed
     from cusick_bench.sim.effects import registered
 
-    fitted, calibration = load(atlas)
-    emulator = calibration.applied(fitted)
+    emulator, calibration = load(atlas)
     with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
         shift = needed(emulator, calibration, np.random.default_rng(0))
         inflation = calibration.inflation

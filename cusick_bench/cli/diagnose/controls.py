@@ -11,12 +11,12 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from cusick_bench.cli.common import interruptible, output, print_json, repeated_option, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Atlas, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.diagnosis.options import SHIPPED, Options
+from cusick_bench.diagnosis.options import SHIPPED, Options, repeated_option
 from cusick_bench.runner.store import write_atomically
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """The fitted atlas as one small file, and how probabilities are calibrated on it.
 
-emulator, calibration = load()            # the shipped one
+emulator, calibration = load()            # the shipped one, calibrated: what fabrics are compared with
 save(path, fit(*read_points(folder)), Calibration())
 """
 
@@ -115,7 +115,7 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
 
     Args:
         path: The file; its folder is created.
-        emulator: The atlas.
+        emulator: The atlas as it was fitted, without its calibration.
         calibration: Calibration of its probabilities.
     """
     arrays: dict[str, ndarray] = {"correlation": emulator.correlation, "discrepancy": emulator.discrepancy}
@@ -144,13 +144,30 @@ def save(path: Path, emulator: Emulator, calibration: Calibration) -> None:
 
 
 def load(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
-    """Reads a fitted atlas.
+    """Reads an atlas to compare fabrics with.
 
     Args:
         path: The file; by default the shipped one.
 
     Returns:
-        The atlas, and the calibration of its probabilities.
+        The atlas with the share of its discrepancy that its calibration says, and the calibration, whose other numbers
+        apply to single fabrics and effects.
+
+    Raises:
+        DiagnosisError: No file, damaged, or of other statistics than this version's.
+    """
+    fitted, calibration = load_uncalibrated(path)
+    return calibration.applied(fitted), calibration
+
+
+def load_uncalibrated(path: Path = SHIPPED) -> tuple[Emulator, Calibration]:
+    """Reads an atlas as it was fitted, to calibrate it anew; `load` is for all else.
+
+    Args:
+        path: The file; by default the shipped one.
+
+    Returns:
+        The atlas with all of its discrepancy, and its last calibration.
 
     Raises:
         DiagnosisError: No file, damaged, or of other statistics than this version's.

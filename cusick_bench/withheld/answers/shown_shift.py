@@ -166,8 +166,7 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
     Returns:
         The shift, and the other effect that is most like it.
     """
-    shipped, calibration = load_atlas(atlas)
-    emulator = calibration.applied(shipped)
+    emulator, calibration = load_atlas(atlas)
     scatter = scatter_of(twin.specimens)
     plain = against_base(emulator, twin.features(), scatter=scatter, drift=twin.later)
     refit = against_base(emulator, case.features(), scatter=scatter, drift=case.later, start=plain.theta)

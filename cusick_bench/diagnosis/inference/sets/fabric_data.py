@@ -134,7 +134,7 @@ def fabric_data(
 
     Args:
         captures: Its silhouettes.
-        emulator: The atlas.
+        emulator: The atlas, calibrated.
         calibration: Calibration of its probabilities.
         without: Effects that are not to be considered.
 
@@ -147,7 +147,7 @@ def fabric_data(
     scaled, notes = to_atlas(captures)
     require_enough(captures)
     samples = sample_statistics(scaled)
-    own = replace(calibration.applied(emulator), outlines=OwnOutlines(scaled))
+    own = replace(emulator, outlines=OwnOutlines(scaled))
     scatter = scatter_of(samples.specimens)
     data = FabricData(own, calibration, samples.features(), scatter, samples.later, tuple(without))
     return samples, data, notes + doubts(captures, data.features)
