@@ -73,7 +73,7 @@ class ClothStatistics:
         silhouettes, samples, units: Number of each; a unit is one face of one sample.
         unusable: Images left out: unreadable, or with a wrong scale.
         drape_coefficient, drape_coefficient_sd: Mean and spread over units.
-        folds, folds_sd: Likewise.
+        folds, folds_sd: Mean number of folds, and its standard deviation.
         spectrum: Mean amplitudes [m] of harmonics 0 to `SPECTRUM_MODES`.
         mse_repeat, mse_flip, mse_other_sample, mse_other_fabric: Mean image differences; NaN without such pairs.
         down_minus_up: Difference of the drape coefficient between the faces, paired by sample.

@@ -74,7 +74,7 @@ class DrapeBatch:
     Attributes:
         vertices: Positions [m], with gradients; NaN for a cloth that diverged.
         failures: Why a cloth diverged, or None.
-        converged: Which have come to rest.
+        converged: Whether each has come to rest.
         residual: Net forces as fractions of the weights; NaN where diverged.
         iterations: Steps of the drop, or Newton steps.
         halvings: How often the step of a drop was halved, because the cloth flew apart in longer ones: such a cloth

@@ -173,7 +173,7 @@ def require_positive(solver: Solver, *names: str) -> None:
     """Refuses options that are no positive numbers.
 
     Args:
-        solver: Whose options they are.
+        solver: Solver that has these options.
         names: Names of the options.
 
     Raises:

@@ -118,10 +118,10 @@ class Finished:
     Attributes:
         function: Name in `FUNCTIONS`.
         dimension: D.
-        evaluations: As many as it spent.
+        evaluations: Number of evaluations that it spent.
         method: Name in `METHODS`.
-        run: Its number.
-        seed: The plan's.
+        run: Number of the run.
+        seed: Seed of the plan.
         best: Least value found.
         seconds: Wall time [s].
         numerics: Versions of the solver and of the test functions that made it.

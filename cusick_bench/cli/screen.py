@@ -111,7 +111,7 @@ class Screen(Console):
 
         Args:
             renderable: What to print.
-            options: How.
+            options: Width, encoding and other options of the console.
 
         Yields:
             Pieces of text with their styles.

@@ -120,7 +120,7 @@ def cloth_stiffness(
         stretch: C, shared or per face [N/m].
         bending: B, shared or per hinge [N m].
         law: Material law that they are for; laws `plate` and `paper` read the same tables.
-        weights: Of the elements, for tables per element.
+        weights: Weights of the elements, for tables per element.
         poisson: Poisson's ratio of bending, which law `plate` has.
 
     Returns:

@@ -13,8 +13,8 @@ class Results(Sequence[dict[str, Any]]):
     """Contents of the cells' `result.json`, in the order of the cells.
 
     Attributes:
-        store: Where they lie.
-        cells: Whose they are.
+        store: Folder that holds them.
+        cells: Cells that the results are of.
     """
 
     store: Store

@@ -41,7 +41,7 @@ class PlateDrape:
         folds: Number of folds with which the cloth was laid down; 0 for the flat cloth.
         ln_bending: ln of bending stiffness over rho g R^3.
         poisson: Poisson's ratio of the bending.
-        drape_coefficient: Of the projected rim.
+        drape_coefficient: Drape coefficient of the projected rim.
         rim_min_mm, rim_max_mm: Least and largest radius of the projected rim [mm].
         rim_lowest_mm: Lowest height of the rim [mm], negative below the plate.
         accuracy: Error of the reference's own drape coefficient.

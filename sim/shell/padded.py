@@ -32,7 +32,7 @@ class Padded:
 
         Args:
             columns: Number of nodes in all.
-            row: Which row.
+            row: Index of the row.
 
         Returns:
             Matrix of shape (points, columns).

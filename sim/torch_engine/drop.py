@@ -48,8 +48,8 @@ class DroppedMembers:
 
     Attributes:
         positions: Last positions, NaN for members that blew up [m]; carry gradients.
-        good: Which members are sound.
-        factored: Whose step matrices were positive definite, as long as they were sound.
+        good: Whether each member is sound.
+        factored: Whether each member's step matrices were positive definite, as long as they were sound.
         steps: Steps that each member took soundly.
         force: Net force on the free vertices, its Euclidean norm over all of them [N].
     """

@@ -125,7 +125,7 @@ def fit(
     """Fits the process by maximum a posteriori; to be called within `local_torch`.
 
     Args:
-        points: In the unit cube.
+        points: Points in the unit cube.
         losses: inf where a point failed.
         covariance: See above.
         last: Hyperparameters of the fit before this one.

@@ -37,7 +37,7 @@ class LinearPlateRow:
         vertices: Mesh size.
         mesh: Seed of the mesh.
         deflection_mm: Mean way by which the rim sinks [mm].
-        ratio: The same over the exact one.
+        ratio: This deflection over the exact one.
     """
 
     vertices: int

@@ -40,7 +40,7 @@ class PlateComparison:
         poisson_simulated: Poisson's ratio with which the law bends.
         vertices: Mesh size.
         meshes: Meshes on which the cloth came to rest.
-        drape_coefficient: Of the smooth rim's projection.
+        drape_coefficient: Drape coefficient of the smooth rim's projection.
         drape_coefficient_sd_points: Standard deviation over the meshes [points]; None of fewer than two.
         error_points: Drape coefficient minus the reference's [points].
         accuracy_points: The reference's own error [points].
@@ -81,8 +81,8 @@ class PlateOrder:
 
     Attributes:
         folds, ln_bending, poisson: The row of the reference.
-        drape_coefficient: Of errors of the drape coefficient that are above the reference's own.
-        deflection: Of the deflection, for a drape without folds.
+        drape_coefficient: Order of the errors of the drape coefficient that are above the reference's own.
+        deflection: Order of the errors of the deflection, for a drape without folds.
     """
 
     folds: int

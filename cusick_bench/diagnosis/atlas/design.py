@@ -26,7 +26,7 @@ LIMP = -7.0
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
 """Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
 SEED = 71
-"""Of fabrics, samples and effects."""
+"""Seed of the draws of fabrics, samples and effects."""
 _STIFF_IN_SHEAR = 5.8  # of theta's shear
 
 

@@ -30,7 +30,7 @@ from cusick_bench.diagnosis.measure.statistics import EVEN, FREE, NAMES, REAL, r
 from cusick_bench.sim.effects import Effect
 
 LEAST_SAMPLES = 2
-"""Of a fabric, for it to count."""
+"""Samples that a simulated fabric needs for its response to count."""
 _OWN_ERROR = 1 / 3
 """Square of the polynomials' own error over a shift's size: what weighs a point beside its samples' scatter."""
 _MISMATCHED = 0.3  # typical difference of an effect's shift between two laws, as a share of it

@@ -117,7 +117,7 @@ def largest_shift(
 
     Args:
         before: Statistics of every sample and face, from `measure.statistics`; NaN where there are none.
-        after: The same of other pictures.
+        after: Statistics of every sample and face of other pictures.
 
     Returns:
         The change [standard errors]; NaN without two samples of one face in both.

@@ -98,7 +98,7 @@ class Control:
 
     Attributes:
         fabric: Name of the fabric.
-        name: Which control.
+        name: Name of the control, such as `shift`.
         level: How strong, or which part of the data, in words.
         kind: What its right answer is about.
         effects: The right answers, any of which will do; of kinds `absent` and `null` the wrong ones.
@@ -155,7 +155,7 @@ class FabricUnderControl:
 
         Args:
             control: Name of the control.
-            number: Which of several.
+            number: Number of the generator, where a control needs several.
 
         Returns:
             A generator that belongs to fabric, control and number alone.

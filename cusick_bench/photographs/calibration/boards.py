@@ -29,8 +29,8 @@ class SeenBoard:
     """The board's corners in a picture.
 
     Attributes:
-        places: On the board, about its middle, z = 0 [m].
-        pixels: In the picture.
+        places: Places of the corners on the board, about its middle, z = 0 [m].
+        pixels: Places of the corners in the picture [px].
     """
 
     places: Float[ndarray, "corners 3"]

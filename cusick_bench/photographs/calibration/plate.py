@@ -83,7 +83,7 @@ def view_from_plate(
     Args:
         photograph: Picture of the bare plate.
         name: Its file, for messages.
-        radius: Of the plate [m].
+        radius: Radius of the plate [m].
         focal: Focal length [px]; the picture's header's by default.
         height: Measured height of the camera above the plate [m], preferred to the focal length.
 
@@ -164,7 +164,7 @@ def centred_on_plate(view: PlateView, photograph: Photograph, name: str, radius:
         view: From the board.
         photograph: Picture of the bare plate.
         name: Its file, for messages.
-        radius: Of the plate [m].
+        radius: Radius of the plate [m].
 
     Returns:
         The view.

@@ -16,10 +16,10 @@ class Uncertainty:
     """Standard deviations of what a calibration found.
 
     Attributes:
-        scale: Relative, of lengths in the plate's plane.
-        centre_m: Of the plate's axis, along x and along y [m].
-        tilt_rad: Of the camera's tilt [rad].
-        height_m: Of the pupil's height [m]; infinite where it is not known.
+        scale: Relative standard deviation of lengths in the plate's plane.
+        centre_m: Standard deviation of the plate's axis, along x and along y [m].
+        tilt_rad: Standard deviation of the camera's tilt [rad].
+        height_m: Standard deviation of the pupil's height [m]; infinite where it is not known.
     """
 
     scale: float
@@ -37,7 +37,7 @@ class PlateView:
         matrix: Focal lengths and optical axis [px], as OpenCV has them.
         distortion: k1, k2 of the Brown-Conrady model, and zeros for p1, p2, k3, in OpenCV's order.
         rotation: From the plate's axes into the camera's.
-        translation: Of the plate's middle in the camera's axes [m].
+        translation: Place of the plate's middle in the camera's axes [m].
         uncertainty: Standard deviations.
         source: What it was found from, in words.
     """

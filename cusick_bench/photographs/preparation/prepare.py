@@ -38,13 +38,13 @@ class Setting:
     """What one tells of the experiment.
 
     Attributes:
-        cloth_radius: Of the flat cloth [m].
-        plate_radius: Of the plate [m].
+        cloth_radius: Radius of the flat cloth [m].
+        plate_radius: Radius of the plate [m].
         weights: Areal density by fabric [kg/m2]; what is not here stays empty.
         thicknesses: Thickness by fabric [m].
         captures: Which face lies up in which capture.
-        camera_height: Of the camera above the plate, measured with a rule [m]; None where it was not. Not used where
-            pictures of the board held at angles give it.
+        camera_height: Height of the camera above the plate, measured with a rule [m]; None where it was not. Not used
+            where pictures of the board held at angles give it.
         printed: Size of the printed board over its nominal size.
         image_size: Width of the silhouettes [px].
         accepted: Least confidence of an outline that is written.

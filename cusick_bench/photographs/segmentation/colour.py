@@ -62,7 +62,7 @@ class Neighbours:
         """Compares places with the known ones.
 
         Args:
-            features: Of the places to judge.
+            features: Colour features of the places to judge.
 
         Returns:
             Log likelihood ratio of cloth against ground, positive where cloth is likelier; and whether a place is like

@@ -37,7 +37,7 @@ def closed_path(cost: Float[ndarray, "angles radii"], stiffness: float) -> Int[n
     """Finds the cheapest closed path.
 
     Args:
-        cost: Of an outline at each place.
+        cost: Cost of an outline at each place.
         stiffness: Price of a column's change from one angle to the next.
 
     Returns:

@@ -24,7 +24,7 @@ class PolarPicture:
     Attributes:
         light: Linear light, blue first.
         seen: Where the grid lies in the photograph.
-        radii: Of the columns [m].
+        radii: Radius of each column [m].
         plate: Radius of the plate [m].
         cloth: Radius of the flat cloth [m].
     """

@@ -66,7 +66,7 @@ class Laboratory:
         ground: Albedo of the ground with all that lies on it.
         ground_colour: Mean colour in Lab.
         ground_depth: Depth of the ground below the plate [m].
-        blur, noise, quality: Of the sensor: blur [px], noise [levels], JPEG quality.
+        blur, noise, quality: Blur [px], noise [levels] and JPEG quality of the sensor.
     """
 
     seed: int
@@ -265,7 +265,7 @@ def bare_plate(laboratory: Laboratory, radius: float) -> Piece:
 
     Args:
         laboratory: Where it stands.
-        radius: Of the plate [m].
+        radius: Radius of the plate [m].
 
     Returns:
         A flat disc whose colour stands out from the ground.

@@ -32,7 +32,7 @@ def light_on_ground(piece: Piece, light: Light, depth: float) -> Surface:
     Args:
         piece: What throws the shadow.
         light: The light.
-        depth: Of the ground below the plate [m].
+        depth: Depth of the ground below the plate [m].
 
     Returns:
         Light on a map of the ground.

@@ -31,7 +31,7 @@ class Colouring:
 
     Attributes:
         title: What it is, for the list of choices.
-        values: Of each vertex; NaN where it has none.
+        values: Value of each vertex; NaN where it has none.
         limits: Values of the first and of the last colour.
         ends: The same in words.
         scale: "difference" (two colours from a neutral middle) or "amount".
@@ -122,7 +122,7 @@ def vertex_means(
     """Mean over the elements that meet in each vertex.
 
     Args:
-        values: Of the faces, or of the inner edges in the order of `Mesh.hinges`.
+        values: Values of the faces, or of the inner edges in the order of `Mesh.hinges`.
         faces: Triangles.
         vertices: Number of vertices.
 

@@ -104,7 +104,7 @@ def _add_geometric(xu, xv, n, length, total, size, block):
         xu, xv, n, length: x_,1, x_,2, n and J.
         total: C, times the point's area.
         size: Sum of m_k kappa_k, times the point's area.
-        block: Of an edge point.
+        block: Stiffness numbers of an edge point (EDGE_BLOCKS); changed.
     """
     for axis in range(3):
         e = _unit(axis)
@@ -159,7 +159,7 @@ def edge_stiffness(
         start: First place of every point, edges first, and the end.
         nodes: Control point at every place.
         weight: Rows of the derivatives at every place (places, 5).
-        area: Of every edge (edges) [m2].
+        area: Area of every edge (edges) [m2].
         share: Share of the membrane energy that the edges carry.
         base: Derivatives x_,1 and x_,2 of the undeformed cloth on the plate (members, 2, 3).
         field: Displacements of the control points (members, rows, 3) [m].
@@ -227,7 +227,7 @@ def vertex_stiffness(
     """Energy, forces and stiffness of all vertex points; arguments as in `edge_stiffness`.
 
     Args:
-        area: Of every vertex outside the plate [m2].
+        area: Area of every vertex outside the plate [m2].
         share: Share of the membrane energy that the vertices carry.
         offset: Number of edges, which come before the vertices in `start`, `stretch`, `shear` and `energy`.
         block: Receives what the point keeps (members, vertices, VERTEX_BLOCKS).

@@ -86,7 +86,7 @@ class ShellUnknowns:
         """Control points of the surface through given positions; fixed vertices stay.
 
         Args:
-            positions: Of the vertices [m].
+            positions: Positions of the vertices [m].
 
         Returns:
             Control points, at the indices of their vertices [m].

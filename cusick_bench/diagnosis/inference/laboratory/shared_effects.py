@@ -53,7 +53,7 @@ class Laboratory:
     """What the fabrics of a data set share.
 
     Attributes:
-        fabrics: Their names.
+        fabrics: Names of the fabrics.
         effects: Every effect that may be shared, the likeliest first.
         sets: Probability of each set of them.
     """
@@ -73,8 +73,8 @@ class LaboratoryFabric:
     """A fabric of a laboratory.
 
     Attributes:
-        name: Its name.
-        data: Its features.
+        name: Name of the fabric.
+        data: Features of the fabric.
         sets: Sets of effects, weighed for it alone.
     """
 

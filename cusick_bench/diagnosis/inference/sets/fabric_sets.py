@@ -102,7 +102,7 @@ def candidate_at(points: EffectPoints, point: int) -> Candidate:
 
     Args:
         points: All points.
-        point: Index of one.
+        point: Index of the point.
 
     Returns:
         The cause.

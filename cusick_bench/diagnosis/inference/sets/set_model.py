@@ -38,8 +38,8 @@ class Likelihoods:
     """Log likelihoods of several sets, by size of the misfit.
 
     Attributes:
-        anything: Of the forbidden rows, with the prior of t, for each of `ANY_SIZES`.
-        symmetric: Of the allowed rows, with the prior of s, for each of `MISFIT_SIZES`.
+        anything: Log likelihood of the forbidden rows, with the prior of t, for each of `ANY_SIZES`.
+        symmetric: Log likelihood of the allowed rows, with the prior of s, for each of `MISFIT_SIZES`.
     """
 
     anything: Float[ndarray, "sets anything"]
@@ -123,7 +123,7 @@ class SetModel:
         """Log of prior times likelihood of a set.
 
         Args:
-            chosen: Its points.
+            chosen: Points of the set.
             more: A shift beside that of the set.
 
         Returns:
