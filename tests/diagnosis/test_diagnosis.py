@@ -1,25 +1,20 @@
 """The diagnosis against known answers: fabrics made by the atlas' own statistics, by simulation, and by a liar."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
-from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
-from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.observation import silhouette
-from cusick_bench.diagnosis.atlas.points import point_file, read_point, read_points
-from cusick_bench.diagnosis.atlas.ridge import ridge
-from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
+from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DataCounts
-from cusick_bench.diagnosis.errors import DiagnosisError, Refused
+from cusick_bench.diagnosis.errors import Refused
 from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, Share
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
@@ -39,8 +34,7 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypothese
 from cusick_bench.diagnosis.inference.single_effects.localise import place
 from cusick_bench.diagnosis.inference.single_effects.next_measurement import advise
 from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
-from cusick_bench.diagnosis.measure.features import SPREADS, features
-from cusick_bench.diagnosis.measure.gap import Fold, Gap, gap
+from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES, rotated
 from cusick_bench.diagnosis.simulation.samples import simulate
 from cusick_bench.sim.effects import effect, registered
@@ -103,35 +97,6 @@ def simulated_captures(cause: str = "", severity: float = 0.0, *, samples: int =
         side=[side for _, side in labels] * 2,
         capture=np.repeat([1, 2], len(labels)),
     )
-
-
-def test_features_of_known_numbers() -> None:
-    generator = np.random.default_rng(0)
-    specimens = generator.standard_normal((400, 2, len(NAMES))) * 0.5 + 3.0
-    specimens[:10, 1] = np.nan
-    found = features(specimens, None)
-    assert found.samples.tolist() == [400, 390]
-    assert found.both == 390
-    np.testing.assert_allclose(found.mean, 3.0, atol=0.15)
-    expected = [np.log(0.5 * np.sqrt(len(columns))) for _, columns in SPREADS]
-    np.testing.assert_allclose(found.spread, expected, atol=0.06)
-    assert np.isnan(found.order).all()
-
-
-def test_spread_is_unbiased_for_few_samples() -> None:
-    generator = np.random.default_rng(1)
-    values = [features(generator.standard_normal((3, 2, len(NAMES)))).spread[0] for _ in range(600)]
-    assert abs(np.mean(values)) < 0.09  # ln 1 = 0; without correction it is -.15
-
-
-def test_ridge_finds_what_is_there_and_shrinks_what_is_not() -> None:
-    generator = np.random.default_rng(2)
-    terms = np.column_stack([np.ones(300), generator.standard_normal((300, 9))])
-    truth = np.zeros((10, 2))
-    truth[:2, 0] = [1.0, 2.0]
-    found = ridge(terms, terms @ truth + 0.1 * generator.standard_normal((300, 2)), 1)
-    np.testing.assert_allclose(found.weights, truth, atol=0.05)
-    np.testing.assert_allclose(found.residual, 0.01, rtol=0.3)
 
 
 def test_base_model_recovers_its_parameters(emulator: Emulator) -> None:
@@ -263,85 +228,6 @@ def test_advice_is_the_entropy_of_its_partition() -> None:
     assert advise({"creep": 1.0}) == []
 
 
-def test_atlas_is_kept_to_single_precision(emulator: Emulator, tmp_path: Path) -> None:
-    save(tmp_path / "atlas.npz", emulator, Calibration(1.1, 7, discrepancy=0.2))
-    again, calibration = load(tmp_path / "atlas.npz")
-    assert calibration == Calibration(1.1, 7, discrepancy=0.2)
-    np.testing.assert_allclose(again.mean(THETA), emulator.mean(THETA), rtol=1e-5)
-    np.testing.assert_allclose(again.discrepancy, 0.2 * emulator.discrepancy, rtol=1e-5)
-    assert again.responses.keys() == emulator.responses.keys()
-
-
-@pytest.mark.parametrize("damage", ["empty", "other", "absent"])
-def test_damaged_atlas_is_refused(tmp_path: Path, damage: str) -> None:
-    path = tmp_path / "atlas.npz"
-    if damage != "absent":
-        path.write_bytes(b"" if damage == "empty" else b"PK not an archive")
-    with pytest.raises(DiagnosisError, match="cannot be used"):
-        load(path)
-
-
-SMALL = Design(
-    points=2, stiff_points=0, effect_points=0, fine_points=0, finest_points=0, fine_effect_points=0, law_points=0,
-    one_mesh_points=0, samples=2, vertices=100,
-)  # fmt: skip
-
-
-def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> None:
-    build(tmp_path, SMALL)
-    kept, lost = (point_file(tmp_path, point, BASE) for point in (0, 1))
-    before = read_point(lost).statistics
-    written = kept.stat().st_mtime_ns
-    lost.unlink()
-    told: list[tuple[int, int]] = []
-    build(tmp_path, SMALL, progress=lambda done, total: told.append((done, total)))
-    assert told == [(1, 2), (2, 2)]
-    assert kept.stat().st_mtime_ns == written
-    design, points = read_points(tmp_path)
-    assert design == SMALL
-    assert list(points[BASE]) == [0, 1]
-    np.testing.assert_array_equal(points[BASE][1].statistics, before)
-    with pytest.raises(DiagnosisError, match="another design"):
-        build(tmp_path, replace(SMALL, samples=3))
-
-
-def test_points_do_not_depend_on_what_is_made_with_them(tmp_path: Path, one_thread: None) -> None:
-    """An imaging effect sees the base drapes again, whether or not these are asked for too."""
-    names = [BASE, "camera-scale", "plate-radius"]
-    assert make_points(tmp_path / "together", SMALL, 0, names) == len(names)
-    for name in names[1:]:
-        make_points(tmp_path / "alone", SMALL, 0, [name])
-        alone, together = (read_point(point_file(tmp_path / part, 0, name)) for part in ("alone", "together"))
-        np.testing.assert_array_equal(alone.statistics, together.statistics)
-        assert not np.array_equal(
-            together.statistics, read_point(point_file(tmp_path / "together", 0, BASE)).statistics
-        )
-
-
-def test_design_makes_what_it_says() -> None:
-    design = replace(
-        SMALL, points=60, stiff_points=15, effect_points=4, fine_points=8, finest_points=8, fine_effect_points=4
-    )
-    tasks, limp = design.tasks(), set(np.flatnonzero(design.theta()[:, 0] < LIMP))
-    effects = len(registered()) - len(NOT_SIMULATED)
-    finest = {*range(8), 60, 61} & limp
-    assert len(tasks) == 75 + 2 * (4 + 1) * effects + (8 + 2) + len(finest)
-    assert tasks[0] == (0, BASE)
-    assert {point for point, name in tasks if name == FINE} == {*range(8), 60, 61}
-    assert {point for point, name in tasks if name == FINEST} == finest
-    assert {point for point, name in tasks if name == at_fine("creep")} == {*range(4), 60}
-
-
-def test_random_values_are_within_bounds() -> None:
-    generator = np.random.default_rng(0)
-    for one in registered().values():
-        bounds = {parameter.name: (parameter.low, parameter.high) for parameter in one.parameters}
-        for _ in range(20):
-            values = random_value(one, generator)
-            assert values.keys() == bounds.keys()
-            assert all(low <= values[name] <= high for name, (low, high) in bounds.items())
-
-
 @pytest.mark.slow
 def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: None) -> None:
     """Creep on another mesh than the atlas': named, most of the gap closed on samples that were not fitted."""
@@ -412,80 +298,6 @@ def test_simulated_cause_moves_what_the_atlas_says(emulator: Emulator, one_threa
     np.testing.assert_allclose(scaled[..., radius], 1.05 * plain[..., radius], rtol=1e-6)
     moved = shifts(emulator, hypothesis, THETA, np.ones(len(NAMES)), 0.5, {"error": np.array([0.05])}).features[0]
     assert moved[radius] == pytest.approx(0.05 * plain[..., radius].mean(), rel=0.15)
-
-
-def test_features_without_anything() -> None:
-    nothing = features(np.full((2, 2, len(NAMES)), np.nan))
-    with pytest.raises(DiagnosisError, match="at least one drape"):
-        against_base(load_uncalibrated()[0], nothing)
-
-
-def test_range_of_the_base_model_holds_its_prior() -> None:
-    assert (LOW < PRIOR_MEAN - 1.2 * PRIOR_SD).all()
-
-
-def test_closure_of_known_gaps() -> None:
-    """A cause that gives the data's distribution closes the gap, one that changes nothing closes none of it."""
-    generator = np.random.default_rng(12)
-    shape = (14, 2, len(NAMES))
-    sd, shift = np.full(len(NAMES), 2.0), np.zeros(len(NAMES))
-    shift[:6] = 4.0
-
-    def drawn(move: float) -> np.ndarray:
-        return 2.0 * generator.standard_normal(shape) + move * shift
-
-    data = [drawn(1.0), drawn(1.0)]
-    plain = [drawn(0.0), drawn(0.0)]
-    right = gap([Fold(d, b, drawn(1.0)) for d, b in zip(data, plain, strict=True)], sd, generator)
-    useless = gap([Fold(d, b, b) for d, b in zip(data, plain, strict=True)], sd, generator)
-    half = gap([Fold(d, b, drawn(0.5)) for d, b in zip(data, plain, strict=True)], sd, generator)
-    assert right is not None
-    assert useless is not None
-    assert half is not None
-    assert right.base > 10 * abs(right.floor)
-    assert right.closure == pytest.approx(1.0, abs=0.15)
-    assert right.closure_interval[0] < right.closure < right.closure_interval[1] + 0.1
-    assert useless.closure == pytest.approx(0.0, abs=1e-9)
-    assert 0.4 < half.closure < 0.95
-    assert right.groups["size"] > 5 * right.groups["envelope"]  # the shift is in the first statistics
-
-
-def test_interval_of_a_closure_knows_of_the_simulated_samples_too() -> None:
-    """Few of them: an interval from the data's scatter alone holds the closure of many in 81 of 100 repeats."""
-    generator = np.random.default_rng(5)
-    sd, shift = np.full(len(NAMES), 2.0), np.zeros(len(NAMES))
-    shift[:6] = 3.0
-
-    def drawn(samples: int, move: float) -> np.ndarray:
-        return 2.0 * generator.standard_normal((samples, 2, len(NAMES))) + move * shift
-
-    def closed(samples: int, folds: int) -> Gap:
-        found = gap([Fold(*(drawn(samples, move) for move in (1.0, 0.0, 0.5))) for _ in range(folds)], sd, generator)
-        assert found is not None
-        return found
-
-    true, repeats = closed(400, 1).closure, [closed(6, 2).closure_interval for _ in range(100)]
-    assert np.mean([low <= true <= high for low, high in repeats]) >= 0.9
-    assert np.mean([high - low for low, high in repeats]) < 1.0
-
-
-def test_gap_needs_samples_and_uses_the_faces_there_are() -> None:
-    generator = np.random.default_rng(13)
-    values = generator.standard_normal((6, 2, len(NAMES)))
-    assert gap([Fold(values[:1], values)], np.ones(len(NAMES)), generator) is None
-    values[:, 1] = np.nan
-    found = gap([Fold(values, generator.standard_normal((8, 2, len(NAMES))))], np.ones(len(NAMES)), generator)
-    assert found is not None
-    assert np.isfinite(found.base)
-
-
-def test_no_gap_has_no_closure() -> None:
-    generator = np.random.default_rng(14)
-    same = [generator.standard_normal((10, 2, len(NAMES))) for _ in range(3)]
-    found = gap([Fold(same[0], same[0], same[1])], np.ones(len(NAMES)), generator)
-    assert found is not None
-    assert found.base < 0.02
-    assert np.isnan(found.closure) or abs(found.closure_interval[1] - found.closure_interval[0]) > 0.5
 
 
 def test_a_headline_says_what_acts_and_what_is_left(emulator: Emulator) -> None:

@@ -1,0 +1,145 @@
+"""The atlas: features, fits, the file that holds it, and the drapes that it is made of."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD
+from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
+from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.points import point_file, read_point, read_points
+from cusick_bench.diagnosis.atlas.ridge import ridge
+from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
+from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.residuals.residual import against_base
+from cusick_bench.diagnosis.measure.features import SPREADS, features
+from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.sim.effects import registered
+
+THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.9, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def emulator() -> Emulator:
+    return load_uncalibrated()[0]
+
+
+def test_features_of_known_numbers() -> None:
+    generator = np.random.default_rng(0)
+    specimens = generator.standard_normal((400, 2, len(NAMES))) * 0.5 + 3.0
+    specimens[:10, 1] = np.nan
+    found = features(specimens, None)
+    assert found.samples.tolist() == [400, 390]
+    assert found.both == 390
+    np.testing.assert_allclose(found.mean, 3.0, atol=0.15)
+    expected = [np.log(0.5 * np.sqrt(len(columns))) for _, columns in SPREADS]
+    np.testing.assert_allclose(found.spread, expected, atol=0.06)
+    assert np.isnan(found.order).all()
+
+
+def test_spread_is_unbiased_for_few_samples() -> None:
+    generator = np.random.default_rng(1)
+    values = [features(generator.standard_normal((3, 2, len(NAMES)))).spread[0] for _ in range(600)]
+    assert abs(np.mean(values)) < 0.09  # ln 1 = 0; without correction it is -.15
+
+
+def test_ridge_finds_what_is_there_and_shrinks_what_is_not() -> None:
+    generator = np.random.default_rng(2)
+    terms = np.column_stack([np.ones(300), generator.standard_normal((300, 9))])
+    truth = np.zeros((10, 2))
+    truth[:2, 0] = [1.0, 2.0]
+    found = ridge(terms, terms @ truth + 0.1 * generator.standard_normal((300, 2)), 1)
+    np.testing.assert_allclose(found.weights, truth, atol=0.05)
+    np.testing.assert_allclose(found.residual, 0.01, rtol=0.3)
+
+
+def test_atlas_is_kept_to_single_precision(emulator: Emulator, tmp_path: Path) -> None:
+    save(tmp_path / "atlas.npz", emulator, Calibration(1.1, 7, discrepancy=0.2))
+    again, calibration = load(tmp_path / "atlas.npz")
+    assert calibration == Calibration(1.1, 7, discrepancy=0.2)
+    np.testing.assert_allclose(again.mean(THETA), emulator.mean(THETA), rtol=1e-5)
+    np.testing.assert_allclose(again.discrepancy, 0.2 * emulator.discrepancy, rtol=1e-5)
+    assert again.responses.keys() == emulator.responses.keys()
+
+
+@pytest.mark.parametrize("damage", ["empty", "other", "absent"])
+def test_damaged_atlas_is_refused(tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "atlas.npz"
+    if damage != "absent":
+        path.write_bytes(b"" if damage == "empty" else b"PK not an archive")
+    with pytest.raises(DiagnosisError, match="cannot be used"):
+        load(path)
+
+
+SMALL = Design(
+    points=2, stiff_points=0, effect_points=0, fine_points=0, finest_points=0, fine_effect_points=0, law_points=0,
+    one_mesh_points=0, samples=2, vertices=100,
+)  # fmt: skip
+
+
+def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> None:
+    build(tmp_path, SMALL)
+    kept, lost = (point_file(tmp_path, point, BASE) for point in (0, 1))
+    before = read_point(lost).statistics
+    written = kept.stat().st_mtime_ns
+    lost.unlink()
+    told: list[tuple[int, int]] = []
+    build(tmp_path, SMALL, progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 2), (2, 2)]
+    assert kept.stat().st_mtime_ns == written
+    design, points = read_points(tmp_path)
+    assert design == SMALL
+    assert list(points[BASE]) == [0, 1]
+    np.testing.assert_array_equal(points[BASE][1].statistics, before)
+    with pytest.raises(DiagnosisError, match="another design"):
+        build(tmp_path, replace(SMALL, samples=3))
+
+
+def test_points_do_not_depend_on_what_is_made_with_them(tmp_path: Path, one_thread: None) -> None:
+    """An imaging effect sees the base drapes again, whether or not these are asked for too."""
+    names = [BASE, "camera-scale", "plate-radius"]
+    assert make_points(tmp_path / "together", SMALL, 0, names) == len(names)
+    for name in names[1:]:
+        make_points(tmp_path / "alone", SMALL, 0, [name])
+        alone, together = (read_point(point_file(tmp_path / part, 0, name)) for part in ("alone", "together"))
+        np.testing.assert_array_equal(alone.statistics, together.statistics)
+        assert not np.array_equal(
+            together.statistics, read_point(point_file(tmp_path / "together", 0, BASE)).statistics
+        )
+
+
+def test_design_makes_what_it_says() -> None:
+    design = replace(
+        SMALL, points=60, stiff_points=15, effect_points=4, fine_points=8, finest_points=8, fine_effect_points=4
+    )
+    tasks, limp = design.tasks(), set(np.flatnonzero(design.theta()[:, 0] < LIMP))
+    effects = len(registered()) - len(NOT_SIMULATED)
+    finest = {*range(8), 60, 61} & limp
+    assert len(tasks) == 75 + 2 * (4 + 1) * effects + (8 + 2) + len(finest)
+    assert tasks[0] == (0, BASE)
+    assert {point for point, name in tasks if name == FINE} == {*range(8), 60, 61}
+    assert {point for point, name in tasks if name == FINEST} == finest
+    assert {point for point, name in tasks if name == at_fine("creep")} == {*range(4), 60}
+
+
+def test_random_values_are_within_bounds() -> None:
+    generator = np.random.default_rng(0)
+    for one in registered().values():
+        bounds = {parameter.name: (parameter.low, parameter.high) for parameter in one.parameters}
+        for _ in range(20):
+            values = random_value(one, generator)
+            assert values.keys() == bounds.keys()
+            assert all(low <= values[name] <= high for name, (low, high) in bounds.items())
+
+
+def test_features_without_anything() -> None:
+    nothing = features(np.full((2, 2, len(NAMES)), np.nan))
+    with pytest.raises(DiagnosisError, match="at least one drape"):
+        against_base(load_uncalibrated()[0], nothing)
+
+
+def test_range_of_the_base_model_holds_its_prior() -> None:
+    assert (LOW < PRIOR_MEAN - 1.2 * PRIOR_SD).all()
