@@ -5,7 +5,7 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, Design
-from cusick_bench.diagnosis.atlas.emulator import fit
+from cusick_bench.diagnosis.atlas.emulator_fit import fit
 from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import scaled
 from cusick_bench.diagnosis.atlas.response import Changes, corrected, response

@@ -13,7 +13,8 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import LOW
 from cusick_bench.diagnosis.atlas.design import BASE, Design
-from cusick_bench.diagnosis.atlas.emulator import Emulator, fit
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.emulator_fit import fit
 from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import scaled
 from cusick_bench.diagnosis.measure.statistics import capture_statistics

@@ -104,7 +104,7 @@ def fit_atlas(
     as_json: Json = False,
 ) -> None:
     """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
-    from cusick_bench.diagnosis.atlas.emulator import fit
+    from cusick_bench.diagnosis.atlas.emulator_fit import fit
     from cusick_bench.diagnosis.atlas.points import read_points
     from cusick_bench.diagnosis.atlas.response_check import THIRDS, error_of_means, unexplained
     from cusick_bench.diagnosis.atlas.store import Calibration, save

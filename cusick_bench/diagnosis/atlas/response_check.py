@@ -17,7 +17,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, Design
-from cusick_bench.diagnosis.atlas.emulator import Emulator, level_of
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.emulator_fit import level_of
 from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms
 from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Changes, changes, response
