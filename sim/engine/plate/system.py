@@ -17,6 +17,7 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.plate import adjoint_kernels, kernels
 from cusick_bench.sim.engine.plate.layout import MatrixTerms, PointNodes, ShellLayout, shell_layout
+from cusick_bench.sim.engine.plate.placement import Placement
 from cusick_bench.sim.engine.plate.workspace import Workspace
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
@@ -91,7 +92,7 @@ class ShellSystem:
             return ShellSystem(mesh, self.gravity, self.fixed, self.plate_radius, self.backend)
         _ = self.linear, self._terms, self._buffers
         other = copy.copy(self)
-        for name in ("_plate_frame", "_plate_row", "nodes"):
+        for name in ("placement", "nodes"):
             other.__dict__.pop(name, None)
         object.__setattr__(other, "mesh", mesh)
         object.__setattr__(other, "sheet", sheet)
@@ -107,7 +108,7 @@ class ShellSystem:
         Returns:
             The other system.
         """
-        _ = self.linear, self._terms, self._buffers, self._plate_frame, self._plate_row, self.nodes
+        _ = self.linear, self._terms, self._buffers, self.placement, self.nodes
         other = copy.copy(self)
         object.__setattr__(other, "rest_shear", rest)
         return other
@@ -173,16 +174,9 @@ class ShellSystem:
         return sum(array.nbytes for array in vars(Workspace.of(1, self.nodes, self.edges)).values())
 
     @cached_property
-    def _plate_frame(self) -> Float[ndarray, "3 fixed"]:
-        """Least squares from the positions of the fixed vertices to x_,1, x_,2 and the origin of the plate's plane."""
-        at = self.sheet.material[self.fixed]
-        return np.linalg.pinv(np.column_stack([at, np.ones(len(at))]))
-
-    @cached_property
-    def _plate_row(self) -> Float[ndarray, "rows 3"]:
-        """Weights of x_,1, x_,2 and the origin in the control points of the undeformed cloth."""
-        at = self.stencils.control_material
-        return np.column_stack([at, np.ones(len(at))])
+    def placement(self) -> Placement:
+        """Where the undeformed cloth lies on the plate."""
+        return Placement.of(self.sheet.material[self.fixed], self.stencils.control_material)
 
     def frame(self, x: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members 3 3"]:
         """Where the plate is: x_,1 and x_,2 of the undeformed cloth on it, and its material origin.
@@ -193,7 +187,7 @@ class ShellSystem:
         Returns:
             Rows x_,1, x_,2 and origin [m].
         """
-        return self._plate_frame @ x[:, self.fixed]
+        return self.placement.frame(x[:, self.fixed])
 
     def displacement(self, x: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members rows 3"]:
         """Displacements of the free control points from the undeformed cloth on the plate [m].
@@ -204,7 +198,7 @@ class ShellSystem:
         Returns:
             Displacements.
         """
-        return np.ascontiguousarray(x[:, self.free] - self._plate_row @ self.frame(x))
+        return np.ascontiguousarray(x[:, self.free] - self.placement.undeformed(self.frame(x)))
 
     def evaluate(
         self, x: Float[ndarray, "members vertices 3"], anchor: Float[ndarray, "members vertices 3"], p: Parameters,
@@ -358,9 +352,7 @@ class ShellSystem:
         by_u = self.gather(work.vector)
         by_x = np.zeros_like(x)
         by_x[:, free] = by_u
-        by_frame = -(self._plate_row.T @ by_u)
-        by_frame[:, :2] += g_base.sum(1)
-        by_x[:, self.fixed] = self._plate_frame.T @ by_frame
+        by_x[:, self.fixed] = self.placement.adjoint(by_u, g_base.sum(1))
         return by_x, np.zeros_like(x)
 
     def gather(self, vectors: Float[ndarray, "members places 3"]) -> Float[ndarray, "members rows 3"]:

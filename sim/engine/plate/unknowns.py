@@ -104,7 +104,7 @@ class ShellUnknowns:
                 f"{1e3 * off:.3g} mm off; lay the cloth down flat within the plate's edge, or use law 'paper'"
             )
         found = positions.copy()
-        found[:, system.free] = self._solve((positions - flat)[:, system.free], "N") + system._plate_row @ frame
+        found[:, system.free] = self._solve((positions - flat)[:, system.free], "N") + system.placement.to_rows @ frame
         return found
 
     def positions(self, x: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members vertices 3"]:
@@ -135,8 +135,8 @@ class ShellUnknowns:
         found = g.copy()
         at = np.column_stack([system.sheet.material[free], np.ones(len(free))])
         found[:, free] = _each(csr_array(self._surface.T), g[:, free])
-        by_frame = at.T @ g[:, free] - system._plate_row.T @ found[:, free]
-        found[:, system.fixed] += system._plate_frame.T @ by_frame
+        by_frame = at.T @ g[:, free] - system.placement.to_rows.T @ found[:, free]
+        found[:, system.fixed] += system.placement.from_fixed.T @ by_frame
         return found
 
     def gradient(
@@ -172,8 +172,8 @@ class ShellUnknowns:
         found = g_start.copy()
         found[:, free] = self._solve(g_start[:, free], "T")
         at = np.column_stack([system.sheet.material[free], np.ones(len(free))])
-        by_frame = system._plate_row.T @ g_start[:, free] - at.T @ found[:, free]
-        found[:, system.fixed] += system._plate_frame.T @ by_frame
+        by_frame = system.placement.to_rows.T @ g_start[:, free] - at.T @ found[:, free]
+        found[:, system.fixed] += system.placement.from_fixed.T @ by_frame
         return found
 
     @cached_property
