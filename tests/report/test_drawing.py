@@ -1,0 +1,208 @@
+"""Pictures and graphs of reports: what they draw, and figures as parts of a page in both colour modes."""
+
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+from html_page import Page
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
+from shown_cells import radii
+
+from cusick_bench.metrics import ruled_surface
+from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
+from cusick_bench.metrics.stiffness import BENDING
+from cusick_bench.report import View, cloth_colour, render_drape
+from cusick_bench.report.drawing.inline_svg import inline_svg, page_figure, panel, printable
+from cusick_bench.report.drawing.line_graphs import profile_graph, trace_graph
+from cusick_bench.report.drawing.palette import MODEL, REAL, VARIABLES
+from cusick_bench.report.drawing.pictures import ONLY_REAL, ONLY_SIMULATED, contact_sheet, difference_picture
+from cusick_bench.report.drawing.radius_over_angle import draw_levels, label_axes
+from cusick_bench.report.drawing.stiffness_graph import StiffnessLine, stiffness_graph
+
+
+@pytest.fixture(autouse=True)
+def _coarse_scenes(monkeypatch):
+    """Most tests do not look at the drape closely."""
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SUPERSAMPLING", 1)
+    monkeypatch.setattr("cusick_bench.report.drawing.drape_view.SHADOW_SIZE", 300)
+
+
+def test_difference_is_blue_where_only_simulated_and_orange_where_only_real():
+    simulated, real = np.zeros((4, 4)), np.zeros((4, 4))
+    simulated[0, 0] = real[1, 1] = real[2, 2] = simulated[2, 2] = 1
+    picture = difference_picture(simulated, real)
+    assert tuple(picture[0, 0]) == (*ONLY_SIMULATED, 255)
+    assert tuple(picture[1, 1]) == (*ONLY_REAL, 255)
+    assert picture[2, 2, 3] > 0
+    assert picture[3, 3, 3] == 0
+
+
+def test_contact_sheet_fills_rows_of_three():
+    sheet = contact_sheet(np.ones((4, 8, 8)))
+    assert sheet.shape == (8, 12, 4)
+    assert (sheet[:4, :, 3] == 255).all()
+    assert (sheet[4:, 4:, 3] == 0).all()
+
+
+def test_drape_is_drawn_lit_from_above_with_its_shadow_beside():
+    mesh = ruled_surface(radii(), strips=6)
+    view = View(width=160, height=105)
+    picture = render_drape(np.asarray(mesh.vertices), np.asarray(mesh.faces), cloth_colour("wool_red"), view)
+    assert picture.shape == (105, 160, 4)
+    cloth = (picture[..., 3] == 255) & (picture[..., 0] > 1.5 * picture[..., 2].astype(float))
+    assert 0.15 < cloth.mean() < 0.6
+    rows, columns = np.nonzero(cloth)
+    assert abs(columns.mean() - 80) < 8
+    brightness = picture[..., 0].astype(float)
+    plate = brightness[cloth & (np.arange(105)[:, None] < np.percentile(rows, 40))]
+    assert plate.mean() > brightness[cloth & (np.arange(105)[:, None] > np.percentile(rows, 80))].mean()
+    shadow = (picture[..., 3] > 20) & (picture[..., 3] < 120) & (picture[..., :3].max(-1) == 0)
+    assert shadow.any()
+    assert picture[0, 0, 3] == 0
+
+
+def test_a_fan_over_the_plate_is_as_flat_as_it_is():
+    """The public meshes are one fan and one strip: normals averaged at the plate's edge would make it a dome."""
+    fan = ruled_surface(np.full(720, 0.11))
+    view = View(elevation=85.0, target=0.0, width=120, height=120, fov=22.0)
+    picture = render_drape(np.asarray(fan.vertices), np.asarray(fan.faces), (0.5, 0.5, 0.5), view)
+    row, column = np.mgrid[:120, :120]
+    plate = picture[np.hypot(row - 59.5, column - 59.5) < 25, 0]
+    assert np.ptp(plate) <= 1
+
+
+def test_nearer_cloth_hides_what_is_behind_it():
+    """Two sheets facing the eye: the nearer, smaller one is seen in front of the farther one, in either order."""
+    square = np.array([[0.0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]])
+    leaning = square + np.outer(square[:, 2], [0.5, 0, 0])
+    vertices = np.vstack([0.08 * square, 0.04 * leaning + np.array([0.05, 0, 0])])
+    vertices[:, 2] += 0.1
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    view = View(azimuth=0.0, elevation=1.0, target=0.1, width=80, height=80)
+    pictures = [render_drape(vertices, order, (1.0, 1.0, 1.0), view) for order in (faces, faces[::-1])]
+    np.testing.assert_array_equal(*pictures)
+    alone = render_drape(vertices, faces[:2], (1.0, 1.0, 1.0), view)
+    assert (alone[..., :3] != pictures[0][..., :3]).any()
+
+
+def test_profile_graph_draws_both_lines_and_the_band():
+    (axes,) = profile_graph(radii(), radii(8), np.stack([radii(6), radii(9)])).axes
+    for colour, expected in ((REAL, radii()), (MODEL, radii(8))):
+        (line,) = (line for line in axes.lines if same_color(line.get_color(), colour))
+        np.testing.assert_allclose(line.get_ydata()[:-1], 1e3 * expected[::3])
+        assert line.get_ydata()[-1] == line.get_ydata()[0]
+    (band,) = axes.collections
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert heights.max() == pytest.approx(132)
+    assert heights.min() == pytest.approx(108)
+    (alone,) = profile_graph(radii(), radii(8), None).axes
+    assert not alone.collections
+
+
+def test_levels_are_named_and_stay_inside():
+    axes = panel(page_figure(300, 200), 40, 10, 250, 150)
+    label_axes(axes, (95.0, 160.0))
+    draw_levels(axes, named=True)
+    assert [text.get_text() for text in axes.texts] == ["flat cloth"]
+    assert [line.get_ydata()[0] for line in axes.lines] == [150]
+
+
+def test_trace_graph_needs_two_evaluations_and_falls_in_steps():
+    assert trace_graph(np.zeros((0, 2))) is None
+    assert trace_graph(np.array([[1.0, 0.1]])) is None
+    assert trace_graph(np.array([[1.0, 0.1], [2.0, 0.1]])) is not None
+    figure = trace_graph(np.array([[1.0, 0.1], [4.0, 0.02]]))
+    assert figure is not None
+    (axes,) = figure.axes
+    assert axes.get_yscale() == "log"
+    assert axes.lines[0].get_drawstyle() == "steps-post"
+    assert [text.get_text() for text in axes.get_yticklabels()] == [".02", ".05", ".1"]
+
+
+def some_figure(words: str = "radius") -> Figure:
+    figure = page_figure(300, 200)
+    axes = panel(figure, 40, 10, 250, 150)
+    axes.plot([0, 1], [0, 1], color=REAL)
+    axes.axhline(0.5, color="#00ff00")
+    axes.set_title(printable(words), parse_math=False)
+    return figure
+
+
+def test_a_figure_takes_the_colours_of_the_page_and_says_what_it_shows():
+    drawn = Page(inline_svg(some_figure("<r> $x$ \x00"), 'a "line" <upwards>', "wide"))
+    (graph,) = drawn.all("svg")
+    assert (graph["class"], graph["role"], graph["aria-label"]) == ("graph wide", "img", 'a "line" <upwards>')
+    assert graph["viewbox"] == "0 0 300 200"
+    assert "width" not in graph
+    assert "<r> $x$ ?" in drawn.text
+    styles = " ".join(attributes.get("style") or "" for _, attributes in drawn.tags)
+    assert "stroke: var(--real)" in styles
+    assert "#fe00" not in styles
+    assert "#00ff00" in styles
+    assert "font-family" not in styles
+    assert not {"style", "metadata"} & {tag for tag, _ in drawn.tags}  # they would hold for the whole page
+    assert drawn.asks_for() == []
+
+
+def test_the_same_figure_gives_the_same_bytes_and_others_share_no_id():
+    first, again, other = (inline_svg(some_figure(), words) for words in ("one", "one", "other"))
+    assert first == again
+    ids = [{attributes["id"] for _, attributes in Page(svg).tags if "id" in attributes} for svg in (first, other)]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+    for svg in (first, other):
+        known = [attributes["id"] for _, attributes in Page(svg).tags if "id" in attributes]
+        assert len(known) == len(set(known))
+        assert set(re.findall(r"url\(#([^)]+)\)|href=\"#([^\"]+)", svg)[0]) - {""} <= set(known)
+
+
+def test_every_colour_of_figures_has_a_light_and_a_dark_variable():
+    css = (resources.files("cusick_bench.report") / "templates" / "page.css").read_text(encoding="utf-8")
+    for variable in VARIABLES.values():
+        assert css.count(f"{variable}: ") == 2, variable
+    assert all(f"var({name})" not in css or f"{name}: " in css for name in re.findall(r"var\((--[\w-]+)\)", css))
+
+
+def _contrast(one: str, other: str) -> float:
+    """Ratio of WCAG 2.2, from 1 to 21."""
+
+    def luminance(colour: str) -> float:
+        parts = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    dark, light = sorted([luminance(one), luminance(other)])
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("mode", [0, 1], ids=["light", "dark"])
+def test_words_and_lines_stand_out_from_the_page_in_both_modes(mode):
+    css = (resources.files("cusick_bench.report") / "templates" / "page.css").read_text(encoding="utf-8")
+    colour = {name: found[mode] for name in re.findall(r"(--[\w-]+): #", css) if len(found := _values(css, name)) == 2}
+    words = ("ink", "soft", "model", "none", "series-6", "row-null", "row-oracle", "row-floor")
+    for ground in ("page", "card", "tint"):
+        for name in words:
+            assert _contrast(colour[f"--{name}"], colour[f"--{ground}"]) >= 4.5, (name, ground)
+    for place in range(8):
+        assert _contrast(colour[f"--series-{place}"], colour["--card"]) >= 3
+
+
+def _values(css: str, name: str) -> list[str]:
+    return re.findall(rf"{name}: (#[0-9a-f]{{6}})\b", css)
+
+
+def test_posterior_and_truth_are_drawn():
+    found = FoundStiffness(
+        dict.fromkeys(BENDING, Quantity(3e-6, (1e-6, 9e-6))), {}, {}, {}, dict.fromkeys(BENDING, 2e-6), {}
+    )
+    draws = 3e-6 * np.exp(np.random.default_rng(0).normal(0, 0.4, (60, 3)))
+    with_both, fit_only = (stiffness_graph([StiffnessLine("bdp", found, drawn)]).axes[0] for drawn in (draws, None))
+    assert len(with_both.collections) == 1
+    assert len(fit_only.collections) == 0
+    (truth,) = [line for line in with_both.lines if same_color(line.get_color(), REAL)]
+    assert list(truth.get_xdata()) == pytest.approx([2.0, 2.0])
+    low, high = with_both.get_xlim()
+    assert low < 1.0
+    assert high > 9.0
