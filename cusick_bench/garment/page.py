@@ -33,7 +33,7 @@ def write_page(worn: Sequence[Worn], path: Path) -> None:
     measures = f"radius of the waist {1e3 * size.waist:.0f} mm, length {1e3 * size.length:.0f} mm"
     page: dict[str, Any] = {
         "title": "Skirts of digitised cloths",
-        "summary": f"{worn[0].wearing.kind} skirts, {measures}.",
+        "summary": f"{worn[0].wearing.kind.capitalize()} skirts, {measures}.",
         "rows": [_row(numbers) for numbers in compared(worn)],
         "drapes": models_document(models, scale * size.waist),
     }
@@ -65,6 +65,6 @@ def _models(worn: Worn, scale: float) -> list[DrapeModel]:
     faces = worn.pattern.mesh.faces
     words = [f"{m.folds} folds, hem radius {1e3 * m.hem_radius_m:.0f} mm." for m in worn.measures]
     return [
-        DrapeModel(worn.cloth.name, f"draw {number}", "", scale * x, faces, words[number], colourings)
+        DrapeModel(worn.cloth.name, f"{number}", "", scale * x, faces, words[number], colourings)
         for number, x in enumerate(worn.positions)
     ]
