@@ -13,15 +13,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
-
-import jinja2
 
 from cusick_bench import __version__
 from cusick_bench.datasets import REGISTRY, DrapeDataset
 from cusick_bench.export.errors import ExportError
+from cusick_bench.export.written import fill, require_new
 from cusick_bench.runner import ProblemSettings, Source, load_once
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
@@ -57,8 +54,7 @@ def write_benchmark(
         ExportError: The folder is not empty, or the same solver is given twice.
         CusickError: An unknown solver, or data that cannot be read.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ExportError(f"a benchmark is written into a new folder, and {folder} is there already; give another one")
+    require_new(folder, "a benchmark")
     texts = _texts(folder, solvers, data, settings or ProblemSettings(), command)
     for path, text in texts.items():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,8 +65,8 @@ def write_benchmark(
 def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSettings, command: str) -> dict[Path, str]:
     """Every file's text; all that can be wrong goes wrong here, before anything is written."""
     texts = {
-        folder / "objective.py": _filled(
-            "objective.py",
+        folder / "objective.py": fill(
+            "benchopt/objective.py",
             vertices=settings.vertices,
             steps=settings.drape.steps,
             law=json.dumps(settings.drape.law),
@@ -86,7 +82,7 @@ def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSet
         if path in texts:
             raise ExportError(f"a solver's file is {path.name}, and two are asked for; give each solver once")
         texts[path] = _solver(solver, text)
-    texts[folder / "README.md"] = _filled("README.md", command=command, version=__version__)
+    texts[folder / "README.md"] = fill("benchopt/README.md", command=command, version=__version__)
     return texts
 
 
@@ -94,8 +90,8 @@ def _dataset(name: str, data: str) -> str:
     dataset: DrapeDataset = load_once(Source(data))
     place = data if data in REGISTRY else str(Path(data).expanduser().resolve())
     of = "the shipped synthetic set" if data == _SHIPPED else f"`{dataset.name}`"
-    return _filled(
-        "dataset.py",
+    return fill(
+        "benchopt/dataset.py",
         summary=f"Drapes of {of}, a cloth at a time",
         of=of,
         name=json.dumps(name),
@@ -107,27 +103,11 @@ def _dataset(name: str, data: str) -> str:
 
 def _solver(solver: Solver, text: str) -> str:
     given = [setting.partition("=")[0].strip() for setting in text.split(",")[1:]]
-    return _filled(
-        "solver.py",
+    return fill(
+        "benchopt/solver.py",
         summary=solver.summary[:1].upper() + solver.summary[1:] or solver.name,
         reference=json.dumps(solver.reference) if solver.reference else "",
         name=json.dumps(solver.name),
         parameters=repr({option: [solver.options[option]] for option in given}),
         searches=solver.kind == "solver",
-    )
-
-
-def _filled(template: str, **content: Any) -> str:
-    return _environment().get_template(f"{template}.j2").render(**content)
-
-
-@lru_cache(maxsize=1)
-def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
-        loader=jinja2.PackageLoader("cusick_bench.export", "templates/benchopt"),
-        autoescape=False,  # Python and Markdown; what comes from outside is put in as Python's own literals
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
     )

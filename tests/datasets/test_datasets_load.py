@@ -88,6 +88,8 @@ def test_works_with_torch_and_pickle(toy):
     assert batch["image"].shape == (4, 256, 256)
     assert batch["cloth"] == ["fabric_7"] * 4
     assert batch["capture"].tolist() == [1, 2, 3, 4]
+    workers = DataLoader(dataset, batch_size=5, num_workers=2, generator=torch.Generator())
+    assert [image.shape[0] for batch in workers for image in [batch["image"]]] == [5, 5, 2]
     copy = pickle.loads(pickle.dumps(dataset))
     assert copy.content_hash == dataset.content_hash
     assert torch.equal(copy[3]["image"], dataset[3]["image"])

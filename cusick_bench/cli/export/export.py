@@ -3,11 +3,8 @@
 import typer
 
 from cusick_bench.cli.export.benchopt import benchopt
+from cusick_bench.cli.export.huggingface import huggingface
 
 app = typer.Typer(help="Write for other programs.", no_args_is_help=True, add_completion=False)
 app.command()(benchopt)
-
-
-@app.callback()
-def _export() -> None:
-    """Write for other programs."""
+app.command()(huggingface)

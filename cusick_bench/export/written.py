@@ -1,0 +1,51 @@
+"""What writers of folders share: the templates in `export/templates`, and that nothing is overwritten."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from cusick_bench.export.errors import ExportError
+
+
+def require_new(folder: Path, what: str) -> None:
+    """Makes sure that a folder is new or empty.
+
+    Args:
+        folder: Where something is to be written.
+        what: What, for the message.
+
+    Raises:
+        ExportError: There is something.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ExportError(f"{what} is written into a new folder, and {folder} is there already; give another one")
+
+
+def fill(template: str, **content: Any) -> str:
+    """A template filled in.
+
+    Args:
+        template: Name of a file in `export/templates`, without `.j2`.
+        content: What it asks for; nothing is escaped, so that Python is given as Python's own literals.
+
+    Returns:
+        The text.
+
+    Raises:
+        jinja2.UndefinedError: The template asks for something that is not there.
+    """
+    return _environment().get_template(f"{template}.j2").render(**content)
+
+
+@lru_cache(maxsize=1)
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("cusick_bench.export", "templates"),
+        autoescape=False,  # Python and Markdown
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )

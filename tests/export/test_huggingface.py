@@ -1,0 +1,95 @@
+"""A data set in the form of Hugging Face's `datasets`: read back by pyarrow, and by that library where it is."""
+
+import importlib.util
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.export.errors import ExportError
+from cusick_bench.export.huggingface import COLUMNS, write_huggingface
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+
+@pytest.fixture(scope="module")
+def written(toy_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("huggingface") / "toy"
+    assert write_huggingface(load(toy_data), folder) == len(load(toy_data))
+    return folder
+
+
+def _table(folder: Path):
+    return parquet.read_table(folder / "data" / "train-00000-of-00001.parquet")
+
+
+def test_pictures_and_columns_are_those_of_the_data_set(written: Path, toy_data: Path):
+    dataset, rows = load(toy_data), _table(written).to_pylist()
+    index = dataset.index
+    assert [row["cloth"] for row in rows] == index["cloth"].tolist()
+    assert [(row["sample"], row["capture"]) for row in rows] == list(
+        zip(index["sample"], index["capture"], strict=True)
+    )
+    for number in (0, len(rows) - 1):
+        picture = np.asarray(Image.open(io.BytesIO(rows[number]["image"]["bytes"])))
+        assert np.abs(picture / 255 - dataset.image(number).numpy()).max() <= 0.5 / 255 + 1e-9
+    train = {number for split in dataset.split("paper") for number in split.train}
+    assert {number for number, row in enumerate(rows) if row["paper_split"] == "train"} == train
+
+
+def test_what_is_unknown_is_null(make_lab, tmp_path: Path):
+    write_huggingface(load(make_lab((2.0, 4.0), samples=2, weighed=1)), tmp_path / "lab")
+    densities = {row["cloth"]: row["areal_density"] for row in _table(tmp_path / "lab").to_pylist()}
+    assert densities == {"fabric_1": 0.2, "fabric_2": None}
+
+
+def test_the_table_says_that_images_are_images(written: Path):
+    features = json.loads(_table(written).schema.metadata[b"huggingface"])["info"]["features"]
+    assert features["image"] == {"_type": "Image"}
+    assert set(features) == {"image", *COLUMNS} == set(_table(written).column_names)
+
+
+def test_the_card_says_that_data_without_a_licence_are_not_to_be_published(written: Path):
+    card = (written / "README.md").read_text(encoding="utf-8")
+    assert "\nlicense: unknown\n" in card
+    assert "Do not publish" in card
+
+
+def test_the_command_writes_the_shipped_set_under_its_licence(tmp_path: Path):
+    result = CliRunner().invoke(app, ["export", "huggingface", str(tmp_path / "new"), "--json"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["rows"] == len(load("synthetic"))
+    card = (tmp_path / "new" / "README.md").read_text(encoding="utf-8")
+    assert "\nlicense: apache-2.0\n" in card
+    assert "Do not publish" not in card
+
+
+def test_a_folder_with_files_is_left_alone(tmp_path: Path, toy_data: Path):
+    (tmp_path / "README.md").write_text("mine", encoding="utf-8")
+    with pytest.raises(ExportError, match="give another one"):
+        write_huggingface(load(toy_data), tmp_path)
+    assert (tmp_path / "README.md").read_text(encoding="utf-8") == "mine"
+
+
+READING = """
+import sys
+from datasets import load_dataset
+drapes = load_dataset(sys.argv[1], split="train", cache_dir=sys.argv[2])
+print(len(drapes), drapes[0]["image"].size, type(drapes.features["image"]).__name__)
+"""
+
+
+@pytest.mark.skipif(importlib.util.find_spec("datasets") is None, reason="Hugging Face's datasets is not installed")
+def test_the_library_reads_it(written: Path, tmp_path: Path, toy_data: Path):
+    command = [sys.executable, "-c", READING, str(written), str(tmp_path)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[-2] == f"{len(load(toy_data))} (256, 256) Image"
