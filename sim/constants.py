@@ -19,7 +19,7 @@ FIELD_LENGTH = 0.02  # [m], correlation length of stiffness over a cloth, assume
 
 DEFAULT_LAW = "plate"
 """Material law of commands where none is asked for: what predicts or fits uses the law that converges with the mesh.
-The paper's own tables are made by law `paper`, also the default of `DrapeSettings`; every record names its law."""
+`DrapeSettings` has law `paper` for its default; every record names its law."""
 
 # Vertices of the cloth's mesh by purpose. Errors are those of law `plate` on its own meshes, in points of drape
 # coefficient, against the reference drapes of an ideal plate (`cusick-bench convergence --reference FILE --law plate`);

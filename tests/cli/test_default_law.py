@@ -63,7 +63,7 @@ def test_meshes_are_as_large_as_the_law_needs():
 def test_cells_of_a_run_and_of_the_papers_tables_name_their_laws(toy_data, tmp_path):
     grids = {
         "run": (["run"], {"law": "plate", "vertices": VERTICES_TO_FIT}),
-        "table": (["paper", "table-2"], {"law": "paper", "vertices": VERTICES_OF_PAPER}),
+        "table": (["paper", "table-2"], {"law": "plate", "vertices": VERTICES_OF_PAPER}),
     }
     for name, (command, expected) in grids.items():
         words = [*command, "--data", str(toy_data), "--solver", "null:disc", "--out", str(tmp_path / name), "--json"]

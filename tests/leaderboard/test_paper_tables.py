@@ -156,6 +156,16 @@ class TestCommand:
         assert paper("table-1", data, tmp_path, *words)[0] == 0
         assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("cells/*/result.json")} == done
 
+    def test_a_second_law_has_rows_of_its_own_and_baselines_have_none(self, data, tmp_path):
+        words = ("--solver", "homo,search=2", "--solver", "null:disc", "--second-law", "paper")
+        status, output = paper("table-1", data, tmp_path, *words)
+        assert status == 0, output
+        rows = [row["solver"] for row in json.loads((tmp_path / "table-1.json").read_text())["rows"]]
+        assert sorted(rows) == ["homo,search=2", "homo,search=2", "null:disc"]
+        records_of = [json.loads(path.read_text()) for path in tmp_path.glob("cells/*/cell.json")]
+        laws = [record["settings"]["drape"]["law"] for record in records_of if record["solver"].startswith("homo")]
+        assert sorted(laws) == ["paper", "paper", "plate", "plate"]
+
     def test_table_2_has_curves_and_reads_equal_time(self, data, tmp_path):
         status, output = paper("table-2", data, tmp_path, "--solver", "homo,search=2", "--solver", "nlopt:GN_ESCH")
         assert status == 0, output

@@ -18,6 +18,7 @@ from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.fit import paper_figures
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
+    LAW,
     MOST_DRAWS,
     Data,
     DropMode,
@@ -25,6 +26,8 @@ from cusick_bench.cli.options import (
     FittedCloths,
     Force,
     Json,
+    Law,
+    LawName,
     Mode,
     Seeds,
     Steps,
@@ -32,6 +35,7 @@ from cusick_bench.cli.options import (
     Workers,
     fit_option,
     output_option,
+    simulation_option,
 )
 from cusick_bench.cli.options import Budget as DrapesBudget
 from cusick_bench.cli.progress import progress_bar
@@ -64,6 +68,10 @@ Draws = Annotated[
         min=1, max=MOST_DRAWS, help="Draws of each solver that learns a distribution, and of the random-phase row."
     ),
 ]
+SecondLaw = Annotated[
+    LawName | None,
+    simulation_option(help="Law by which everything is run once more, for rows of its own (paper: as in the paper)."),
+]
 Seconds = Annotated[
     float | None,
     fit_option(help="Also run with this wall time a cell as the only limit [s]."),
@@ -78,7 +86,7 @@ class _Grid:
     source: Source
     cloths: list[str] | None
     solvers: list[str] | None
-    settings: ProblemSettings
+    settings: list[ProblemSettings]
     draws: int
     seeds: int
     workers: int
@@ -101,6 +109,8 @@ def table_1(
     budget: DrapesBudget = 500,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
+    law: Law = LAW,
+    second_law: SecondLaw = None,
     workers: Workers = 1,
     as_json: Json = False,
 ) -> None:
@@ -115,7 +125,7 @@ def table_1(
     from cusick_bench.report.figures.fold_variability import fold_variability
     from cusick_bench.runner import Source, load_once
 
-    settings = _settings(vertices, mode, steps, Budget(budget))
+    settings = _settings(vertices, mode, steps, Budget(budget), law, second_law)
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out, force)
     cells, left_out = _run(grid)
@@ -144,6 +154,8 @@ def table_2(
     seconds: Seconds = None,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
+    law: Law = LAW,
+    second_law: SecondLaw = None,
     workers: Workers = 1,
     as_json: Json = False,
 ) -> None:
@@ -162,7 +174,7 @@ def table_2(
     budgets = {"": Budget(budget)} | ({} if seconds is None else {"-seconds": Budget(None, seconds)})
     tables, everything = [], []
     for suffix, limit in budgets.items():
-        settings = _settings(vertices, mode, steps, limit)
+        settings = _settings(vertices, mode, steps, limit, law, second_law)
         cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out, force))
         everything.append(cells)
         with _setting(out):
@@ -189,12 +201,17 @@ def _limit(budget: Budget) -> str:
     return f"{budget.forward_equivalents:g} drapes a cell"
 
 
-def _settings(vertices: int, mode: Mode, steps: int, budget: Budget) -> ProblemSettings:
+def _settings(vertices: int, mode: Mode, steps: int, budget: Budget, *laws: LawName | None) -> list[ProblemSettings]:
+    """What cells are run with by each of the laws."""
     from cusick_bench.runner import ProblemSettings
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    drape = DrapeSettings(law="paper", mode=mode.value, steps=steps, clamp="whole")  # as in the paper's own program
-    return ProblemSettings(vertices=vertices, drape=drape, budget=budget)
+    found = []
+    for law in dict.fromkeys(law.value for law in laws if law is not None):
+        clamp = None if law == "plate" else "whole"  # as in the paper's own program; law plate has an exact one
+        drape = DrapeSettings(law=law, mode=mode.value, steps=steps, clamp=clamp)
+        found.append(ProblemSettings(vertices=vertices, drape=drape, budget=budget))
+    return found
 
 
 def _run(grid: _Grid) -> tuple[Cells, list[str]]:
@@ -212,13 +229,14 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
         solvers = [method.solver for method in chosen if method.space == space]
         if space is not None:
             require_space(solvers, space)
-        planned += plan(
-            dataset,
-            solvers=solvers,
-            cloths=grid.cloths,
-            seeds=list(range(grid.seeds)),
-            settings=replace(grid.settings, space=space or grid.settings.space),
-        )
+        for number, settings in enumerate(grid.settings):
+            planned += plan(
+                dataset,
+                solvers=[name for name in solvers if number == 0 or _simulates(name)],
+                cloths=grid.cloths,
+                seeds=list(range(grid.seeds)),
+                settings=replace(settings, space=space or settings.space),
+            )
     planned = list({cell.key: cell for cell in planned}.values())
     with GridProgress() as progress, interruptible(partial(cells_kept, progress, grid.out), go_on=True):
         run(grid.source, planned, grid.out, workers=grid.workers, watcher=progress, command=sys.argv, force=grid.force)
@@ -227,6 +245,13 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
     if kept.empty:
         raise LeaderboardError(f"every cell in {grid.out} failed; see cells/*/result.json there")
     return replace(cells, table=kept, skipped=tuple(s for s in cells.skipped if s.folder.name in keys)), notes
+
+
+def _simulates(solver: str) -> bool:
+    """Whether a law makes any difference to a method, as it does not to baselines and oracles."""
+    from cusick_bench.solvers.registry import make_solver
+
+    return make_solver(solver).kind == "solver"
 
 
 def _anytime(cells: Cells, title: str, out: Path, suffix: str) -> dict[str, Any]:
