@@ -128,6 +128,56 @@ class Diagnosed(Part):
     page: str
 
 
+class Rank(Part):
+    """Where a number stands among measured fabrics.
+
+    Attributes:
+        percent: Share of the fabrics that have less [%]; 1 may be less, and 99 more.
+        ci90: That share at the ends of the number's interval; None without one.
+    """
+
+    percent: float
+    ci90: tuple[float, float] | None = None
+
+
+class Compared(Part):
+    """One number of a fabric among those of measured fabrics.
+
+    Attributes:
+        quantity: Bending stiffness or bending length.
+        direction: Warp, weft or bias of the fitted drape; the mean of warp and weft of all samples.
+        value: The number [N m or m].
+        ci90: Its interval; None where there is none.
+        among_all: Its rank among all measured fabrics.
+        among_similar: Its rank among those of similar weight.
+    """
+
+    quantity: Literal["bending", "bending_length"]
+    direction: Literal["warp", "weft", "bias", "mean"]
+    value: Positive
+    ci90: tuple[Positive, Positive] | None = None
+    among_all: Rank
+    among_similar: Rank
+
+
+class Comparison(Part):
+    """A fabric among measured ones.
+
+    Attributes:
+        fabrics: Number of measured fabrics.
+        similar_fabrics: Those of similar weight.
+        similar_kg_m2: Weights from which and below which that is [kg/m2]; None instead of infinity.
+        numbers: Bending stiffness and bending length by direction.
+        summary: How stiff the fabric is for its weight, in words.
+    """
+
+    fabrics: int
+    similar_fabrics: int
+    similar_kg_m2: tuple[float, float | None]
+    numbers: tuple[Compared, ...]
+    summary: str
+
+
 class FabricIdentity(Part):
     """All that was found of one fabric.
 
@@ -137,6 +187,7 @@ class FabricIdentity(Part):
         drapes: What its silhouettes show.
         fit: Its stiffness; None where `fit_missing` says why.
         fit_missing: Why there is no stiffness; "" where there is one.
+        comparison: Its stiffness among measured fabrics; None where there is none.
         diagnosis: What the simulator leaves out; None where `diagnosis_missing` says why.
         diagnosis_missing: Why there is no diagnosis; "" where there is one.
         notes: What is in doubt.
@@ -148,6 +199,7 @@ class FabricIdentity(Part):
     drapes: Drapes
     fit: Fit | None = None
     fit_missing: str = ""
+    comparison: Comparison | None = None
     diagnosis: Diagnosed | None = None
     diagnosis_missing: str = ""
     notes: tuple[str, ...] = ()

@@ -14,6 +14,7 @@ from cusick_bench.datasets.stats import ClothStatistics, statistics
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import SHIPPED
+from cusick_bench.identify.comparison import compare
 from cusick_bench.identify.data import as_data_set
 from cusick_bench.identify.diagnoses import Progress, diagnose_fabrics, fabric_folder
 from cusick_bench.identify.document import (
@@ -26,6 +27,7 @@ from cusick_bench.identify.document import (
     Preparation,
     Spread,
 )
+from cusick_bench.identify.fabric_table import fabric_table
 from cusick_bench.identify.fits import plan_fits, run_fits
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.page import write_page
@@ -35,6 +37,7 @@ from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.runner import Source, Watcher, load_once
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.numerics import diagnosis_numerics
+from cusick_bench.runner.store import write_atomically
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,7 @@ class Identification:
         diagnoses: tuple[Mapping[str, DiagnosisDocument], Mapping[str, str]],
         command: str,
     ) -> IdentifyDocument:
-        """Writes the document and the page.
+        """Writes the document, the table and the page.
 
         Args:
             measured: From `measure`.
@@ -141,6 +144,7 @@ class Identification:
             ),
         )  # fmt: skip
         document.write(self.workspace.document)
+        write_atomically(self.workspace.table, fabric_table(document).encode())
         write_page(document, self.dataset, diagnoses[0], self.workspace)
         return document
 
@@ -153,20 +157,23 @@ class Identification:
     ) -> FabricIdentity:
         own = self.dataset.select(cloth=name).table.iloc[0].to_dict()
         density = float(own["areal_density"])
-        drapes, fit, diagnosis = _drapes(measured), fits[0].get(name), diagnoses[0].get(name)
+        weight = density if isfinite(density) and density > 0 else None
+        drapes, fit, document = _drapes(measured), fits[0].get(name), diagnoses[0].get(name)
+        diagnosis = None if document is None else _diagnosed(document, self.workspace)
         fit_missing = fits[1].get(name, "")
         shown = self.preparation.refused if self.preparation else ()
         refused = sum(one.fabric == int(own["fabric"]) for one in shown)
         return FabricIdentity(
             fabric=name,
-            areal_density=density if isfinite(density) and density > 0 else None,
+            areal_density=weight,
             drapes=drapes,
             fit=fit,
             fit_missing=fit_missing,
-            diagnosis=None if diagnosis is None else _diagnosed(diagnosis, self.workspace),
+            comparison=compare(weight, fit, diagnosis.bending if diagnosis else None),
+            diagnosis=diagnosis,
             diagnosis_missing=diagnoses[1].get(name, ""),
             notes=tuple(fit_notes(fit, drapes.samples) if fit else ()),
-            next=tuple(fabric_next(self.dataset, name, drapes, fit_missing, diagnosis, refused)),
+            next=tuple(fabric_next(self.dataset, name, drapes, fit_missing, document, refused)),
         )
 
 

@@ -13,6 +13,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.identify.comparison_section import ComparisonSection, comparison_section
 from cusick_bench.identify.document import FabricIdentity, Fit, IdentifyDocument, Preparation, Spread, Stiffness
 from cusick_bench.identify.fits import typical_row
 from cusick_bench.identify.workspace import Workspace
@@ -71,6 +72,7 @@ class FabricSection:
         stiffness: Graph of the posterior; None without a fit.
         truth: Whether that graph shows a true stiffness.
         fit_missing: Why there is no stiffness.
+        comparison: Its stiffness among measured fabrics; None where there is none.
         verdict: Of the diagnosis; None where there is none.
         diagnosis_page: Its page, relative to this one.
         diagnosis_missing: Why there is none.
@@ -87,6 +89,7 @@ class FabricSection:
     stiffness: Markup | None
     truth: bool
     fit_missing: str
+    comparison: ComparisonSection | None
     verdict: VerdictBox | None
     diagnosis_page: str
     diagnosis_missing: str
@@ -194,6 +197,9 @@ def _section(
         stiffness=None,
         truth=False,
         fit_missing=fabric.fit_missing,
+        comparison=comparison_section(fabric.fabric, fabric.comparison, fabric.areal_density)
+        if fabric.comparison and fabric.areal_density
+        else None,
         verdict=None if diagnosis is None else verdict_box(diagnosis, cause_section(diagnosis)),
         diagnosis_page=fabric.diagnosis.page if fabric.diagnosis else "",
         diagnosis_missing=fabric.diagnosis_missing,

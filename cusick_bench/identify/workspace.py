@@ -3,7 +3,7 @@
 OUT/data          data set made of photographs, OUT/data.json what it was made of
 OUT/run           fits, as `run` writes them: a cell's name is the hash of all that decides its numbers
 OUT/diagnosis     a document and a page for each fabric, inputs.json what they were made of
-OUT/identify.json, OUT/identify.html
+OUT/identify.json, OUT/identify.csv, OUT/identify.html
 """
 
 import hashlib
@@ -57,6 +57,11 @@ class Workspace:
     def document(self) -> Path:
         """The answer."""
         return self.out / "identify.json"
+
+    @property
+    def table(self) -> Path:
+        """The answer as a table, a row for each fabric."""
+        return self.out / "identify.csv"
 
     @property
     def page(self) -> Path:

@@ -26,7 +26,7 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -38,8 +38,11 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-GRAM_FORCE = 9.80665e-3
-"""1 gf [N]: a gram under the standard acceleration of gravity, 9.80665 m/s2 (3rd CGPM, 1901; exact)."""
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of gravity [m/s2] (3rd CGPM, 1901; exact)."""
+
+GRAM_FORCE = STANDARD_GRAVITY / 1000
+"""1 gf [N]: a gram under the standard acceleration of gravity."""
 
 GF_CM2_PER_CM = GRAM_FORCE * 1e-2
 """1 gf cm2/cm [N m]: moment gf cm for each cm of width, over curvature 1/cm, is gf cm = 9.80665e-5 N m."""
@@ -150,6 +153,25 @@ def cloth_stiffness(
         stretch_spread = _spread(at_rest.T, weights.faces[None])
         at_rest = weights.faces @ at_rest
     return ClothStiffness(np.exp(curves.mean(1)), np.exp(at_rest), np.exp(curves), bending_spread, stretch_spread)
+
+
+def bending_length(bending: Any, areal_density: Any) -> Any:
+    """Peirce's bending length c = (B / (g w))^(1/3), which ISO 9073-7 calls so too: half the overhang of a strip.
+
+    It is the length that a drape shows: cloths of one bending length drape alike, whatever they weigh.
+
+    Args:
+        bending: Bending stiffness B, a number or an array [N m].
+        areal_density: Mass per area w, likewise [kg/m2].
+
+    Returns:
+        The length [m].
+
+    References:
+        Peirce. The "handle" of cloth as a measurable quantity. J. Textile Institute 21, 1930. ISO 9073-7, flexural
+        rigidity = mass per area times the cube of the bending length.
+    """
+    return (bending / (STANDARD_GRAVITY * areal_density)) ** (1 / 3)
 
 
 def _overhangs(centres: Float[ndarray, "elements 2"], plate_radius: float) -> ndarray:

@@ -1,29 +1,21 @@
 """The report in a real browser: what scripts do, what a telephone shows, what a keyboard reaches."""
 
-import io
 import json
 import re
-import shutil
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from page_browser import DESKTOP, HEADINGS, NAMELESS, TELEPHONE, chromium, needs_chromium, shot, watched
+from page_browser import playwright as find_playwright
 from shown_cells import write_cell
 
 from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.report import write_report
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs the extra `browser` (playwright)")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on the PATH; install one to test pages in it")
-
-TELEPHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1200, "height": 900}
-_NAMELESS = """() => [...document.querySelectorAll("button, input, select, canvas, a[href], [role=region], svg")]
-  .filter((one) => !one.closest("[hidden]"))
-  .filter((one) => !(one.getAttribute("aria-label") || one.labels?.length || one.textContent.trim()))
-  .map((one) => one.outerHTML.slice(0, 120))"""
+playwright = find_playwright()
+pytestmark = needs_chromium
 
 
 def _elements_apart(cell: Path) -> None:
@@ -69,34 +61,14 @@ def report(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser():
-    playwright.expect.set_options(timeout=30_000)  # [ms]: on a machine that has other work
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        )
-        yield started
-        started.close()
+    with chromium() as running:
+        yield running
 
 
 @pytest.fixture
 def opened(browser, report):
-    """Opens the report; afterwards nothing may have been complained of or asked for."""
-    contexts, complaints, requests = [], [], []
-
-    def opened(viewport=DESKTOP, **options):
-        contexts.append(browser.new_context(viewport=viewport, **options))
-        page = contexts[-1].new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(report.as_uri())
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
-    assert complaints == []
-    assert [url for url in requests if not url.startswith(("data:", report.as_uri()))] == []
+    with watched(browser, report) as open_page:
+        yield open_page
 
 
 def _column(page, number: int) -> list[str]:
@@ -164,8 +136,7 @@ def test_tabs_show_one_cloth_and_follow_arrows_and_links(opened):
 
 def _picture(page) -> np.ndarray:
     page.wait_for_timeout(50)
-    whole = np.asarray(Image.open(io.BytesIO(page.locator("canvas").screenshot())).convert("RGB")).astype(int)
-    return whole[20:-20, 20:-20]  # without the mark of the focus
+    return shot(page.locator("canvas"))[20:-20, 20:-20]  # without the mark of the focus
 
 
 def _open_viewer(page) -> None:
@@ -279,8 +250,8 @@ def test_paper_cuts_nothing_off(opened):
 def test_everything_has_a_name_and_headings_skip_no_level(opened):
     page = opened()
     _open_viewer(page)
-    assert page.evaluate(_NAMELESS) == []
-    levels = page.evaluate("[...document.querySelectorAll('h1, h2, h3, h4')].map((one) => Number(one.tagName[1]))")
+    assert page.evaluate(NAMELESS) == []
+    levels = page.evaluate(HEADINGS)
     assert levels[0] == 1
     assert levels.count(1) == 1
     assert all(after <= before + 1 for before, after in pairwise(levels))

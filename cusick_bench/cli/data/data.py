@@ -12,6 +12,7 @@ from rich.table import Column, Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
 from cusick_bench.cli.completion import complete_data
+from cusick_bench.cli.data.fabric_quantiles import fabric_quantiles
 from cusick_bench.cli.data.photographs import board, photograph_errors, photographs, prepare
 from cusick_bench.cli.data.synthetic import synthetic
 from cusick_bench.cli.options import Cloths, FabricsCsv, Json
@@ -34,6 +35,7 @@ app.command()(prepare)
 app.command()(board)
 app.command()(photographs)
 app.command("photograph-errors")(photograph_errors)
+app.command("fabric-quantiles")(fabric_quantiles)
 
 _SHOWN = 3  # irregularities of a kind that are listed without --all
 

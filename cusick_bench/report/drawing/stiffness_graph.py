@@ -100,8 +100,8 @@ def _limits(lines: Sequence[StiffnessLine]) -> tuple[float, float]:
 
 
 def _ticks(axes: Axes, limits: tuple[float, float]) -> None:
-    """Ticks at 1, 2 and 5 of a decade, at powers of ten where that would be many; a second scale in gf cm2/cm."""
-    _marked(axes, limits)
+    """Ticks of the axis, and a second scale in gf cm2/cm."""
+    number_ticks(axes, limits)
     other = axes.secondary_xaxis("top", functions=(_to_kawabata, _from_kawabata))
     other.spines["top"].set_color(SOFT)
     other.tick_params(colors=SOFT, labelsize=TICK_SIZE - 1.5)
@@ -114,7 +114,13 @@ def _ticks(axes: Axes, limits: tuple[float, float]) -> None:
     )  # fmt: skip
 
 
-def _marked(axes: Axes, limits: tuple[float, float]) -> None:
+def number_ticks(axes: Axes, limits: tuple[float, float]) -> None:
+    """Ticks of a logarithmic x axis at 1, 2 and 5 of a decade, at powers of ten where that would be many.
+
+    Args:
+        axes: The axes.
+        limits: Ends of its x axis, > 0.
+    """
     ticks = _round_numbers(*limits)
     axes.set_xticks(ticks, [_plain(tick) for tick in ticks])
     axes.minorticks_off()

@@ -1,0 +1,117 @@
+"""The page and the table of an identification, of which nothing is simulated; the page in a real browser too."""
+
+import csv
+from itertools import pairwise
+
+import pytest
+from html_page import Page
+from identified import DENSITY, WARP, write_identification
+from page_browser import HEADINGS, NAMELESS, TELEPHONE, chromium, needs_chromium, playwright, shot, watched
+
+from cusick_bench.identify.fabric_table import COLUMNS
+from cusick_bench.metrics.stiffness import bending_length
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return tmp_path_factory.mktemp("identified")
+
+
+@pytest.fixture(scope="module")
+def document(toy_dataset, out):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cusick_bench.report.drawing.drape_view.SUPERSAMPLING", 1)
+        patch.setattr("cusick_bench.report.drawing.drape_view.SHADOW_SIZE", 200)
+        return write_identification(toy_dataset, out)
+
+
+def test_the_page_asks_for_nothing_and_compares_with_measured_fabrics(document, out):
+    page = Page((out / "identify.html").read_text())
+    assert page.asks_for() == []
+    assert document.fabrics[0].comparison.summary in page.text
+    assert page.text.count("Among 618 measured fabrics") == 1  # the other fabric has no stiffness
+    assert "bending length, weft" in page.text
+    assert any("among measured fabrics: bending stiffness, warp 14.0" in (one.get("aria-label") or "")
+               for one in page.all("svg"))  # fmt: skip
+
+
+def test_the_table_has_a_row_for_each_fabric_in_every_unit(document, out):
+    with (out / "identify.csv").open(newline="", encoding="utf-8") as file:
+        reader = csv.DictReader(file)
+        first, second = reader
+    assert reader.fieldnames == list(COLUMNS)
+    value, (low, high) = WARP
+    assert float(first["bending_warp_uN_m"]) == pytest.approx(1e6 * value)
+    assert float(first["bending_warp_gf_cm2_cm_low"]) == pytest.approx(low / 98.0665e-6)
+    assert float(first["bending_length_warp_cm_high"]) == pytest.approx(100 * bending_length(high, DENSITY))
+    rank = document.fabrics[0].comparison.numbers[0].among_similar
+    assert float(first["percent_of_similar_warp"]) == pytest.approx(rank.percent)
+    assert float(first["drape_coefficient"]) == 0.63
+    assert first["drape_coefficient_definition"].endswith("ISO 9073-9, cloth 300 mm, plate 180 mm")
+    assert second["bending_warp_uN_m"] == second["solver"] == second["verdict"] == ""
+    assert second["fit_missing"].startswith("its weight is not known")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright()
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def opened(browser, document, out):
+    with watched(browser, out / "identify.html") as open_page:
+        yield open_page
+
+
+@needs_chromium
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_telephone_scrolls_up_and_down_only(opened, scheme):
+    page = opened(TELEPHONE, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") == TELEPHONE["width"]
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, background[4:-1].split(","))) > 380) == (scheme == "light")
+
+
+@needs_chromium
+def test_no_picture_is_blank(opened):
+    page = opened()
+    pictures = page.locator("figure img, figure svg").all()
+    assert len(pictures) == 4 + 3 + 1  # of the fit: silhouettes, drape, three graphs; of the other, its silhouette
+    for picture in pictures:
+        picture.scroll_into_view_if_needed()
+        assert shot(picture).std() > 5
+
+
+@needs_chromium
+def test_the_fabric_lies_where_its_rank_says(opened, document):
+    """In the graph of measured fabrics the fabric's dot is drawn in the model's colour, and is wider than a line."""
+    page = opened()
+    graph = page.get_by_label("among measured fabrics: bending stiffness")
+    picture = shot(graph)
+    colour = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--model')").strip()
+    wanted = [int(colour[place : place + 2], 16) for place in (1, 3, 5)]
+    drawn = (abs(picture - wanted) < 25).all(2)
+    assert drawn.sum(0).max() > 6  # a dot, not just the line of its interval
+    assert drawn[:, : picture.shape[1] // 2].any()
+    assert drawn[:, picture.shape[1] // 2 :].any()  # both panels
+
+
+@needs_chromium
+def test_links_lead_to_fabrics_and_everything_has_a_name(opened, document):
+    page = opened()
+    page.get_by_role("link", name=document.fabrics[1].fabric).click()
+    assert page.evaluate("location.hash") == "#fabric-1"
+    assert page.evaluate(NAMELESS) == []
+    levels = page.evaluate(HEADINGS)
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+@needs_chromium
+def test_paper_cuts_nothing_off(opened):
+    page = opened({"width": 688, "height": 1000})  # A4 between its margins
+    page.emulate_media(media="print")
+    edges = "(all) => all.map((one) => one.getBoundingClientRect().right)"
+    assert max(page.locator("table, svg, img").evaluate_all(edges)) <= 688
