@@ -11,7 +11,7 @@ OUT ?= runs/bench
 GATE := --data synthetic --law plate --solver homo --solver nlopt:LN_BOBYQA --solver nlopt:GN_ESCH --solver null:disc \
   --solver null:random-phase,draws=50 --vertices 297 --steps 40 --budget 30 --seeds 2
 
-.PHONY: bench test slow check baseline lint types imports packaging docs picture readme clean
+.PHONY: bench test slow nightly audit check baseline lint types imports packaging docs picture readme clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "cusick-bench needs Python 3.11 or newer; pass PYTHON=..."'
@@ -27,10 +27,13 @@ bench: $(READY)  ## The main job on the shipped synthetic set: fit, score, leade
 	$(BIN)/cusick-bench report $(OUT)
 
 test: $(READY)  ## The default suite
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow and not nightly"
 
 slow: $(READY)  ## Paper-size checks (minutes)
 	$(BIN)/python -m pytest -q -m slow
+
+nightly: $(READY)  ## Kills at random moments, fuzzed loaders (hours); CUSICK_MOMENTS and CUSICK_EXAMPLES say how many
+	$(BIN)/python -m pytest -q -m nightly
 
 check: $(READY)  ## The regression gate: have the solvers become worse than leaderboards/baseline.csv says?
 	-$(BIN)/cusick-bench run $(GATE) --workers 2 --out runs/check
@@ -52,6 +55,12 @@ imports: $(READY)
 
 packaging: $(READY)  ## Wheel, sdist, editable install and a clone without symbolic links, each run outside the checkout
 	.ci/packaging $(BIN)/python
+
+SCANNERS := build/scanners
+audit: $(READY)  ## Known vulnerabilities of what is installed, and build/sbom.json, which lists it (CycloneDX)
+	$(PYTHON) -m venv $(SCANNERS)
+	$(SCANNERS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt pip-audit cyclonedx-bom
+	.ci/audit $(BIN)/python $(SCANNERS)/bin
 
 docs: $(READY)  ## The documentation in build/docs; broken links fail
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet

@@ -68,7 +68,7 @@ def test_optional_packages_are_those_that_are_looked_for_only():
     extras = {
         normalised(requirement)
         for extra, requirements in PROJECT["optional-dependencies"].items()
-        if extra not in ("dev", "docs", "browser", "croissant")
+        if extra not in ("dev", "docs", "browser", "croissant", "audit")
         for requirement in requirements
     }
     assert extras - ASKED_FOR == {"pypardiso", "cvxopt", "ipctk", "nvmath-python"}

@@ -40,7 +40,7 @@ MARKED = ("cell.json", "trace.jsonl", "prediction.npz", "result.json")
 """Files of a finished cell that its marker stands for."""
 
 # Faults of the disk, not of the solver: they end the grid instead of being recorded as a failed cell.
-FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO}
+FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO}
 
 
 def _plain(value: Any) -> Any:
