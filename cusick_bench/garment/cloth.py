@@ -1,9 +1,11 @@
 """The cloth of a garment: stiffness tables from a fit or given by numbers, and draws of them for every element.
 
-Every element of a garment draws its own tables, as in the paper. Where they come from, in this order:
+Where tables come from, in this order:
 
+- `cloths`: cloths drawn from the posterior of `bdp-field` (`posterior_cloths` in `prediction.npz`, whitened). Every
+  garment is of one of them, the same all over but for exp(sd N(0, 1)) with a given sd;
 - `posterior`: the Gaussian over all elements that `bdp` has learned (`posterior_mean`, `posterior_scale` in
-  `prediction.npz`: whitened logarithms);
+  `prediction.npz`: whitened logarithms). Every element of a garment draws its own tables, as in the paper;
 - `elements`: a fit with a table per element: every element of the garment gets the table of a random element of the
   fit, since the disc's places have no counterpart on a skirt;
 - `spread`: a homogeneous cloth, every entry times exp(sd N(0, 1)) with a given sd.
@@ -25,6 +27,7 @@ from numpy import ndarray
 
 from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.garment.errors import GarmentError
+from cusick_bench.problem.field_space import CLOTH, cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
@@ -43,11 +46,11 @@ class Cloth:
 
     Attributes:
         name: Name of the cloth; a colour in it is used for pictures.
-        source: `posterior`, `elements` or `spread`.
+        source: `cloths`, `posterior`, `elements` or `spread`.
         law: Material law that the tables are meant for.
         density: Areal density [kg/m2].
-        stretch: Median C; of several, every element gets one at random [N/m].
-        bending: Median B; of several, every element gets one at random [N m].
+        stretch: Median C; of several, every element gets one at random, or every garment if they are of cloths [N/m].
+        bending: Median B; of several likewise, of cloths that of the same cloth [N m].
         stretch_sd: Standard deviation of log C between elements.
         bending_sd: Standard deviation of log B between elements.
     """
@@ -77,15 +80,16 @@ class Cloth:
         """
         if members < 1:
             raise GarmentError(f"the number of draws must be at least 1, got {members}")
-        stretch = _scattered(self.stretch, self.stretch_sd, (members, len(mesh.faces)), generator)
+        own = generator.integers(len(self.bending), size=(members, 1)) if self.source == "cloths" else None
+        stretch = _scattered(self.stretch, self.stretch_sd, (members, len(mesh.faces)), generator, own)
         limit = _COUPLING * np.sqrt(stretch[..., 0] * stretch[..., 2])
         stretch[..., 1] = np.clip(stretch[..., 1], -limit, limit)
-        bending = _scattered(self.bending, self.bending_sd, (members, len(mesh.hinges)), generator)
+        bending = _scattered(self.bending, self.bending_sd, (members, len(mesh.hinges)), generator, own)
         mass = np.bincount(mesh.faces.ravel(), np.repeat(self.density * mesh.areas / 3, 3), mesh.vertices)
         return Parameters(stretch, bending, np.tile(mass, (members, 1)), np.zeros((members, len(mesh.hinges))))
 
     def spread_by(self, spread: float) -> "Cloth":
-        """This cloth with one standard deviation for all entries; a posterior keeps its own.
+        """This cloth with one standard deviation for all entries; a posterior over elements keeps its own.
 
         Args:
             spread: Standard deviation of log stiffness between elements.
@@ -98,14 +102,18 @@ class Cloth:
         """
         if not (np.isfinite(spread) and spread >= 0):
             raise GarmentError(f"the spread of log stiffness must be >= 0 and finite, got {spread}")
-        if self.source != "spread":
+        if self.source not in ("spread", "cloths"):
             return self
         return replace(self, stretch_sd=np.full((6, 4), spread), bending_sd=np.full((3, 5), spread))
 
 
-def _scattered(tables: ndarray, sd: ndarray, shape: tuple[int, int], generator: np.random.Generator) -> ndarray:
-    chosen = generator.integers(len(tables), size=shape) if len(tables) > 1 else np.zeros(shape, np.int64)
-    return tables[chosen] * np.exp(sd * generator.standard_normal((*shape, *sd.shape)))
+def _scattered(
+    tables: ndarray, sd: ndarray, shape: tuple[int, int], generator: np.random.Generator, own: ndarray | None
+) -> ndarray:
+    """Tables of the elements: those of their garment (`own`), or at random, times what every entry scatters by."""
+    if own is None:
+        own = generator.integers(len(tables), size=shape) if len(tables) > 1 else np.zeros(shape, np.int64)
+    return tables[own] * np.exp(sd * generator.standard_normal((*shape, *sd.shape)))
 
 
 def cloth_of_numbers(
@@ -167,7 +175,10 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
     source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
-    if "posterior_mean" in arrays and arrays["posterior_mean"].shape[:1] in ((), (STRETCH_SIZE + BENDING_SIZE,)):
+    if "posterior_cloths" in arrays:
+        source = "cloths"
+        tables = _of_cloths(arrays["posterior_cloths"], StiffnessPrior(law, float(density.mean())), folder)
+    elif "posterior_mean" in arrays and arrays["posterior_mean"].shape[:1] in ((), (STRETCH_SIZE + BENDING_SIZE,)):
         source = "posterior"
         tables = _pool(arrays, StiffnessPrior(law, float(density.mean())), folder)
     elif any(len(table) > 1 for table in tables.values()):
@@ -256,6 +267,17 @@ def _pool(arrays: dict[str, ndarray], prior: StiffnessPrior, folder: Path) -> di
     noise = np.random.default_rng(0).standard_normal((_POOL, len(mean)))
     stretch, bending = torch.as_tensor(mean + scale * noise).split([STRETCH_SIZE, BENDING_SIZE], -1)
     return {"stretch": prior.stretch(stretch).numpy(), "bending": prior.bending(bending).numpy()}
+
+
+def _of_cloths(cloths: ndarray, prior: StiffnessPrior, folder: Path) -> dict[str, ndarray]:
+    """Tables of cloths drawn from a posterior."""
+    if cloths.ndim != 2 or not len(cloths) or cloths.shape[1] != CLOTH or not np.isfinite(cloths).all():
+        raise GarmentError(
+            f"{folder}: posterior_cloths must be finite with shape (cloths, {CLOTH}), got {cloths.shape}; it is of "
+            "another version or problem, or damaged: run the cell again"
+        )
+    stretch, bending = cloth_tables(prior, torch.as_tensor(cloths, dtype=torch.float64))
+    return {"stretch": stretch.numpy(), "bending": bending.numpy()}
 
 
 def _check_elements(arrays: dict[str, ndarray], tables: dict[str, ndarray], folder: Path) -> None:

@@ -24,7 +24,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.problem.priors import BENDING_SIZE, BENDING_SLOPE, DENSITY_REFERENCE, STRETCH_SIZE
+from cusick_bench.problem.priors import BENDING_SIZE, BENDING_SLOPE, DENSITY_REFERENCE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.problem.space import ParameterSpace, Specimen
 from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material
@@ -136,6 +136,39 @@ class Leading:
     def scaled(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths leading"]:
         """The same, about those of the median cloth, in standard deviations of the prior."""
         return cloths @ (self.rows / np.linalg.norm(self.rows, axis=1, keepdims=True)).T
+
+
+def _trait(cloths: Float[Tensor, "*batch numbers"], name: str) -> Float[Tensor, "*batch"]:
+    prior = TRAITS[name]
+    return prior.mean + prior.sd * cloths[..., FieldSpace.trait_entry(name)]
+
+
+def _trait_levels(cloths: Float[Tensor, "*batch numbers"]) -> tuple[Tensor, Float[Tensor, "*batch 3 5"]]:
+    """What traits add to the logarithms of all stretch stiffnesses, and of each bending stiffness."""
+
+    def of(name: str) -> Float[Tensor, "*batch 1 1"]:
+        return _trait(cloths, name)[..., None, None]
+
+    curve = of("hardening") * _CURVATURES + of("bias") * _BIAS_ROW
+    curve = curve + of("grain") * _GRAIN_ROW
+    return _trait(cloths, "stretch"), of("bending") + curve
+
+
+def cloth_tables(
+    prior: StiffnessPrior, cloths: Float[Tensor, "*batch numbers"]
+) -> tuple[Float[Tensor, "*batch 6 4"], Float[Tensor, "*batch 3 5"]]:
+    """Stiffness tables of cloths, without the fields in which specimens differ.
+
+    Args:
+        prior: Law and areal density of the cloths.
+        cloths: Their parameters in the unconstrained, scaled space, the first `CLOTH` of a vector of `FieldSpace`.
+
+    Returns:
+        Stretch tables [N/m] and bending tables [N m].
+    """
+    stretch, bending = cloths[..., :HOMOGENEOUS].split([STRETCH_SIZE, BENDING_SIZE], -1)
+    stretch_level, bending_levels = _trait_levels(cloths)
+    return prior.stretch(stretch) * stretch_level.exp()[..., None, None], prior.bending(bending) * bending_levels.exp()
 
 
 @dataclass(frozen=True)
@@ -254,8 +287,7 @@ class FieldSpace(ParameterSpace):
         Returns:
             The value, in the trait's unit.
         """
-        prior = TRAITS[name]
-        return prior.mean + prior.sd * tau[self.trait_entry(name)]
+        return _trait(tau, name)
 
     def field(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, " points"]:
         """Values of a field.
@@ -274,12 +306,10 @@ class FieldSpace(ParameterSpace):
         stretch, bending = tau[:HOMOGENEOUS].split([STRETCH_SIZE, BENDING_SIZE])
         coefficients = self.root(tau, "stiffness") * tau[self.weights("stiffness")]
         on_hinges, on_faces = (self._basis[name] @ coefficients for name in ("stiffness", "faces"))
-        curve = self.trait(tau, "hardening") * _CURVATURES + self.trait(tau, "bias") * _BIAS_ROW
-        curve = curve + self.trait(tau, "grain") * _GRAIN_ROW
-        level = self.trait(tau, "bending")
+        stretch_level, bending_levels = _trait_levels(tau)
         material = Material(
-            self.prior.stretch(stretch) * (self.trait(tau, "stretch") + on_faces).exp()[:, None, None],
-            self.prior.bending(bending) * (level + curve + on_hinges[:, None, None]).exp(),
+            self.prior.stretch(stretch) * (stretch_level + on_faces).exp()[:, None, None],
+            self.prior.bending(bending) * (bending_levels + on_hinges[:, None, None]).exp(),
             self.density(),
             MOST_POISSON * torch.sigmoid(self.trait(tau, "poisson")),
         )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from numpy import ndarray
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
@@ -30,7 +31,8 @@ from cusick_bench.garment import (
 )
 from cusick_bench.garment.fitting import AIR, State
 from cusick_bench.garment.measurement import measure
-from cusick_bench.problem import StiffnessPrior
+from cusick_bench.problem import FieldSpace, StiffnessPrior
+from cusick_bench.problem.field_space import CLOTH, TRAITS, cloth_tables
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.obj import read_obj
 from cusick_bench.sim.cloth.shape import smooth_field
@@ -407,6 +409,33 @@ def test_a_posterior_brings_its_own_median_and_spread(tmp_path: Path):
     assert logs.std(0) == pytest.approx(expected, rel=0.1)
 
 
+def test_every_garment_is_of_one_cloth_of_a_posterior_over_cloths(tmp_path: Path):
+    cloths = np.zeros((3, CLOTH))
+    cloths[:, FieldSpace.trait_entry("bending")] = [-1.0, 0.0, 1.0]
+    cloth = cloth_of_cell(_cell(tmp_path / "a", law="plate", posterior_cloths=cloths), spread=0.0)
+    assert cloth.source == "cloths"
+    drawn = cloth.draw(circular_skirt(SIZE, 200).mesh, 40, np.random.default_rng(0))
+    assert (drawn.bending == drawn.bending[:, :1]).all()  # the same all over a garment
+    levels, counts = np.unique(np.log(drawn.bending[:, 0, 0, 0]).round(9), return_counts=True)
+    assert np.diff(levels) == pytest.approx([TRAITS["bending"].sd] * 2)
+    assert counts.min() > 4
+    stiff = drawn.bending[:, 0, 0, 0].argmax()
+    assert drawn.bending[stiff, 0] == pytest.approx(cloth.bending[2])
+    scattered = cloth.spread_by(0.3).draw(circular_skirt(SIZE, 400).mesh, 2, np.random.default_rng(0))
+    assert np.log(scattered.bending).std(1) == pytest.approx(0.3, rel=0.15)
+
+
+def test_tables_of_cloths_are_those_of_specimens_without_fields():
+    space = FieldSpace(disc_mesh(100), StiffnessPrior("paper", 0.2))
+    tau = torch.zeros(space.dimension, dtype=torch.float64)
+    tau[: len(tau) // 10] = torch.linspace(-1, 1, len(tau) // 10)
+    tau[space.specimen_level.start :] = 0
+    material = space.specimen(tau).material
+    stretch, bending = cloth_tables(space.prior, tau[None, :CLOTH])
+    np.testing.assert_allclose(material.stretch, stretch.expand_as(material.stretch), rtol=1e-12)
+    np.testing.assert_allclose(material.bending, bending.expand_as(material.bending), rtol=1e-12)
+
+
 def test_tables_per_element_are_dealt_out_at_random(tmp_path: Path):
     levels = np.array([1e-5, 2e-5, 4e-5, 8e-5])
     cloth = cloth_of_cell(_cell(tmp_path / "a", bending=levels[:, None, None] * np.ones((4, 3, 5))))
@@ -424,6 +453,7 @@ BAD_CELLS = {
     "posterior_scale must be finite and >= 0": _posterior(posterior_scale=np.full(39, -1.0)),
     "belongs to another problem": {"bending": np.ones((5, 3))},
     "belong to another problem": {"stretch": np.ones((7, 6, 4)), "faces": np.zeros((9, 3), int)},
+    "posterior_cloths must be finite": {"posterior_cloths": np.zeros((4, 7))},
     "positive stiffness": {"bending": np.full((3, 5), np.nan)},
     "areal density must be": {"density": np.array(0.0)},
 }
