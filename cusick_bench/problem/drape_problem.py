@@ -92,6 +92,8 @@ class DrapeProblem:
         meter: Counts, budget, trace.
         journal: Evaluations kept for resumption.
         checkpoint: Place for a solver's own state.
+        further_images: Silhouettes of other training samples of the same cloth and face, for methods that learn from
+            several; the loss knows nothing of them.
         train_mesh: The training drape in three dimensions, where its shape is known and the solver asks for it.
         scene: What the base model leaves out, if anything; the simulator is that of its mesh and settings.
     """
@@ -109,6 +111,7 @@ class DrapeProblem:
     meter: Meter = field(default_factory=Meter)
     journal: Journal = field(default_factory=Journal)
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    further_images: tuple[Float[np.ndarray, "size size"], ...] = ()
     train_mesh: TrainMesh | None = None
     scene: Scene | None = None
     _branch: _Branch = field(default_factory=_Branch, repr=False)
@@ -117,11 +120,17 @@ class DrapeProblem:
         if self.loss not in LOSSES:
             raise ProblemError(f"unknown loss {self.loss!r}; use one of {', '.join(LOSSES)}")
         size = self.protocol.image_size_px
-        if np.shape(self.train_image) != (size, size):
+        wrong = [np.shape(image) for image in self.train_images if np.shape(image) != (size, size)]
+        if wrong:
             raise ProblemError(
-                f"a training image has {size} x {size} pixels as its protocol says, got {np.shape(self.train_image)}; "
+                f"a training image has {size} x {size} pixels as its protocol says, got {wrong[0]}; "
                 "give the protocol that its data have (dataset.protocol)"
             )
+
+    @property
+    def train_images(self) -> tuple[Float[np.ndarray, "size size"], ...]:
+        """Silhouettes of all training samples, the one that is fitted first."""
+        return (self.train_image, *self.further_images)
 
     @property
     def areal_density(self) -> float:

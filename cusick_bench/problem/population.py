@@ -1,17 +1,17 @@
 """In what cloths differ, and by how much samples of one cloth do: where the field space has its priors from.
 
 `derive_population` (`cusick-bench population`) repeats it on the public release, with fabrics that no table of results
-predicts, for one material law:
+predicts, for one material law. What differs is taken apart by levels:
 
-1. Cloths with traits and correlation length of the laid shape spread over a box are draped, one specimen each, and the
-   statistics of their silhouettes are regressed on the five numbers (to the fourth degree in the level of bending, the
-   second else).
-2. Every fabric and face gets the five numbers whose expected statistics are nearest to the mean of its samples, in
-   units of the scatter between specimens. Traits and length have their mean and standard deviation over fabrics; so
-   has what even the nearest cloth misses.
-3. Simulated specimens of these cloths, all of one level, differ less in area than samples do. The rest is
-   put down to a level of stiffness of each sample: in log stiffness the root of the median, over fabrics and
-   faces, of (variance of samples - variance of specimens) / slope^2.
+1. Random cloths of the prior, of all levels of bending, are draped, one specimen each, and the statistics of their
+   silhouettes are regressed on what moves them (`expected_statistics`).
+2. Fabrics. Each gets the cloth of highest posterior density, given the means of its samples and their scatter, both
+   faces at once: face down a cloth's curl has the other sign. Traits and length of the laid shape have their mean and
+   standard deviation over fabrics; so has, as a root mean square, what even the best cloth misses.
+3. Samples. Where those of a fabric and face differ more in area than specimens of its cloth, the rest is put down to
+   the level of stiffness of a sample: the median over fabrics and faces of (variance of samples - variance of
+   specimens) / slope^2 is added to the square of the level that specimens were drawn with.
+4. Faces and repeats are looked at, not fitted (`compare_levels`).
 
 The weight of these fabrics is not published. What matters is stiffness over weight, and the level is free, so all are
 draped with one assumed weight.
@@ -21,11 +21,9 @@ References:
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -37,8 +35,9 @@ from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.field_space import FIELDS, TRAITS, FieldSpace
-from cusick_bench.problem.priors import STRETCH_LEVEL_SD, StiffnessPrior
+from cusick_bench.problem.expected_statistics import ExpectedStatistics, learn, least_cloths
+from cusick_bench.problem.field_space import FIELDS, LEADING, TRAITS, FieldSpace
+from cusick_bench.problem.priors import DENSITY_REFERENCE, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
@@ -46,40 +45,34 @@ from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.triangles.system import Law
 
-FABRICS = ("fabric_1", "fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
-AREAL_DENSITY = 0.15  # [kg/m2] assumed
-# traits in their order, log of the laid shape's correlation length [m]
-LOW = np.array([-4.0, -2.5, -0.4, -0.5, math.log(0.008)])
-HIGH = np.array([2.5, 1.0, 0.8, 1.5, math.log(0.045)])
+FABRICS = ("fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
+LEVELS = (-4.0, 2.5)  # of log bending stiffness over the median fabric of that weight, from limp silk to canvas
 AREA = STATISTICS.index("area_log_odds")
-MATCHED = tuple(name for name in STATISTICS if not name.startswith("grain_2"))  # which is of the warp against the weft
-SHRINKAGE = 0.3  # weight of a cloth's squared distance from the middle of the box, in half sides
-DISCREPANCY = 0.02  # of the scatter's variance: what the mean over however many samples may still miss
+BENDING, CURL = LEADING.index("bending"), LEADING.index("curl")
+MATCHED = tuple(name for name in STATISTICS if name != "grain_2_imaginary")  # which no orthotropic cloth has
+MISSED = 0.05  # of any statistic: what a fabric's mean over however many samples may miss while cloths are placed
+WIDER = 1.2  # than the present prior is the one under which fabrics are placed, so that it is not merely found again
+FIRST_FACES = ("1", "2", "up")  # captures 1 and 2 show one face, 3 and 4 the other, where a side is not named
+TOGETHER = 8  # draped at once
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Statistics of samples of one fabric and face, first captures."""
-
-    fabric: str
-    statistics: Float[ndarray, "samples statistics"]
-
-
-@dataclass(frozen=True)
-class Emulator:
-    """Expected statistics of a cloth and the scatter of one specimen about them.
+    """First captures of the samples of one fabric and face.
 
     Attributes:
-        coefficients: Regression on the features of a cloth.
-        scatter: Covariance of the statistics of specimens of one cloth.
+        fabric: Its name.
+        turned: Whether the cloth lies on its other face.
+        images: Silhouettes.
+        statistics: Their statistics.
+        repeats: Silhouettes of the second captures, where every sample has one.
     """
 
-    coefficients: Float[ndarray, "features statistics"]
-    scatter: Float[ndarray, "statistics statistics"]
-
-    def __call__(self, cloths: Float[ndarray, "*cloths numbers"]) -> Float[ndarray, "rows statistics"]:
-        """Expected statistics of cloths (traits, log length), one row a cloth; a single cloth makes one row."""
-        return _features(np.atleast_2d(cloths)) @ self.coefficients
+    fabric: str
+    turned: bool
+    images: Float[ndarray, "samples size size"]
+    statistics: Float[ndarray, "samples statistics"]
+    repeats: Float[ndarray, "samples size size"] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,144 +83,177 @@ class PopulationPlan:
         law: Material law.
         vertices: Number of vertices of the mesh.
         cloths: Number of cloths that are draped for the regression.
-        specimens: Number that are draped of every fabric and face, for the spread between specimens.
 
     Raises:
-        ProblemError: Fewer cloths than the regression has features, or no two specimens.
+        ProblemError: Fewer cloths than the regression needs.
     """
 
-    law: Law = "paper"
+    law: Law = "plate"
     vertices: int = VERTICES_OF_POPULATION
-    cloths: int = 1300
-    specimens: int = 16
+    cloths: int = 2048
 
     def __post_init__(self) -> None:
-        least = _features(LOW[None]).shape[1] + 1
+        least = least_cloths()
         if self.cloths < least:
             raise ProblemError(f"the regression needs at least {least} cloths, got {self.cloths}")
-        if self.specimens < 2:
-            raise ProblemError(f"a spread needs at least 2 specimens, got {self.specimens}")
+
+
+@dataclass(frozen=True)
+class Population:
+    """What was derived.
+
+    Attributes:
+        expected: Expected statistics of cloths.
+        places: Leading directions of each fabric's cloth.
+        traits: Mean and standard deviation between fabrics of each leading direction.
+        discrepancy: Root mean square, over fabrics, of what their cloths miss of the mean statistics.
+        level: Standard deviation of log stiffness between samples.
+        area_spreads: Fabric, whether turned, standard deviation of `area_log_odds` of its samples, and of specimens.
+    """
+
+    expected: ExpectedStatistics
+    places: dict[str, Float[ndarray, " leading"]]
+    traits: dict[str, tuple[float, float]]
+    discrepancy: dict[str, float]
+    level: float
+    area_spreads: list[tuple[str, bool, float, float]]
 
 
 def derive_population(
-    folder: Path | str, plan: PopulationPlan | None = None, *, done: Callable[[int], None] = lambda drapes: None
-) -> dict[str, Any]:
-    """Derives `TRAITS`, the length of `FIELDS["laying"]`, the level of `FIELDS["stiffness"]`, and `DISCREPANCY` anew.
+    groups: list[Samples], plan: PopulationPlan, *, done: Callable[[int], None] = lambda drapes: None
+) -> Population:
+    """Derives `TRAITS`, length of `FIELDS["laying"]`, level of `FIELDS["stiffness"]`, `DISCREPANCY`, and expectations.
+
+    Args:
+        groups: Samples of fabrics, see `population_samples`.
+        plan: How much to drape, by which law.
+        done: Called with the number of drapes made, `cloths` in all.
+
+    Returns:
+        The population.
+    """
+    problem = population_problem(plan)
+    expected = learn(field_space_of(problem).leading, *drape_population(problem, plan.cloths, done))
+    names = sorted({group.fabric for group in groups})
+    own = {name: [group for group in groups if group.fabric == name] for name in names}
+    places = {name: nearest_cloth(problem, expected, own[name]) for name in names}
+    missed = np.stack([np.mean([_missed(expected, places[name], one) for one in own[name]], axis=0) for name in names])
+    spreads, excess = [], []
+    for group in groups:
+        cloth = _turned(places[group.fabric], group.turned)
+        specimens = math.sqrt(float(expected.scatter(cloth[None])[0, AREA, AREA]))
+        samples = float(group.statistics[:, AREA].std(ddof=1))
+        spreads.append((group.fabric, group.turned, samples, specimens))
+        excess.append((samples**2 - specimens**2) / _slope(expected, cloth) ** 2)
+    found = np.stack(list(places.values()))
+    spread = found.std(0, ddof=1)
+    spread[CURL] = math.sqrt(float((found[:, CURL] ** 2).mean()))  # which face is the first is nobody's choice
+    return Population(
+        expected,
+        places,
+        {name: (float(found[:, i].mean()), float(spread[i])) for i, name in enumerate(LEADING)},
+        {name: float(one) for name, one in zip(STATISTICS, np.sqrt((missed**2).mean(0)), strict=True)},
+        math.sqrt(max(FIELDS["stiffness"].level ** 2 + float(np.median(excess)), 0.0)),
+        spreads,
+    )
+
+
+def population_samples(folder: Path | str) -> list[Samples]:
+    """Reads the fabrics and faces of which there are two samples or more.
 
     Args:
         folder: Folder of the public release.
-        plan: How much to drape, by which law.
-        done: Called with the number of drapes made, `cloths` and `specimens` of every fabric and face in all.
 
     Returns:
-        `traits`: name -> (mean, sd beside that of the tables' prior); `length`: (median [m], sd of its logarithm) of
-        the laid shape; `level`: standard deviation of log stiffness between samples; `discrepancy`: name of a statistic
-        -> (mean, sd) of fabrics less nearest cloths; `fabrics`: for each fabric and face its five numbers, and the sd
-        of the statistic `area_log_odds` over samples and over specimens.
+        First captures.
 
     Raises:
         ProblemError: The folder has none of the fabrics in two samples.
     """
-    plan = plan or PopulationPlan()
-    groups = _samples(load(str(folder)))
-    if not groups:
+    dataset = load(str(folder))
+    index = dataset.index
+    found = []
+    for name in FABRICS:
+        rows = index[index["cloth"] == name]
+        for turned in (False, True):
+            ours = [int(row) for row in rows.index if _is_turned(dataset, int(row)) == turned]
+            first = rows.loc[ours].groupby("sample").head(1).index
+            if len(first) < 2:
+                continue
+            images = _images(dataset, first)
+            statistics = drape_statistics(torch.as_tensor(images), dataset.protocol).numpy()
+            second = rows.loc[ours].groupby("sample").nth(1).index
+            repeats = _images(dataset, second) if len(second) == len(first) else None
+            found.append(Samples(name, turned, images, statistics, repeats))
+    if not found:
         raise ProblemError(f"{folder} has none of the fabrics {', '.join(FABRICS)} in two samples; give the release")
-    problem = population_problem(plan)
-    emulator = fit_emulator(*_drape_box(problem, plan.cloths, done))
-    placed = [nearest_cloth(emulator, group) for group in groups]
-    spreads = [_spread(problem, cloth, plan.specimens, done) for cloth in placed]
-    excess = [
-        max(group.statistics[:, AREA].var(ddof=1) - spread**2, 0) / _slope(emulator, cloth) ** 2
-        for group, cloth, spread in zip(groups, placed, spreads, strict=True)
-    ]
-    missed = [group.statistics.mean(0) - emulator(cloth)[0] for group, cloth in zip(groups, placed, strict=True)]
-    means, apart = _by_fabric(groups, placed), _by_fabric(groups, missed)
-    rows = [
-        {"fabric": group.fabric, "samples": len(group.statistics), "cloth": cloth.round(2).tolist()}
-        | {"sd_samples": round(float(group.statistics[:, AREA].std(ddof=1)), 4), "sd_specimens": round(spread, 4)}
-        for group, cloth, spread in zip(groups, placed, spreads, strict=True)
-    ]
-    middle, spread = means.mean(0), means.std(0, ddof=1)
-    return {
-        "traits": {name: (float(middle[i]), _beside(name, float(spread[i]))) for i, name in enumerate(TRAITS)},
-        "length": (math.exp(middle[-1]), float(spread[-1])),
-        "discrepancy": {
-            name: (float(apart[:, i].mean()), float(apart[:, i].std(ddof=1))) for i, name in enumerate(STATISTICS)
-        },
-        "level": float(np.sqrt(np.median(excess))),
-        "fabrics": rows,
-    }
+    return found
 
 
-def _by_fabric(groups: list[Samples], values: list[ndarray]) -> Float[ndarray, "fabrics numbers"]:
-    """Means over the faces of each fabric."""
-    names = sorted({group.fabric for group in groups})
-    pairs = list(zip(groups, values, strict=True))
-    return np.stack([np.mean([value for group, value in pairs if group.fabric == name], axis=0) for name in names])
+def _images(dataset: DrapeDataset, rows: Iterable[int]) -> Float[ndarray, "rows size size"]:
+    return np.stack([np.asarray(dataset.image(int(row)), dtype=np.float64) for row in rows])
 
 
-def _beside(trait: str, spread: float) -> float:
-    """Standard deviation of a trait between cloths, beside what the tables' own prior has of it already."""
-    table = {"bending": _prior().bending_level_sd, "stretch": STRETCH_LEVEL_SD}
-    return math.sqrt(max(spread**2 - table.get(trait, 0.0) ** 2, 0.0))
+def _is_turned(dataset: DrapeDataset, row: int) -> bool:
+    side = str(dataset.index.at[row, "side"])
+    known = side if side in ("up", "down") else str(dataset.index.at[row, "capture"])
+    return known not in FIRST_FACES
 
 
-def fit_emulator(cloths: Float[ndarray, "cloths numbers"], statistics: Float[ndarray, "cloths statistics"]) -> Emulator:
-    """Regresses statistics of one specimen a cloth on the five numbers that describe the cloths.
+def nearest_cloth(
+    problem: DrapeProblem, expected: ExpectedStatistics, groups: list[Samples]
+) -> Float[ndarray, " leading"]:
+    """Finds the cloth of highest posterior density, given samples of both faces of one fabric.
 
     Args:
-        cloths: Traits and log of the laid shape's correlation length, one cloth a row.
-        statistics: Statistics of its specimen, in the order of `STATISTICS`.
+        problem: Its space has the prior, which counts wider than it is, and not for the level of bending.
+        expected: Expected statistics and their scatter.
+        groups: Samples of each face.
 
     Returns:
-        Expected statistics and the scatter of specimens about them.
+        Leading directions of the cloth.
     """
-    design = _features(cloths)
-    coefficients, *_ = np.linalg.lstsq(design, statistics, rcond=None)
-    residual = statistics - design @ coefficients
-    return Emulator(coefficients, residual.T @ residual / (len(cloths) - design.shape[1]))
-
-
-def nearest_cloth(emulator: Emulator, samples: Samples) -> Float[ndarray, " numbers"]:
-    """Finds the cloth whose expected statistics are nearest to the mean of a fabric's samples.
-
-    Args:
-        emulator: Result of `fit_emulator`.
-        samples: Samples of one fabric.
-
-    Returns:
-        The five numbers of the cloth, within the box `LOW` to `HIGH`.
-    """
-    chosen = [STATISTICS.index(name) for name in MATCHED]
-    scatter = emulator.scatter[np.ix_(chosen, chosen)] * (1 / len(samples.statistics) + DISCREPANCY)
-    target = samples.statistics.mean(0)[chosen]
+    leading, chosen = field_space_of(problem).leading, [STATISTICS.index(name) for name in MATCHED]
+    origin, spread = leading.origin, WIDER * np.linalg.norm(leading.rows, axis=1)
+    weight = np.where(np.arange(len(LEADING)) == BENDING, 0.0, 1 / spread**2)
 
     def cost(place: ndarray) -> float:
-        gap = emulator(LOW + (place + 1) / 2 * (HIGH - LOW))[0, chosen] - target
-        return float(gap @ np.linalg.solve(scatter, gap) + SHRINKAGE * (place[1:] ** 2).sum())
+        total = float(weight @ (place - origin) ** 2)
+        for group in groups:
+            cloth = _turned(place, group.turned)[None]
+            scatter, count = expected.scatter(cloth)[0][np.ix_(chosen, chosen)], len(group.statistics)
+            gap = group.statistics[:, chosen].mean(0) - expected(cloth)[0, chosen]
+            between = scatter / count + MISSED**2 * np.eye(len(chosen))
+            total += float(gap @ np.linalg.solve(between, gap) + np.linalg.slogdet(between)[1])
+        return total
 
-    starts = [np.array([level, *np.zeros(len(LOW) - 1)]) for level in (-0.8, -0.4, 0.0, 0.4, 0.8)]
-    fits = [minimize(cost, start, method="L-BFGS-B", bounds=[(-1, 1)] * len(LOW)) for start in starts]
-    return LOW + (min(fits, key=lambda fit: fit.fun).x + 1) / 2 * (HIGH - LOW)
+    fits = []
+    for level in np.linspace(*LEVELS, 5):
+        for curl in (-0.5, 0.5):
+            start = origin.copy()
+            start[BENDING], start[CURL] = level, origin[CURL] + curl * spread[CURL]
+            fits.append(
+                minimize(cost, start, method="L-BFGS-B", bounds=list(zip(expected.low, expected.high, strict=True)))
+            )
+    return min(fits, key=lambda fit: fit.fun).x
 
 
-def _features(cloths: Float[ndarray, "cloths numbers"]) -> Float[ndarray, "cloths features"]:
-    """Powers and products: all to the second degree, with the level to the fourth."""
-    place = 2 * (cloths - LOW) / (HIGH - LOW) - 1
-    level = place[:, :1]
-    products = [place[:, i : i + 1] * place[:, i:] for i in range(len(LOW))]
-    return np.hstack([np.ones_like(level), place, *products, level**2 * place, place[:, 1:3] ** 3, level**4])
+def _turned(place: Float[ndarray, " leading"], turned: bool) -> Float[ndarray, " leading"]:
+    """A cloth face up, or turned over: its curl has the other sign."""
+    sign = np.ones(len(place))
+    sign[CURL] = -1 if turned else 1
+    return place * sign
 
 
-def _slope(emulator: Emulator, cloth: Float[ndarray, " numbers"], step: float = 0.3) -> float:
+def _missed(expected: ExpectedStatistics, place: ndarray, group: Samples) -> Float[ndarray, " statistics"]:
+    return group.statistics.mean(0) - expected(_turned(place, group.turned)[None])[0]
+
+
+def _slope(expected: ExpectedStatistics, cloth: Float[ndarray, " leading"], step: float = 0.3) -> float:
     """Derivative of the statistic `area` by the log level."""
-    along = np.zeros(len(LOW))
-    along[0] = step
-    return float((emulator(cloth + along) - emulator(cloth - along))[0, AREA]) / (2 * step)
-
-
-def _prior(law: Law = "paper") -> StiffnessPrior:
-    return StiffnessPrior(law, AREAL_DENSITY)
+    along = np.zeros(len(LEADING))
+    along[BENDING] = step
+    return float(np.diff(expected(np.stack([cloth - along, cloth + along]))[:, AREA])[0]) / (2 * step)
 
 
 def population_problem(plan: PopulationPlan) -> DrapeProblem:
@@ -239,62 +265,90 @@ def population_problem(plan: PopulationPlan) -> DrapeProblem:
     Returns:
         The problem, in the space `field`.
     """
-    settings = DrapeSettings(law=plan.law, clamp="whole" if plan.law == "paper" else None)  # as for field_space
+    settings = DrapeSettings(law=plan.law, backend="lockstep")
     simulator = DrapeSimulator(cloth_mesh(plan.law, plan.vertices), settings)
-    space = FieldSpace(simulator.mesh, _prior(plan.law))
+    space = FieldSpace(simulator.mesh, StiffnessPrior(plan.law, DENSITY_REFERENCE))
     nothing = np.zeros((RELEASE.image_size_px, RELEASE.image_size_px))
     return DrapeProblem(train_image=nothing, simulator=simulator, space=space)
 
 
-def _tau(problem: DrapeProblem, cloth: Float[ndarray, " numbers"], generator: np.random.Generator) -> ndarray:
-    """A specimen of the cloth, its fields with median amplitudes, its level of stiffness that of the cloth."""
-    tau = generator.standard_normal(problem.dimension)
-    tau[: problem.space.specimen_level.start] = 0
-    for number, (name, trait) in zip(cloth, TRAITS.items(), strict=False):  # the last number is the length
-        tau[FieldSpace.trait_entry(name)] = (number - trait.mean) / trait.sd
-    laying = FIELDS["laying"]
-    tau[FieldSpace.length("laying")] = (cloth[-1] - math.log(laying.length)) / laying.length_sd
-    tau[problem.space.specimen_level.start] = 0  # the constant mode of stiffness
+def field_space_of(problem: DrapeProblem) -> FieldSpace:
+    """The space of a problem whose cloths have fields.
+
+    Args:
+        problem: The problem.
+
+    Returns:
+        Its space.
+
+    Raises:
+        ProblemError: It is another one.
+    """
+    if not isinstance(problem.space, FieldSpace):
+        raise ProblemError(f"a population is drawn from the space 'field', got {problem.space.name!r}")
+    return problem.space
+
+
+def placed_at(
+    problem: DrapeProblem, place: Float[ndarray, " leading"], generator: np.random.Generator
+) -> Float[ndarray, " dimension"]:
+    """A specimen of the most probable cloth of given leading directions.
+
+    Args:
+        problem: Its space has the prior.
+        place: Leading directions.
+        generator: Draws the fields.
+
+    Returns:
+        Its parameter vector.
+    """
+    leading, tau = field_space_of(problem).leading, generator.standard_normal(problem.dimension)
+    tau[: leading.rows.shape[1]] = np.linalg.pinv(leading.rows) @ (place - leading.origin)
     return tau
 
 
-def _drape(
-    problem: DrapeProblem, taus: list[ndarray], done: Callable[[int], None]
+def drape_population(
+    problem: DrapeProblem, count: int, done: Callable[[int], None] = lambda drapes: None
+) -> tuple[Float[ndarray, "rest numbers"], Float[ndarray, "rest statistics"]]:
+    """Drapes random cloths of all levels of bending.
+
+    Args:
+        problem: See `population_problem`.
+        count: Number of cloths.
+        done: Called with the number of drapes made.
+
+    Returns:
+        theta and statistics of those that come to rest.
+    """
+    generator, leading = np.random.default_rng(0), field_space_of(problem).leading
+    taus = generator.standard_normal((count, problem.dimension))
+    numbers = leading.rows.shape[1]
+    wanted = np.linspace(*LEVELS, count)[generator.permutation(count)]
+    short = wanted - leading(taus[:, :numbers])[:, BENDING]
+    trait = field_space_of(problem).trait_entry("bending")
+    taus[:, trait] += short / TRAITS["bending"].sd
+    rest, statistics = drape_statistics_of(problem, taus, done)
+    return taus[rest, :numbers], statistics
+
+
+def drape_statistics_of(
+    problem: DrapeProblem, taus: Float[ndarray, "members dimension"], done: Callable[[int], None]
 ) -> tuple[list[int], Float[ndarray, "rest statistics"]]:
-    """Statistics of the drapes that come to rest, and which these are."""
-    seen = []
-    for tau in taus:
-        seen += problem.draw_batch(tau[None])
-        done(1)
-    rest = [index for index, one in enumerate(seen) if one is not None]
-    images = (torch.as_tensor(one.image) for one in seen if one is not None)
-    return rest, np.stack([drape_statistics(image, problem.protocol).numpy() for image in images])
+    """Drapes cloths.
 
+    Args:
+        problem: Who drapes.
+        taus: Parameter vectors.
+        done: Called with the number of drapes made.
 
-def _drape_box(problem: DrapeProblem, count: int, done: Callable[[int], None]) -> tuple[ndarray, ndarray]:
-    generator = np.random.default_rng(0)
-    cloths = LOW + (HIGH - LOW) * generator.random((count, len(LOW)))
-    rest, statistics = _drape(problem, [_tau(problem, cloth, generator) for cloth in cloths], done)
-    return cloths[rest], statistics
-
-
-def _spread(
-    problem: DrapeProblem, cloth: Float[ndarray, " numbers"], specimens: int, done: Callable[[int], None]
-) -> float:
-    """Standard deviation of the statistic `area` between specimens of one cloth."""
-    draw = partial(_tau, problem, cloth, np.random.default_rng(1))
-    return float(_drape(problem, [draw() for _ in range(specimens)], done)[1][:, AREA].std(ddof=1))
-
-
-def _samples(dataset: DrapeDataset) -> list[Samples]:
-    """Fabrics and faces of which there are two samples or more."""
-    index = dataset.index
-    index = index[index["cloth"].isin(FABRICS)]
-    found = []
-    for _, rows in index.groupby(["cloth", index["side"].astype(str)], sort=True):
-        first = rows.groupby("sample").head(1).index
-        images = (torch.as_tensor(np.asarray(dataset.image(int(row)), dtype=np.float64)) for row in first)
-        statistics = np.stack([drape_statistics(image, dataset.protocol).numpy() for image in images])
-        if len(statistics) > 1:
-            found.append(Samples(str(np.asarray(rows["cloth"])[0]), statistics))
-    return found
+    Returns:
+        Which come to rest, and their statistics.
+    """
+    rest, images = [], []
+    for first in range(0, len(taus), TOGETHER):
+        for index, seen in enumerate(problem.draw_batch(taus[first : first + TOGETHER]), first):
+            if seen is not None:
+                rest.append(index)
+                images.append(drape_statistics(torch.as_tensor(seen.image), problem.protocol).numpy())
+        done(min(TOGETHER, len(taus) - first))
+    return rest, np.stack(images)

@@ -115,6 +115,7 @@ def build_problem(
     laid = laid_like(radii, simulator.mesh, plate_radius=plate_radius)
     return DrapeProblem(
         train_image=read_image(dataset, cell.train[0]),
+        further_images=tuple(read_image(dataset, row) for row in _further_samples(dataset, cell)),
         simulator=simulator,
         space=SPACES[settings.space](simulator.mesh, prior, plate_radius, protocol.cloth_radius_m),
         thickness=float(known["thickness"]),
@@ -129,6 +130,14 @@ def build_problem(
         train_mesh=_train_mesh(sample, simulator.mesh, protocol) if make_solver(cell.solver).needs_mesh else None,
         scene=scene,
     )
+
+
+def _further_samples(dataset: DrapeDataset, cell: Cell) -> list[int]:
+    """First captures of the other training samples, of the face that is fitted: captures repeat each other."""
+    table = dataset.index.loc[list(cell.train)]
+    face = table["side"].astype(str) == str(table["side"].iloc[0])
+    first = table[face & (table["sample"] != table["sample"].iloc[0])].groupby("sample", sort=False).head(1)
+    return [int(row) for row in first.index]
 
 
 def _train_mesh(sample: DrapeSample, model: Mesh, protocol: Protocol) -> TrainMesh | None:

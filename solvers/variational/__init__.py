@@ -1,5 +1,5 @@
 """Variational inference: a Gaussian over stiffness, learned from one silhouette.
 
 bdp: the paper's, per element; bdp_field: over smooth random fields;
-gaussian_posterior, cloth_inference, linearisation, predictive: their parts.
+gaussian_posterior, cloth_inference, linear_correction, slice_sampling, predictive: their parts.
 """

@@ -1,59 +1,61 @@
-"""What drapes of drawn cloths tell of a fabric: a Gaussian over its parameters, learned in rounds.
+"""What drapes of drawn cloths tell of a fabric: draws from the posterior of its parameters, learned in rounds.
 
-The statistics and the regression are those of `bdp_field`, which says why; this is the state of the inference.
+The statistics are those of `bdp_field`, which says why; this is the state of the inference.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from cusick_bench.problem import DrapeProblem
-from cusick_bench.problem.field_space import DISCREPANCY, Trait
+from cusick_bench.problem.expected_statistics import shipped
+from cusick_bench.problem.field_space import DISCREPANCY, FieldSpace
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, standard_normal
-from cusick_bench.solvers.variational.linearisation import PAIRS, LinearModel, Normal, linearise
+from cusick_bench.solvers.variational.linear_correction import PAIRS, LinearCorrection, linear_correction, nearness
+from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
 LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
-AREA = STATISTICS.index("area_log_odds")
-_DISCREPANCY = [DISCREPANCY.get(name, Trait(0.0, 0.0)) for name in STATISTICS]
-DISCREPANT_BY = np.array([one.mean for one in _DISCREPANCY])
-DISCREPANT_SD = np.array([one.sd for one in _DISCREPANCY])
+CLOTHS = 1024  # draws from the posterior that are kept
+STEPS = 60  # of the chains that end in them; twice as many change no quantile by more than their number does
+DISCREPANT = np.array([DISCREPANCY.get(name, 0.0) for name in STATISTICS])
+KNOWN = 30.0  # drapes that the scatter known before the first one counts for
+UNSEEN = 4.0  # variance of what is expected before the first drape, in the scatter's: of another law or plate
+_CHAINS = 2  # purpose of random numbers, beside those of `gaussian_posterior`
 
 
 @dataclass
 class ClothInference:
-    """The distribution q of the cloth, and the drapes that it was learned from.
+    """What is known of the cloth, and the drapes that it was learned from.
 
     Attributes:
         problem: The problem, whose simulator drapes.
         seed: Seed of the run.
-        q: What is known of the cloth.
+        samples: Most training samples that are learned from; 0 for all.
+        cloths: Draws of the cloth's parameters from what is known of them.
         seen: The drape that happened to be nearest to the training image.
-        cloths: Parameters of the cloths draped so far.
-        statistics: Statistics of their drapes.
-        slopes: Derivatives of the area by the cloth, of the drapes that have adjoints.
     """
 
     problem: DrapeProblem
     seed: int
-    q: Normal = field(init=False)
+    samples: int = 0
+    cloths: Float[np.ndarray, "cloths numbers"] = field(init=False)
     seen: Incumbent = field(init=False)
-    cloths: list[np.ndarray] = field(default_factory=list)
-    statistics: list[np.ndarray] = field(default_factory=list)
-    slopes: list[np.ndarray] = field(default_factory=list)
-    _axis: np.ndarray | None = None
+    _draped: list[np.ndarray] = field(default_factory=list)
+    _statistics: list[np.ndarray] = field(default_factory=list)
     _tried: int = 0
-    _model: LinearModel | None = None
+    _correction: LinearCorrection | None = None
 
     def __post_init__(self) -> None:
-        cloth = self.problem.space.specimen_level.start
-        self.q = Normal(np.zeros(cloth), np.eye(cloth))
         self.seen = Incumbent(self.problem)
+        images = self.problem.train_images[: self.samples or None]
+        self.observed = np.stack([self._measured(image) for image in images])
+        self.cloths = self._prior_draws()
 
     def begin(self, level: float) -> None:
         """The prior, but for the level of bending, that a search has found.
@@ -61,65 +63,100 @@ class ClothInference:
         Args:
             level: Log factor on all bending stiffnesses of the prior median.
         """
-        direction = self.problem.space.bending_level(math.e)[: len(self.q.mean)]
-        self._axis = direction / np.linalg.norm(direction)
-        narrowed = np.eye(len(direction)) - (1 - LEVEL_SD) * np.outer(self._axis, self._axis)
-        self.q = Normal(level * direction, narrowed)
+        direction = self.problem.space.bending_level(math.e)[: self.problem.space.specimen_level.start]
+        axis = direction / np.linalg.norm(direction)
+        drawn = self._prior_draws()
+        self.cloths = level * direction + drawn - (1 - LEVEL_SD) * np.outer(drawn @ axis, axis)
 
-    def drape(self, count: int, *, adjoints: bool) -> None:
-        """Drapes specimens of cloths from q, and learns from all so far; from some of them where the budget ends.
+    @property
+    def middle(self) -> Float[np.ndarray, " numbers"]:
+        """Mean of what is known of the cloth."""
+        return self.cloths.mean(0)
+
+    def drape(self, count: int) -> None:
+        """Drapes specimens of drawn cloths, and learns from all so far; from some of them where the budget ends.
 
         Args:
             count: Number of specimens.
-            adjoints: Whether the slope of the area is taken of each as well.
         """
+        cloths: list[np.ndarray] = []
+        statistics: list[np.ndarray] = []
         try:
             for _ in range(count):
-                tau = drawn_specimen(self.q, standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension))
+                noise = standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension)
+                tau = drawn_specimen(self.cloths, self._tried, noise)
                 self._tried += 1
                 try:
-                    self._keep(tau, adjoints)
+                    statistics.append(self._measured(self.seen.observe(tau).image))
+                    cloths.append(tau[: self.cloths.shape[1]])
                 except DrapeDiverged:
                     continue
         finally:
-            self._learn()
+            self.take(cloths, statistics)
 
-    def _keep(self, tau: Float[np.ndarray, " dimension"], adjoint: bool) -> None:
-        """Drapes one specimen."""
-        cloth = len(self.q.mean)
-        if adjoint:
-            seen, slope = self.seen.observe_slope(
-                tau, lambda image: drape_statistics(image, self.problem.protocol)[AREA]
-            )
-            self.slopes.append(slope[:cloth])
-        else:
-            seen = self.seen.observe(tau)
-        self.cloths.append(tau[:cloth])
-        self.statistics.append(self._statistics(seen.image))
+    def take(self, cloths: list[np.ndarray], statistics: list[np.ndarray]) -> None:
+        """Learns from drapes, and from all before.
 
-    def _statistics(self, image: Float[np.ndarray, "size size"]) -> Float[np.ndarray, " statistics"]:
+        Args:
+            cloths: Parameters of the cloths.
+            statistics: Statistics of their specimens.
+        """
+        self._draped += cloths
+        self._statistics += statistics
+        self._learn()
+
+    @property
+    def _space(self) -> FieldSpace:
+        assert isinstance(self.problem.space, FieldSpace)  # the solver's own
+        return self.problem.space
+
+    def _prior_draws(self) -> Float[np.ndarray, "cloths numbers"]:
+        numbers = self.problem.space.specimen_level.start
+        return np.random.default_rng([self.seed, _CHAINS, 0]).standard_normal((CLOTHS, numbers))
+
+    def _measured(self, image: Float[np.ndarray, "size size"]) -> Float[np.ndarray, " statistics"]:
         return drape_statistics(torch.as_tensor(image), self.problem.protocol).numpy()
 
     def _learn(self) -> None:
-        if len(self.cloths) < PAIRS * len(self.q.mean):
-            return
-        observed = self._statistics(self.problem.train_image) - DISCREPANT_BY
-        cloths, statistics = np.stack(self.cloths), np.stack(self.statistics)
-        weights = np.ones(len(cloths)) if self._model is None else self._model.nearness(cloths, observed)
-        known = {AREA: np.median(self.slopes, axis=0)} if self.slopes else {}
-        self._model = linearise(cloths, statistics, weights, self._axis, known)
-        self.q = replace(self._model, scatter=self._model.scatter + np.diag(DISCREPANT_SD**2)).posterior(observed)
+        """Learns how far the drapes are from what was expected, and samples the posterior that it gives."""
+        leading, expected = self._space.leading, shipped()
+        observed, count = self.observed.mean(0), len(self.observed)
+        correction, scatter = None, expected.scatter(leading(self.middle[None]))[0]
+        least = PAIRS * len(leading.rows)
+        if len(self._draped) >= least:
+            draped, statistics = np.stack(self._draped), np.stack(self._statistics)
+            guess, before = expected.of(leading, draped), self._correction
+            gap = guess - observed if before is None else guess + before(leading.scaled(draped))[0] - observed
+            weights = nearness(gap, scatter if before is None else before.scatter, least)
+            correction = linear_correction(leading.scaled(draped), statistics - guess, weights)
+            scatter = (KNOWN * scatter + correction.pairs * correction.scatter) / (KNOWN + correction.pairs)
+            self._correction = correction
+        fixed = np.diag(DISCREPANT**2) + scatter / count
+
+        def log_likelihood(cloths: Float[np.ndarray, "chains numbers"]) -> Float[np.ndarray, " chains"]:
+            left, doubt = (
+                (0.0, np.full(len(cloths), UNSEEN)) if correction is None else correction(leading.scaled(cloths))
+            )
+            gap = (observed - expected.of(leading, cloths) - left)[..., None]
+            covariance = fixed + doubt[:, None, None] * scatter
+            squares = (gap * np.linalg.solve(covariance, gap)).sum((1, 2))
+            return -0.5 * (squares + np.linalg.slogdet(covariance)[1])
+
+        generator = np.random.default_rng([self.seed, _CHAINS, 1 + len(self._draped)])
+        self.cloths = slice_sample(log_likelihood, self.cloths, STEPS, generator)
 
 
-def drawn_specimen(q: Normal, noise: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " dimension"]:
-    """Draws a cloth, and the fields of a specimen of it.
+def drawn_specimen(
+    cloths: Float[np.ndarray, "cloths numbers"], index: int, noise: Float[np.ndarray, " dimension"]
+) -> Float[np.ndarray, " dimension"]:
+    """A drawn cloth, and the fields of a specimen of it.
 
     Args:
-        q: Distribution of the cloth.
-        noise: Numbers from N(0, 1), for the cloth and for the fields' weights.
+        cloths: Draws of the cloth.
+        index: Which of them, counted around.
+        noise: Numbers from N(0, 1), for the fields' weights.
 
     Returns:
         Parameter vector of the specimen.
     """
-    cloth = len(q.mean)
-    return np.concatenate([q.draw(noise[:cloth]), noise[cloth:]])
+    return np.concatenate([cloths[index % len(cloths)], noise[cloths.shape[1] :]])

@@ -7,25 +7,12 @@ import pytest
 import torch
 from toy_problem import AREAL_DENSITY, toy_problem
 
-from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.problem import FieldSpace, StiffnessPrior
-from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.field_space import FIELDS, MODES, TRAITS
-from cusick_bench.problem.population import (
-    FABRICS,
-    HIGH,
-    LOW,
-    PopulationPlan,
-    Samples,
-    fit_emulator,
-    nearest_cloth,
-    population_problem,
-)
-from cusick_bench.problem.priors import STRETCH_REFERENCE
-from cusick_bench.problem.statistics import STATISTICS
+from cusick_bench.problem.field_space import FIELDS, LEADING, MODES, MOST_POISSON, TRAITS
+from cusick_bench.problem.priors import BENDING_SLOPE, DENSITY_REFERENCE, STRETCH_REFERENCE
+from cusick_bench.sim.cloth.heterogeneity import hinge_centres
 from cusick_bench.sim.cloth.matern import disc_modes, matern_root
 from cusick_bench.sim.cloth.mesh import disc_mesh
-from cusick_bench.sim.cloth.resolution import cloth_mesh
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -33,6 +20,10 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 @pytest.fixture(scope="module")
 def space() -> FieldSpace:
     return FieldSpace(disc_mesh(200), StiffnessPrior("paper", AREAL_DENSITY))
+
+
+def table_median(space: FieldSpace) -> np.ndarray:
+    return np.exp(space.prior.bending_median)
 
 
 def _disc_points(radius: float, count: int) -> np.ndarray:
@@ -93,13 +84,50 @@ class TestSpace:
         assert cloth.rest_angle.numpy() == pytest.approx(0.0, abs=1e-12)
         factors = cloth.material.bending[0].log().numpy() - space.prior.bending_median
         assert np.diff(factors, axis=1) == pytest.approx(TRAITS["hardening"].mean)
-        assert factors[:, 2] - TRAITS["bending"].mean == pytest.approx([0, TRAITS["bias"].mean, 0], abs=1e-12)
+        grain = TRAITS["grain"].mean / 2
+        rows = [-grain, TRAITS["bias"].mean, grain]
+        assert factors[:, 2] - TRAITS["bending"].mean == pytest.approx(rows, abs=1e-12)
+        assert cloth.material.poisson.item() == pytest.approx(MOST_POISSON / 2)
+
+    def test_a_cloth_that_curls_rises_towards_its_face(self, space):
+        """A cap of curvature k: its hinges turn by about k times the distance of the triangles' middles, alike."""
+        tau = torch.zeros(space.dimension, dtype=torch.float64)
+        tau[space.trait_entry("curl")] = 2.0
+        angle = space.specimen(tau).rest_angle
+        outside = np.hypot(*hinge_centres(space.mesh).T) > space.plate_radius + 0.015
+        assert (
+            angle[outside] < 0
+        ).double().mean() > 0.8  # concave seen from the face, but for the ramp beside the plate
+        flat = np.hypot(*hinge_centres(space.mesh).T) < space.plate_radius - 0.02
+        assert angle[flat].abs().max() < 1e-9
+
+    def test_leading_directions_are_what_their_names_say(self, space):
+        """Of a random cloth's own tables, and those of a heavier one that is stiffer by as much."""
+        tau = torch.from_numpy(np.random.default_rng(7).standard_normal(space.dimension))
+        tau[space.specimen_level] = 0
+        cloth = space.specimen(tau).material
+        weft, bias, warp = (cloth.bending[0].log().numpy() - np.log(table_median(space))).mean(1)
+        c11, _, c22, c33 = (cloth.stretch[0] / torch.from_numpy(STRETCH_REFERENCE)).log()[0].tolist()
+        size = space.specimen_level.start
+        found = dict(zip(LEADING, space.leading(tau[None, :size].numpy())[0], strict=True))
+        heavier = FieldSpace(space.mesh, StiffnessPrior("paper", 2 * AREAL_DENSITY)).leading(tau[None, :size].numpy())[
+            0
+        ]
+        weight = math.log(space.prior.density / DENSITY_REFERENCE)
+        slope = BENDING_SLOPE[[0, 2]].mean()
+        assert found["bending"] == pytest.approx((warp + weft) / 2 + (slope - 1) * weight)
+        assert found["bias"] == pytest.approx(bias - (warp + weft) / 2)
+        assert found["grain"] == pytest.approx(warp - weft)
+        assert found["stretch"] == pytest.approx((c11 + c22) / 2 - weight)
+        assert found["shear"] == pytest.approx(c33 - (c11 + c22) / 2)
+        assert heavier[0] - found["bending"] == pytest.approx((slope - 1) * math.log(2))
+        assert space.leading.rest(tau[None, :size].numpy()) @ space.leading.rows.T == pytest.approx(0, abs=1e-9)
 
     def test_traits_are_a_standard_deviation_of_theirs_away(self, space):
         tau = torch.zeros(space.dimension, dtype=torch.float64)
-        tau[39:43] = torch.tensor([3.0, 1.0, -1.0, 2.0])
+        tau[39:46] = torch.tensor([3.0, 1.0, -1.0, 2.0, 0.0, -2.0, 1.5])
         found = {name: space.trait(tau, name).item() for name in TRAITS}
-        sign = {"bending": 3, "stretch": 1, "hardening": -1, "bias": 2}
+        sign = dict(zip(TRAITS, (3, 1, -1, 2, 0, -2, 1.5), strict=True))
         assert found == pytest.approx({name: prior.mean + sign[name] * prior.sd for name, prior in TRAITS.items()})
 
     def test_level_is_the_most_probable_cloth_of_that_stiffness(self, space):
@@ -161,40 +189,6 @@ class TestSpace:
         step = 1e-7
         rise = problem.evaluate(tau + step * direction) - problem.evaluate(tau - step * direction)
         assert gradient @ direction == pytest.approx(rise / (2 * step), rel=1e-4)
-
-
-class TestPopulation:
-    def test_fabrics_are_placed_at_the_cloth_they_are_of(self):
-        """Statistics linear in the five numbers, but for noise: the emulator finds them, and the fabric its place."""
-        generator = np.random.default_rng(6)
-        slope = generator.standard_normal((5, len(STATISTICS)))
-        cloths = LOW + (HIGH - LOW) * generator.random((200, 5))
-        emulator = fit_emulator(cloths, cloths @ slope + 0.01 * generator.standard_normal((200, len(STATISTICS))))
-        # 200 cloths tell a variance to 11 %; seven of them, within three times that
-        assert np.diag(emulator.scatter) == pytest.approx(1e-4, rel=0.33)
-        true = np.array([-1.0, -0.5, 0.5, 0.2, -4.0])
-        assert emulator(true)[0] == pytest.approx(true @ slope, abs=0.02)
-        samples = true @ slope + 0.01 * generator.standard_normal((12, len(STATISTICS)))
-        assert nearest_cloth(emulator, Samples("any", samples)) == pytest.approx(true, abs=0.05)
-
-    @pytest.mark.parametrize("law", ["plate", "paper"])
-    def test_cloths_are_drawn_by_the_law_that_is_asked_for_on_its_mesh(self, law):
-        problem = population_problem(PopulationPlan(law, vertices=97))
-        assert problem.simulator.mesh is cloth_mesh(law, 97)
-        assert (problem.simulator.settings.law, problem.space.prior.law) == (law, law)
-        (drawn,) = problem.draw_batch(np.zeros((1, problem.dimension)))
-        assert drawn is not None
-        assert drawn.vertices[problem.simulator.mesh.boundary, 2].mean() < -0.01
-
-    @pytest.mark.parametrize(
-        ("changes", "said"), [({"cloths": 10}, "at least 30 cloths"), ({"specimens": 1}, "2 specimens")]
-    )
-    def test_too_few_drapes_are_refused(self, changes, said):
-        with pytest.raises(ProblemError, match=said):
-            PopulationPlan(**changes)
-
-    def test_no_fabric_of_the_tables_is_among_them(self):
-        assert not set(FABRICS) & {"fabric_2", "fabric_3", "fabric_4", "fabric_5", "fabric_1_observations", *CLOTHS}
 
 
 def test_fields_move_folds_and_stiffness_of_single_elements_does_not():

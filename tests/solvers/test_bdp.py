@@ -9,16 +9,13 @@ from toy_problem import toy_problem
 
 from cusick_bench.datasets.profile import drape_coefficient
 from cusick_bench.problem import Budget, DrapeProblem, Observation
-from cusick_bench.problem.field_space import DISCREPANCY
 from cusick_bench.problem.losses import radius_profile
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.adam import Adam, cosine_rate
 from cusick_bench.solvers.base import SolverError, silent
 from cusick_bench.solvers.reference.silhouettes import silhouette
 from cusick_bench.solvers.registry import make_solver
-from cusick_bench.solvers.variational.cloth_inference import ClothInference
 from cusick_bench.solvers.variational.gaussian_posterior import Gaussian
-from cusick_bench.solvers.variational.linearisation import LinearModel, Normal, linearise
 from cusick_bench.solvers.variational.predictive import predictive_draws
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -106,111 +103,6 @@ class TestStatistics:
         drape_statistics(image).sum().backward()
         assert torch.isfinite(image.grad).all()
         assert radius_profile(image.detach()).std() < 1e-3
-
-
-class TestLinearisation:
-    """Pairs from a linear model with noise: its slopes, its scatter and the exact posterior are known."""
-
-    def _pairs(self, count, cloth=20, seed=0):
-        generator = np.random.default_rng(seed)
-        slope = np.zeros((2, cloth))
-        slope[0, 0], slope[1, 1] = 2.0, -1.0
-        root = np.array([[0.5, 0.0], [0.3, 0.4]])
-        cloths = generator.standard_normal((count, cloth))
-        statistics = cloths @ slope.T + [1.0, 2.0] + generator.standard_normal((count, 2)) @ root.T
-        return cloths, statistics, LinearModel(slope, np.array([1.0, 2.0]), root @ root.T)
-
-    def test_finds_the_model(self):
-        cloths, statistics, true = self._pairs(400)
-        found = linearise(cloths, statistics, np.ones(len(cloths)))
-        assert found.slope == pytest.approx(true.slope, abs=0.12)
-        assert found.intercept == pytest.approx(true.intercept, abs=0.1)
-        assert found.scatter == pytest.approx(true.scatter, rel=0.25)
-
-    def test_slopes_of_what_moves_nothing_shrink(self):
-        """Fewer pairs than numbers: least squares would fit the noise, and leave no scatter."""
-        scatters = []
-        for seed in range(10):
-            cloths, statistics, true = self._pairs(30, cloth=45, seed=seed)
-            statistics -= cloths @ true.slope.T
-            found = linearise(cloths, statistics, np.ones(len(cloths)))
-            scatters.append(np.diag(found.scatter) / np.diag(true.scatter))
-        assert np.mean(scatters) == pytest.approx(1.0, abs=0.25)
-
-    def test_what_far_pairs_have_shown_is_not_forgotten(self):
-        """Pairs near to the observation that hardly differ show no slope; the others have shown it."""
-        generator = np.random.default_rng(3)
-        cloths = generator.standard_normal((160, 20))
-        cloths[80:, 0] = 0.05 * generator.standard_normal(80)
-        statistics = cloths[:, :1] + 0.3 * generator.standard_normal((160, 1))
-        found = linearise(cloths, statistics, np.repeat([1e-3, 1.0], 80))
-        assert found.slope[0, 0] == pytest.approx(1.0, abs=0.15)
-        assert np.abs(found.slope[0, 1:]).max() < 0.15
-
-    def test_an_axis_that_is_known_to_matter_is_not_shrunk(self):
-        """One slope of ten that noise hides from the evidence: least squares along its axis, nothing along the rest."""
-        generator = np.random.default_rng(8)
-        cloths, axis = generator.standard_normal((60, 10)), np.eye(10)[3]
-        statistics = 0.3 * cloths[:, 3:4] + generator.standard_normal((60, 1))
-        along = cloths[:, 3] - cloths[:, 3].mean()
-        with_axis, without = (linearise(cloths, statistics, np.ones(60), one).slope[0, 3] for one in (axis, None))
-        assert with_axis == pytest.approx(float(along @ statistics[:, 0] / (along @ along)), abs=0.02)
-        assert abs(without) < 0.6 * abs(with_axis)
-
-    def test_slopes_that_are_known_are_kept_where_far_pairs_saturate(self):
-        """Pairs from limp to stiff see less than the slope of a saturating statistic near the observation."""
-        axis, weights, found = np.eye(8)[0], np.repeat([1e-4, 1.0], [100, 40]), {"known": [], "regressed": []}
-        for seed in range(10):
-            generator = np.random.default_rng(seed)
-            cloths = generator.standard_normal((140, 8)) * np.repeat([2.0, 0.2], [100, 40])[:, None]
-            statistics = np.tanh(cloths[:, :1]) + 0.1 * generator.standard_normal((140, 1))
-            for name, given in (("known", {0: axis}), ("regressed", None)):
-                found[name].append(linearise(cloths, statistics, weights, axis, given).slope[0])
-        error = {name: np.linalg.norm(np.mean(slopes, axis=0) - axis) for name, slopes in found.items()}
-        assert error["known"] < 0.1 < error["regressed"]
-
-    def test_posterior_is_that_of_a_gaussian(self):
-        *_, model = self._pairs(3)
-        observed = np.array([3.0, 1.0])
-        posterior = model.posterior(observed)
-        joint = model.slope @ model.slope.T + model.scatter
-        gain = model.slope.T @ np.linalg.inv(joint)
-        assert posterior.mean == pytest.approx(gain @ (observed - model.intercept))
-        assert posterior.root @ posterior.root.T == pytest.approx(np.eye(20) - gain @ model.slope)
-
-    def test_pairs_far_from_the_observation_count_less_but_not_nearly_all_of_them(self):
-        cloths, _, model = self._pairs(100)
-        for observed in (np.array([1.0, 2.0]), np.array([40.0, 2.0])):
-            weights = model.nearness(cloths, observed)
-            gaps = np.abs((model(cloths) - observed)[:, 0])
-            assert np.corrcoef(gaps, np.log(weights))[0, 1] < -0.8
-            assert weights.sum() ** 2 / (weights**2).sum() >= 40  # two for each of 20 numbers
-
-    def test_intervals_of_a_curved_model_hold_what_they_say(self):
-        """Rounds about the observation: a cubic response, and 90 % intervals of the next sample."""
-        covered = []
-        for seed in range(40):
-            generator = np.random.default_rng(seed)
-            truth, pairs, q, model = generator.standard_normal(6), ([], []), Normal(np.zeros(6), np.eye(6)), None
-
-            def sample(cloth, generator=generator):
-                bend = cloth[0] + 0.15 * cloth[0] ** 3
-                return np.array([bend, cloth[1]]) + 0.4 * generator.standard_normal(2)
-
-            observed = sample(truth)
-            for _ in range(4):
-                for _ in range(40):
-                    pairs[0].append(q.draw(generator.standard_normal(6)))
-                    pairs[1].append(sample(pairs[0][-1]))
-                cloths, statistics = (np.stack(part) for part in pairs)
-                weights = np.ones(len(cloths)) if model is None else model.nearness(cloths, observed)
-                model = linearise(cloths, statistics, weights)
-                q = model.posterior(observed)
-            drawn = np.stack([sample(q.draw(generator.standard_normal(6))) for _ in range(200)])
-            unseen = np.stack([sample(truth) for _ in range(50)])
-            low, high = np.quantile(drawn, [0.05, 0.95], axis=0)
-            covered.append(((unseen > low) & (unseen < high)).mean(0))
-        assert np.mean(covered, axis=0) == pytest.approx(0.9, abs=0.05)
 
 
 class TestPredictiveDraws:
@@ -303,32 +195,13 @@ class TestLearning:
         assert drawn.mean() == pytest.approx(drape_coefficient(problem.train_image), abs=0.05)
         assert drawn.std() > 0.01
 
-    def test_bdp_field_takes_off_what_the_simulator_misses(self):
-        """Cloths whose asymmetry is their first number beside the photograph's: as far below as fabrics lie above."""
-        problem = toy_problem(space="field")
-        inference, generator = ClothInference(problem, seed=0), np.random.default_rng(4)
-        observed = drape_statistics(torch.as_tensor(problem.train_image)).numpy()
-        for _ in range(200):
-            cloth = generator.standard_normal(len(inference.q.mean))
-            noise = 0.02 * generator.standard_normal(len(observed))
-            inference.cloths.append(cloth)
-            inference.statistics.append(
-                observed + noise + cloth[0] * np.eye(len(observed))[STATISTICS.index("fold_skewness")]
-            )
-        inference.drape(0, adjoints=False)
-        assert inference.q.mean[0] == pytest.approx(-DISCREPANCY["fold_skewness"].mean, abs=0.02)
-        spread = math.sqrt(float((inference.q.root @ inference.q.root.T)[0, 0]))
-        assert spread == pytest.approx(DISCREPANCY["fold_skewness"].sd, rel=0.25)
-
     def test_bdp_field_learns_from_what_the_budget_allows(self):
-        """From too few drapes it learns nothing but the level: a regression on them would leave no scatter."""
+        """From too few drapes it corrects nothing: what is known before the first one is what it then says."""
         learned = []
-        for budget in (60, 125):
+        for budget in (20, 60):
             problem = toy_problem(space="field", budget=Budget(budget))
-            answer = _solve("bdp-field,draws=2,cloths=60", problem)
+            answer = _solve("bdp-field,draws=2,first=12,cloths=60", problem)
             assert not answer.finished
-            mean = answer.posterior["mean"]
-            level = problem.space.bending_level(math.e)[: len(mean)]
-            learned.append(np.linalg.norm(mean - level * (level @ mean) / (level @ level)))
-        assert learned[0] == pytest.approx(0, abs=1e-12)
-        assert learned[1] > 0.05
+            assert answer.posterior["cloths"].std(0).max() < 1.3
+            learned.append(answer.posterior["cloths"].mean(0))
+        assert np.abs(learned[0] - learned[1]).max() > 0.05

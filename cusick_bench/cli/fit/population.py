@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -23,32 +25,52 @@ def population(
     vertices: Vertices = VERTICES_OF_POPULATION,
     cloths: Annotated[
         int, simulation_option(min=1, max=MOST_CASES, help="Cloths that are draped for the regression.")
-    ] = 1300,
+    ] = 1536,
     specimens: Annotated[
-        int, simulation_option(min=1, max=MOST_CASES, help="Specimens that are draped of every fabric and face.")
+        int, simulation_option(min=2, max=MOST_CASES, help="Specimens that are draped of every fabric and face.")
     ] = 16,
+    out: Annotated[
+        Path | None, simulation_option(help="Folder for `expected_statistics.npz`, which `bdp-field` begins with.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Derive the priors of `bdp-field` anew: in what cloths differ, and by how much samples of one cloth do.
 
-    Some 1500 drapes. The numbers that `bdp-field` uses stand in `cusick_bench.problem.field_space`.
+    Some 1800 drapes. The numbers that `bdp-field` uses stand in `cusick_bench.problem.field_space`.
     """
-    from cusick_bench.problem.population import PopulationPlan, derive_population
+    from cusick_bench.problem.population import (
+        PopulationPlan,
+        derive_population,
+        population_problem,
+        population_samples,
+    )
+    from cusick_bench.problem.population_levels import compare_levels
 
-    plan = PopulationPlan(law.value, vertices, cloths, specimens)
+    plan = PopulationPlan(law.value, vertices, cloths)
+    groups = population_samples(data)
     with progress_bar("draping", None) as bar, interruptible("nothing was written"):
-        found = derive_population(data, plan, done=lambda drapes: bar.advance())
+        found = derive_population(groups, plan, done=bar.advance)
+        levels = compare_levels(population_problem(plan), found, groups, specimens, done=bar.advance)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        found.expected.save(out / "expected_statistics.npz")
     if as_json:
-        print_json({"law": law.value, "vertices": vertices, **found})
+        document = {name: value for name, value in asdict(found).items() if name not in ("expected", "places")}
+        places = {name: place.tolist() for name, place in found.places.items()}
+        print_json({"law": law.value, "vertices": vertices, **document, "places": places, "levels": levels})
         return
-    table = Table("number", "mean or median", "sd", title=f"population by law {law.value}, {vertices} vertices")
-    for name, numbers in _rows(found):
-        table.add_row(name, *(f"{number:.3g}" for number in numbers))
+    table = Table("number", "mean", "sd", title=f"population by law {law.value}, {vertices} vertices")
+    for name, (mean, spread) in found.traits.items():
+        table.add_row(name, f"{mean:.3g}", f"{spread:.3g}")
+    for name, size in found.discrepancy.items():
+        table.add_row(f"discrepancy of {name}", "", f"{size:.3g}")
+    table.add_row("log stiffness between samples of one cloth", "", f"{found.level:.3g}")
     output.print(table)
-    output.print(f"log stiffness differs by {found['level']:.3g} between samples of one cloth")
+    output.print(_levels_table(levels))
 
 
-def _rows(found: dict[str, Any]) -> list[tuple[str, tuple[float, float]]]:
-    named = [(f"trait {name}", numbers) for name, numbers in found["traits"].items()]
-    named.append(("correlation length of the laid shape [m]; sd of its log", found["length"]))
-    return named + [(f"discrepancy of {name}", numbers) for name, numbers in found["discrepancy"].items()]
+def _levels_table(levels: list[dict[str, Any]]) -> Table:
+    table = Table(*levels[0], title="samples of a fabric, and specimens of the cloth it was placed at")
+    for row in levels:
+        table.add_row(*(value if isinstance(value, str) else f"{value:.3g}" for value in row.values()))
+    return table

@@ -1,0 +1,134 @@
+"""Statistics that drapes of a cloth are expected to have, learned once: what an inference knows before its first drape.
+
+Of random cloths, one specimen each, the statistics of `cusick_bench.problem.statistics` are regressed on what moves
+them, `field_space.LEADING`: a polynomial of second degree, of third with the level of bending and of fifth in that
+alone; what a cloth is beside, each entry of its tables, counts linearly. The scatter of specimens about it has a
+constant correlation and standard deviations whose logarithm is linear in the same numbers (and quadratic in the level):
+limp cloth varies less than stiff cloth. Beyond the cloths that were draped, the nearest of them counts.
+
+References:
+    Kennedy, O'Hagan. Bayesian calibration of computer models. JRSS B 63(3), 2001. Davidian, Carroll. Variance function
+    estimation. JASA 82, 1987 (the scatter).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.files import read_npz
+from cusick_bench.problem.field_space import CLOTH, LEADING, Leading
+
+SHIPPED = Path(__file__).parent / "expected_statistics.npz"
+"""Made by `cusick-bench population --law plate --out FOLDER`."""
+_LOG_CHI2 = 1.27  # -E log z^2 of a standard normal z
+_PASSES = 3  # of regression and scatter in turn
+_LEAST_SHARE = 1e-3  # of the variance: a residual of 0 has a logarithm, too
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedStatistics:
+    """Expected statistics of cloths, and the scatter of their specimens.
+
+    Attributes:
+        low, high: Range of the leading directions of the cloths that were draped.
+        mean: Coefficients of the expectation.
+        rest: How what moves none of the leading directions changes it.
+        log_sd: Coefficients of the logarithm of the standard deviations.
+        correlation: Of the scatter.
+    """
+
+    low: Float[ndarray, " leading"]
+    high: Float[ndarray, " leading"]
+    mean: Float[ndarray, "terms statistics"]
+    rest: Float[ndarray, "numbers statistics"]
+    log_sd: Float[ndarray, "few statistics"]
+    correlation: Float[ndarray, "statistics statistics"]
+
+    def __call__(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths statistics"]:
+        """Expected statistics of cloths of these leading directions, else of median ones, one a row."""
+        return _terms(self._place(leading)) @ self.mean
+
+    def of(self, leading: Leading, cloths: Float[ndarray, "cloths numbers"]) -> Float[ndarray, "cloths statistics"]:
+        """Expected statistics of cloths theta, one a row."""
+        return self(leading(cloths)) + leading.rest(cloths) @ self.rest
+
+    def scatter(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths statistics statistics"]:
+        """Covariance of the statistics of specimens of cloths of these leading directions."""
+        sd = np.exp(_few(self._place(leading)) @ self.log_sd)
+        return self.correlation * sd[:, :, None] * sd[:, None, :]
+
+    def save(self, path: Path) -> None:
+        """Writes an .npz file."""
+        np.savez_compressed(path, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+
+    def _place(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths leading"]:
+        return _place(leading, self.low, self.high)
+
+
+@lru_cache(maxsize=1)
+def shipped() -> ExpectedStatistics:
+    """Those of law `plate`, which are a good guess for other laws as well."""
+    return ExpectedStatistics(**read_npz(SHIPPED, remedy="install cusick-bench again"))
+
+
+def least_cloths() -> int:
+    """How many cloths the regression needs at least: one and a half times its coefficients."""
+    return 3 * (_terms(np.zeros((1, len(LEADING)))).shape[1] + CLOTH) // 2
+
+
+def learn(
+    leading: Leading, cloths: Float[ndarray, "cloths numbers"], statistics: Float[ndarray, "cloths statistics"]
+) -> ExpectedStatistics:
+    """Regresses statistics of one specimen a cloth.
+
+    Args:
+        leading: Gives their leading directions.
+        cloths: theta of the cloths; `least_cloths` or more.
+        statistics: Statistics of one specimen each.
+
+    Returns:
+        Expectation and scatter.
+    """
+    directions = leading(cloths)
+    low, high = np.quantile(directions, (0.005, 0.995), axis=0)
+    place = _place(directions, low, high)
+    terms, few = np.hstack([_terms(place), leading.rest(cloths)]), _few(place)
+    freedom = np.sqrt(len(terms) / max(len(terms) - np.linalg.matrix_rank(terms), 1))
+    sd = np.ones_like(statistics)
+    mean = log_sd = standardised = statistics
+    for _ in range(_PASSES):
+        columns = [_solved(terms / one[:, None], column / one) for one, column in zip(sd.T, statistics.T, strict=True)]
+        mean = np.stack(columns, 1)
+        residual = (statistics - terms @ mean) * freedom
+        floor = _LEAST_SHARE * (residual**2).mean(0)
+        log_sd = _solved(few, 0.5 * (np.log(residual**2 + floor) + _LOG_CHI2))
+        log_sd[0] += np.log((residual / np.exp(few @ log_sd)).std(0))
+        sd = np.exp(few @ log_sd)
+        standardised = residual / sd
+    own = terms.shape[1] - cloths.shape[1]
+    return ExpectedStatistics(low, high, mean[:own], mean[own:], log_sd, np.corrcoef(standardised.T))
+
+
+def _place(leading: ndarray, low: ndarray, high: ndarray) -> Float[ndarray, "cloths leading"]:
+    """Within -1 to 1."""
+    return 2 * (np.clip(leading, low, high) - low) / (high - low) - 1
+
+
+def _solved(design: ndarray, response: ndarray) -> ndarray:
+    return np.linalg.lstsq(design, response, rcond=None)[0]
+
+
+def _few(place: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths few"]:
+    level = place[:, :1]
+    return np.hstack([np.ones_like(level), place, level**2])
+
+
+def _terms(place: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths terms"]:
+    level = place[:, :1]
+    first, second = np.triu_indices(place.shape[1])
+    products = place[:, first] * place[:, second]
+    return np.hstack([np.ones_like(level), place, products, level * products, level**4, level**5])

@@ -1,0 +1,117 @@
+"""How simulated samples differ at every level, beside real ones: repeats, faces, samples of a fabric.
+
+Of each fabric and face that was placed (`population`), specimens of its cloth are draped, each three times: laid down
+twice (a repeat: stiffness and rest shape are the specimen's own, the laid shape is new), and turned over. Real repeats
+are the second captures of a sample.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.silhouette import profile_of
+from cusick_bench.problem.drape_problem import DrapeProblem
+from cusick_bench.problem.field_space import FieldSpace
+from cusick_bench.problem.population import Population, Samples, field_space_of, placed_at
+from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.sim.cloth.folds import ring_folds
+
+Images = Float[ndarray, "samples size size"]
+_AREA, _DEPTH = STATISTICS.index("area_log_odds"), STATISTICS.index("fold_depth_log")
+
+
+def compare_levels(
+    problem: DrapeProblem,
+    population: Population,
+    groups: list[Samples],
+    specimens: int,
+    *,
+    done: Callable[[int], None] = lambda drapes: None,
+) -> list[dict[str, str | float]]:
+    """Drapes specimens of every fabric's cloth and describes them beside its samples.
+
+    Args:
+        problem: Who drapes.
+        population: Where the cloths were placed.
+        groups: The samples.
+        specimens: Number of specimens of each fabric and face, two or more.
+        done: Called with the number of drapes made.
+
+    Returns:
+        Rows, real and simulated in turn: `fabric`, `turned`, `of`, `drapes`, `dc` and `dc_sd` [points], `folds`,
+        `folds_sd`, `depth_mm`, and mean squared errors `other_mse`, `repeat_mse`, `flip_mse`; NaN where there is none.
+    """
+    rows: list[dict[str, str | float]] = []
+    space = field_space_of(problem)
+    for group in groups:
+        generator = np.random.default_rng(1)
+        taus = np.stack([placed_at(problem, population.places[group.fabric], generator) for _ in range(specimens)])
+        again = taus.copy()
+        laying = space.weights("laying")
+        again[:, laying] = generator.standard_normal(again[:, laying].shape)
+        turned = np.stack([turned_over(space, tau) for tau in again])
+        first, second = (turned, None) if group.turned else (taus, again)
+        images, repeats = _drape(problem, first, done), None if second is None else _drape(problem, second, done)
+        flips = _drape(problem, taus if group.turned else turned, done)
+        other = next((one for one in groups if one.fabric == group.fabric and one.turned != group.turned), None)
+        flipped = None if other is None or len(other.images) != len(group.images) else other.images
+        name: dict[str, str | float] = {"fabric": group.fabric, "turned": str(group.turned)}
+        rows.append({**name, "of": "samples", **_described(group.images, group.repeats, flipped)})
+        rows.append({**name, "of": "simulated", **_described(images, repeats, flips)})
+    return rows
+
+
+def turned_over(space: FieldSpace, tau: Float[ndarray, " dimension"]) -> Float[ndarray, " dimension"]:
+    """The same specimen on its other face, turned over about y: fields mirrored, rest shape reversed.
+
+    Args:
+        space: What tau means.
+        tau: A specimen.
+
+    Returns:
+        Its parameter vector, the laid shape unchanged.
+    """
+    turned, modes = tau.copy(), space.modes
+    mirror = np.where(modes.sine, -1.0, 1.0) * (-1.0) ** modes.order  # x -> -x
+    turned[space.weights("stiffness")] *= mirror
+    turned[space.weights("rest")] *= -mirror
+    curl = space.trait_entry("curl")
+    turned[curl] *= -1
+    return turned
+
+
+def _drape(problem: DrapeProblem, taus: ndarray, done: Callable[[int], None]) -> Images:
+    """Silhouettes; NaN where a drape fails."""
+    seen = problem.draw_batch(taus)
+    done(len(taus))
+    nothing = np.full(problem.train_image.shape, math.nan)
+    return np.stack([nothing if one is None else one.image for one in seen])
+
+
+def _described(images: Images, repeats: Images | None, flips: Images | None) -> dict[str, float]:
+    rest = images[np.isfinite(images).all((1, 2))]
+    statistics = drape_statistics(torch.as_tensor(rest)).numpy()
+    coefficients = 100 / (1 + np.exp(-statistics[:, _AREA]))
+    folds = np.array([float(ring_folds(profile_of(image, RELEASE).radii)) for image in rest])
+    pairs = [float(((a - b) ** 2).mean()) for i, a in enumerate(rest) for b in rest[:i]]
+    return {
+        "drapes": float(len(rest)),
+        "dc": float(coefficients.mean()),
+        "dc_sd": float(coefficients.std(ddof=1)),
+        "folds": float(folds.mean()),
+        "folds_sd": float(folds.std(ddof=1)),
+        "depth_mm": float(1e3 * RELEASE.overhang_m * np.exp(statistics[:, _DEPTH]).mean()),
+        "other_mse": float(np.mean(pairs)),
+        "repeat_mse": _mse(images, repeats),
+        "flip_mse": _mse(images, None if flips is None else flips[:, :, ::-1]),
+    }
+
+
+def _mse(images: Images, others: Images | None) -> float:
+    """Of each drape against its own other one; a flip is mirrored back."""
+    return math.nan if others is None else float(np.nanmean((images - others) ** 2))

@@ -1,0 +1,131 @@
+"""By how much the drapes of one problem differ from what was expected of them, as a linear function of the cloth.
+
+What is expected of a cloth (`cusick_bench.problem.expected_statistics`) was learned for one law, one mesh and the
+standard's plate, and knows a cloth by a few numbers u. What the drapes of another problem have beyond that,
+
+    s - expected(theta) = B u + b + e,    e ~ N(0, V),
+
+is regressed on pairs (theta, s) simulated there, those near the observation counting most. The slopes of one statistic
+have a common normal prior, whose width maximises the evidence: without need there is no slope.
+
+References:
+    MacKay. Bayesian interpolation. Neural Computation 4(3), 1992. Kennedy, O'Hagan. Predicting the output from a
+    complex computer code when fast approximations are available. Biometrika 87(1), 2000.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+_WIDTHS = np.geomspace(1e-4, 10, 26)  # variance of slopes that the evidence chooses from, in units of the scatter's
+PAIRS = 4  # for every slope, that tell a correction from chance
+
+
+@dataclass(frozen=True)
+class LinearCorrection:
+    """What drapes have beyond what is expected: mean + (u - centre) slope + e, e ~ N(0, scatter).
+
+    Attributes:
+        centre: Mean of u over the pairs.
+        mean: What is corrected there.
+        slope: How the correction changes with u.
+        scatter: Covariance of statistics about what is expected then.
+        doubt: Covariance of the slopes, in units of the scatter.
+        pairs: Effective number of pairs.
+    """
+
+    centre: Float[ndarray, " leading"]
+    mean: Float[ndarray, " statistics"]
+    slope: Float[ndarray, "leading statistics"]
+    scatter: Float[ndarray, "statistics statistics"]
+    doubt: Float[ndarray, "leading leading"]
+    pairs: float
+
+    def __call__(
+        self, leading: Float[ndarray, "cloths leading"]
+    ) -> tuple[Float[ndarray, "cloths statistics"], Float[ndarray, " cloths"]]:
+        """What is corrected for cloths.
+
+        Args:
+            leading: u of the cloths.
+
+        Returns:
+            The corrections, and their variances in units of the scatter.
+        """
+        apart = leading - self.centre
+        return self.mean + apart @ self.slope, 1 / self.pairs + ((apart @ self.doubt) * apart).sum(1)
+
+
+def nearness(
+    gap: Float[ndarray, "pairs statistics"], scatter: Float[ndarray, "statistics statistics"], least: float
+) -> Float[ndarray, " pairs"]:
+    """Weights exp(-g^2), g the root mean square gap between expected and observed statistics in units of scatter.
+
+    Args:
+        gap: Expected less observed statistics of the cloth of every pair.
+        scatter: Their covariance.
+        least: Effective number of pairs that is to be left: weights fall more slowly where it would not be.
+
+    Returns:
+        A weight for each pair.
+    """
+    squares = (gap * np.linalg.solve(scatter, gap.T).T).mean(1)
+    squares -= squares.min()
+    least = min(least, 0.99 * len(gap))
+    while _effective(weights := np.exp(-squares)) < least:
+        squares /= 2
+    return weights
+
+
+def linear_correction(
+    leading: Float[ndarray, "pairs leading"],
+    beyond: Float[ndarray, "pairs statistics"],
+    weights: Float[ndarray, " pairs"],
+) -> LinearCorrection:
+    """Regresses what drapes have beyond what is expected.
+
+    Args:
+        leading: u of every pair.
+        beyond: Statistics of its drape less those that were expected.
+        weights: How much a pair counts, > 0; of effectively more pairs than there are slopes.
+
+    Returns:
+        The correction.
+    """
+    share = weights / weights.sum()
+    centre, mean = share @ leading, share @ beyond
+    pairs = _effective(weights)
+    scale = np.sqrt(pairs * share)[:, None]  # weights that add up to the effective number of pairs
+    left, singular, right = np.linalg.svd(scale * (leading - centre), full_matrices=False)
+    response = scale * (beyond - mean)
+    fits = [_shrunk(left, singular, column) for column in response.T]
+    along = np.stack([coefficient for coefficient, _, _ in fits], 1)
+    residual = response - left * singular @ along
+    freedom = np.sqrt([max(pairs - 1 - used, 1.0) for _, used, _ in fits])
+    width = float(np.exp(np.mean([np.log(one) for _, _, one in fits])))
+    doubt = right.T @ (right / (singular**2 + 1 / width)[:, None])
+    scatter = residual.T @ residual / np.outer(freedom, freedom)
+    return LinearCorrection(centre, mean, right.T @ along, scatter, doubt, pairs)
+
+
+def _effective(weights: Float[ndarray, " pairs"]) -> float:
+    """How many pairs of equal weight tell as much."""
+    return float(weights.sum() ** 2 / (weights**2).sum())
+
+
+def _shrunk(left: ndarray, singular: ndarray, response: ndarray) -> tuple[Float[ndarray, " axes"], float, float]:
+    """Slopes along the right singular vectors at the width of highest evidence, how many the data decide, the width.
+
+    With slopes ~ N(0, width v) and noise v, the response has covariance v (I + width X X^T); v is maximised out.
+    """
+    along = left.T @ response
+    rest = float(response @ response - along @ along)
+    best = (-np.inf, 0.0)
+    for width in _WIDTHS:
+        stretched = 1 + width * singular**2
+        noise = (rest + (along**2 / stretched).sum()) / len(response)
+        best = max(best, (-0.5 * (len(response) * np.log(noise) + np.log(stretched).sum()), width))
+    kept = singular**2 / (singular**2 + 1 / best[1])
+    return kept * along / np.maximum(singular, 1e-300), float(kept.sum()), best[1]

@@ -1,0 +1,119 @@
+"""Population: what is expected of a cloth, and how fabrics are placed by it."""
+
+import numpy as np
+import pytest
+
+from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.problem.errors import ProblemError
+from cusick_bench.problem.expected_statistics import learn, shipped
+from cusick_bench.problem.field_space import CLOTH, LEADING
+from cusick_bench.problem.population import (
+    FABRICS,
+    PopulationPlan,
+    Samples,
+    drape_population,
+    nearest_cloth,
+    placed_at,
+    population_problem,
+)
+from cusick_bench.problem.statistics import STATISTICS
+from cusick_bench.sim.cloth.resolution import cloth_mesh
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+CURL = LEADING.index("curl")
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return population_problem(PopulationPlan(vertices=97))
+
+
+@pytest.fixture(scope="module")
+def world(problem):
+    """Statistics linear in the leading directions, the first more scattered where stiff."""
+    generator = np.random.default_rng(6)
+    leading = problem.space.leading
+    slope = generator.standard_normal((len(LEADING), len(STATISTICS))) / np.linalg.norm(leading.rows, axis=1)[:, None]
+    cloths = generator.standard_normal((900, CLOTH))
+    x = leading(cloths)
+    noise = 0.05 * generator.standard_normal((900, len(STATISTICS)))
+    noise[:, 0] *= np.exp(0.3 * (x[:, 0] - x[:, 0].mean()))
+    return slope, x, learn(leading, cloths, x @ slope + noise)
+
+
+class TestExpected:
+    def test_statistics_and_their_scatter_are_learned(self, problem, world):
+        slope, x, expected = world
+        inside = ((x > expected.low) & (x < expected.high)).all(1)
+        assert np.abs(expected(x[inside]) - x[inside] @ slope).mean() < 0.04
+        stiff, limp = (x.mean(0) + sign * np.eye(len(LEADING))[0] for sign in (1, -1))
+        sd = np.sqrt(np.diagonal(expected.scatter(np.stack([stiff, limp])), axis1=1, axis2=2))
+        assert sd[:, 0] == pytest.approx(0.05 * np.exp([0.3, -0.3]), rel=0.2)
+        assert sd[:, 1:] == pytest.approx(0.05, rel=0.25)
+
+    def test_what_moves_no_leading_direction_counts_by_itself(self, problem):
+        generator, leading = np.random.default_rng(1), problem.space.leading
+        cloths = generator.standard_normal((900, CLOTH))
+        hidden = leading.rest(cloths)[:, :1] * np.ones(len(STATISTICS))
+        expected = learn(leading, cloths, hidden + 0.01 * generator.standard_normal(hidden.shape))
+        fresh = generator.standard_normal((50, CLOTH))
+        assert np.abs(expected.of(leading, fresh) - leading.rest(fresh)[:, :1]).max() < 0.05
+
+    def test_file_is_what_was_saved(self, world, tmp_path):
+        from cusick_bench.files import read_npz
+
+        world[2].save(tmp_path / "expected.npz")
+        again = read_npz(tmp_path / "expected.npz", remedy="")
+        assert all((again[name] == getattr(world[2], name)).all() for name in again)
+
+    def test_shipped_ones_say_that_stiffer_cloth_drapes_less(self, problem):
+        levels = np.repeat(problem.space.leading.origin[None], 9, axis=0)
+        levels[:, 0] = np.linspace(-3, 2, 9)
+        found = shipped()(levels)
+        assert (np.diff(found[:, STATISTICS.index("area_log_odds")]) > 0).all()
+        assert found[0, STATISTICS.index("crest_number")] > found[-1, STATISTICS.index("crest_number")] + 0.1
+
+
+class TestPopulation:
+    def test_fabrics_are_placed_at_the_cloth_they_are_of(self, problem, world):
+        """From both faces: where curl has a sign of its own."""
+        slope, _, expected = world
+        leading, generator = problem.space.leading, np.random.default_rng(2)
+        true = leading.origin + 0.5 * np.linalg.norm(leading.rows, axis=1) * generator.standard_normal(len(LEADING))
+        groups = []
+        for turned in (False, True):
+            cloth = true.copy()
+            cloth[CURL] *= -1 if turned else 1
+            statistics = cloth @ slope + 0.05 * generator.standard_normal((40, len(STATISTICS)))
+            groups.append(Samples("any", turned, np.zeros((40, 2, 2)), statistics))
+        apart = (nearest_cloth(problem, expected, groups) - true) / np.linalg.norm(leading.rows, axis=1)
+        assert np.abs(apart).max() < 0.35
+
+    def test_a_specimen_is_of_the_cloth_it_is_placed_at(self, problem):
+        place = problem.space.leading.origin + np.linspace(-0.3, 0.3, len(LEADING))
+        tau = placed_at(problem, place, np.random.default_rng(0))
+        assert problem.space.leading(tau[None, :CLOTH])[0] == pytest.approx(place)
+
+    def test_cloths_of_all_levels_are_draped(self, problem):
+        cloths, statistics = drape_population(problem, 6)
+        levels = problem.space.leading(cloths)[:, 0]
+        assert len(statistics) == len(cloths) >= 5
+        assert np.ptp(levels) > 4
+
+    @pytest.mark.parametrize("law", ["plate", "paper"])
+    def test_cloths_are_drawn_by_the_law_that_is_asked_for_on_its_mesh(self, law):
+        asked = population_problem(PopulationPlan(law, vertices=97))
+        assert asked.simulator.mesh is cloth_mesh(law, 97)
+        assert (asked.simulator.settings.law, asked.space.prior.law) == (law, law)
+        (drawn,) = asked.draw_batch(np.zeros((1, asked.dimension)))
+        assert drawn is not None
+        assert drawn.vertices[asked.simulator.mesh.boundary, 2].mean() < -0.01
+
+    def test_too_few_drapes_are_refused(self):
+        with pytest.raises(ProblemError, match="needs at least"):
+            PopulationPlan(cloths=10)
+
+    def test_no_fabric_of_the_tables_is_among_them(self):
+        named = {f"fabric_{number}" for number in range(1, 6)}
+        assert not set(FABRICS) & {*named, "fabric_1_observations", *CLOTHS}

@@ -1,0 +1,130 @@
+"""Inference of a cloth from drapes: the correction of what is expected, slices, several samples."""
+
+import numpy as np
+import pytest
+import torch
+from toy_problem import toy_problem
+
+from cusick_bench.problem.field_space import LEADING
+from cusick_bench.problem.statistics import STATISTICS, drape_statistics
+from cusick_bench.solvers.variational.cloth_inference import ClothInference
+from cusick_bench.solvers.variational.linear_correction import linear_correction, nearness
+from cusick_bench.solvers.variational.slice_sampling import slice_sample
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+class TestCorrection:
+    """Pairs from a linear model with noise: its slopes and its scatter are known."""
+
+    def _pairs(self, count, leading=8, seed=0, size=1.0):
+        generator = np.random.default_rng(seed)
+        slope = np.zeros((leading, 2))
+        slope[0, 0], slope[1, 1] = 2.0 * size, -1.0 * size
+        root = np.array([[0.5, 0.0], [0.3, 0.4]])
+        directions = generator.standard_normal((count, leading))
+        beyond = directions @ slope + [1.0, 2.0] + generator.standard_normal((count, 2)) @ root.T
+        return directions, beyond, slope, root @ root.T
+
+    def test_finds_the_model(self):
+        directions, beyond, slope, scatter = self._pairs(400)
+        found = linear_correction(directions, beyond, np.ones(len(directions)))
+        assert found.slope == pytest.approx(slope, abs=0.12)
+        assert found(np.zeros((1, 8)))[0][0] == pytest.approx([1.0, 2.0], abs=0.1)
+        assert found.scatter == pytest.approx(scatter, rel=0.25)
+
+    def test_where_there_is_nothing_to_correct_slopes_shrink(self):
+        errors = {"shrunk": [], "least squares": []}
+        for seed in range(10):
+            directions, beyond, _, _ = self._pairs(30, seed=seed, size=0.0)
+            found = linear_correction(directions, beyond, np.ones(len(directions)))
+            plain = np.linalg.lstsq(directions - directions.mean(0), beyond - beyond.mean(0), rcond=None)[0]
+            errors["shrunk"].append(np.abs(found.slope).mean())
+            errors["least squares"].append(np.abs(plain).mean())
+        assert np.mean(errors["shrunk"]) < 0.5 * np.mean(errors["least squares"])
+
+    def test_doubt_is_the_variance_of_what_is_corrected(self):
+        """Over repeated sets of pairs, at a cloth far from them, in units of the scatter."""
+        far, found = np.full((1, 8), 1.5), []
+        for seed in range(60):
+            directions, beyond, *_ = self._pairs(60, seed=seed)
+            correction = linear_correction(directions, beyond, np.ones(60))
+            value, doubt = correction(far)
+            found.append((value[0, 0], doubt[0]))
+        values, doubts = np.array(found).T
+        scatter = self._pairs(3)[3]
+        assert values.var() == pytest.approx(doubts.mean() * scatter[0, 0], rel=0.5)
+
+    def test_pairs_far_from_the_observation_count_less_but_not_nearly_all_of_them(self):
+        _, beyond, _, scatter = self._pairs(100)
+        for observed in (np.array([1.0, 2.0]), np.array([40.0, 2.0])):
+            weights = nearness(beyond - observed, scatter, 40)
+            gaps = np.abs((beyond - observed)[:, 0])
+            assert np.corrcoef(gaps, np.log(weights))[0, 1] < -0.6
+            assert weights.sum() ** 2 / (weights**2).sum() >= 40
+
+
+class TestSlices:
+    def test_sample_a_gaussian_posterior(self):
+        """Likelihood N(y; theta, 0.5^2), prior N(0, I): the posterior is N(0.8 y, 0.2 I)."""
+        observed, generator = np.array([1.0, -2.0]), np.random.default_rng(1)
+        start = generator.standard_normal((2000, 2))
+        points = slice_sample(lambda x: -2 * ((observed - x) ** 2).sum(1), start, 30, generator)
+        assert points.mean(0) == pytest.approx(0.8 * observed, abs=0.05)
+        assert points.std(0) == pytest.approx(np.sqrt(0.2), rel=0.06)
+        assert np.corrcoef(points.T)[0, 1] == pytest.approx(0, abs=0.08)
+
+    def test_follow_a_curved_ridge(self):
+        """x y = 1 within 0.05: draws stay on it, where a Gaussian about a point of it would not."""
+        generator = np.random.default_rng(2)
+        start = generator.standard_normal((500, 2))
+        points = slice_sample(lambda x: -((x[:, 0] * x[:, 1] - 1) ** 2) / 0.005, start, 200, generator)
+        product = points[:, 0] * points[:, 1]
+        assert product.mean() == pytest.approx(1, abs=0.03)
+        assert product.std() == pytest.approx(0.05, rel=0.3)
+        assert np.abs(points[:, 0]).std() > 0.2
+
+
+class TestInference:
+    def _inference(self, further=(), **options):
+        from dataclasses import replace
+
+        problem = toy_problem(space="field", vertices=97)
+        return ClothInference(replace(problem, further_images=tuple(further)), seed=0, **options)
+
+    def _spread_of_level(self, inference):
+        for _ in range(3):
+            inference.drape(0)
+        leading = inference.problem.space.leading
+        return leading(inference.cloths)[:, LEADING.index("bending")].std()
+
+    def test_more_samples_tell_more(self):
+        image = toy_problem(space="field", vertices=97).train_image
+        one, eight = (self._spread_of_level(self._inference([image] * count)) for count in (0, 7))
+        assert eight < one
+
+    def test_no_more_samples_are_used_than_allowed(self):
+        blank = np.zeros((256, 256))
+        images = [blank, np.ones((256, 256))]
+        assert len(self._inference(images).observed) == 3
+        assert len(self._inference(images, samples=1).observed) == 1
+        trained = self._inference(images, samples=1)
+        first = drape_statistics(torch.as_tensor(trained.problem.train_image)).numpy()
+        assert trained.observed[0] == pytest.approx(first)
+
+    def test_corrects_what_the_drapes_of_the_problem_have_beyond_what_is_expected(self):
+        """Drapes that all have as much more area as the photograph: the cloth is what it would be without."""
+        found, axis = {}, np.eye(len(STATISTICS))[STATISTICS.index("area_log_odds")]
+        for beyond in (0.0, 0.8):
+            inference = self._inference()
+            leading = inference.problem.space.leading
+            generator = np.random.default_rng(4)
+            cloths = generator.standard_normal((300, inference.cloths.shape[1]))
+            from cusick_bench.problem.expected_statistics import shipped
+
+            noise = 0.05 * generator.standard_normal((300, len(STATISTICS)))
+            statistics = shipped().of(leading, cloths) + beyond * axis + noise
+            inference.observed = shipped()(leading.origin[None]) + beyond * axis
+            inference.take(list(cloths), list(statistics))
+            found[beyond] = leading(inference.cloths)[:, LEADING.index("bending")].mean()
+        assert found[0.8] == pytest.approx(found[0.0], abs=0.2)
