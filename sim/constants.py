@@ -31,6 +31,6 @@ VERTICES_OF_TRUTH = 1205
 """Of drapes by law `plate` that are held for true, as in the set `synthetic`, or are looked at: within .03 points, .5
 too high at -6.6."""
 VERTICES_OF_POPULATION = 480
-"""Of the cloths that the priors of `bdp-field` are derived from, 1800 drapes, each a quarter of a second of a core."""
+"""Of the cloths that the priors of `bdp-field` are derived from, 1800 drapes of a quarter of a second each."""
 VERTICES_OF_PAPER = 2699
 """Of the published experiments, and of fits and drapes by the laws of hinges."""

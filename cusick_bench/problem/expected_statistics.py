@@ -53,16 +53,35 @@ class ExpectedStatistics:
         return _terms(self._place(leading)) @ self.mean
 
     def of(self, leading: Leading, cloths: Float[ndarray, "cloths numbers"]) -> Float[ndarray, "cloths statistics"]:
-        """Expected statistics of cloths theta, one a row."""
+        """Expected statistics of cloths with tables of their own.
+
+        Args:
+            leading: Gives their leading directions.
+            cloths: theta, one a row.
+
+        Returns:
+            One row a cloth.
+        """
         return self(leading(cloths)) + leading.rest(cloths) @ self.rest
 
     def scatter(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths statistics statistics"]:
-        """Covariance of the statistics of specimens of cloths of these leading directions."""
+        """Covariance of the statistics of specimens.
+
+        Args:
+            leading: Leading directions of their cloths, one a row.
+
+        Returns:
+            One matrix a cloth.
+        """
         sd = np.exp(_few(self._place(leading)) @ self.log_sd)
         return self.correlation * sd[:, :, None] * sd[:, None, :]
 
     def save(self, path: Path) -> None:
-        """Writes an .npz file."""
+        """Writes an .npz file.
+
+        Args:
+            path: The file.
+        """
         np.savez_compressed(path, **{name: getattr(self, name) for name in self.__dataclass_fields__})
 
     def _place(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths leading"]:
@@ -94,7 +113,7 @@ def learn(
         Expectation and scatter.
     """
     directions = leading(cloths)
-    low, high = np.quantile(directions, (0.005, 0.995), axis=0)
+    low, high = directions.min(0), directions.max(0)
     place = _place(directions, low, high)
     terms, few = np.hstack([_terms(place), leading.rest(cloths)]), _few(place)
     freedom = np.sqrt(len(terms) / max(len(terms) - np.linalg.matrix_rank(terms), 1))

@@ -130,11 +130,25 @@ class Leading:
         return self.origin + cloths @ self.rows.T
 
     def rest(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths numbers"]:
-        """What of the cloths moves none of the leading directions."""
+        """What of cloths moves none of the leading directions.
+
+        Args:
+            cloths: theta, one a row.
+
+        Returns:
+            Their projections.
+        """
         return cloths - (cloths @ self.rows.T) @ np.linalg.pinv(self.rows).T
 
     def scaled(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths leading"]:
-        """The same, about those of the median cloth, in standard deviations of the prior."""
+        """Leading directions about those of the median cloth, in standard deviations of the prior.
+
+        Args:
+            cloths: theta, one a row.
+
+        Returns:
+            One row a cloth.
+        """
         return cloths @ (self.rows / np.linalg.norm(self.rows, axis=1, keepdims=True)).T
 
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
+from cusick_bench.problem.expected_statistics import shipped
 from cusick_bench.problem.field_space import LEADING
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.variational.cloth_inference import ClothInference
@@ -92,16 +93,16 @@ class TestInference:
         problem = toy_problem(space="field", vertices=97)
         return ClothInference(replace(problem, further_images=tuple(further)), seed=0, **options)
 
-    def _spread_of_level(self, inference):
+    def _spread_of_area(self, inference):
         for _ in range(3):
             inference.drape(0)
-        leading = inference.problem.space.leading
-        return leading(inference.cloths)[:, LEADING.index("bending")].std()
+        expected = shipped().of(inference.problem.space.leading, inference.cloths)
+        return expected[:, STATISTICS.index("area_log_odds")].std()
 
     def test_more_samples_tell_more(self):
         image = toy_problem(space="field", vertices=97).train_image
-        one, eight = (self._spread_of_level(self._inference([image] * count)) for count in (0, 7))
-        assert eight < one
+        one, eight = (self._spread_of_area(self._inference([image] * count)) for count in (0, 7))
+        assert eight < 0.97 * one  # much of what is not known of another law's drapes stays unknown
 
     def test_no_more_samples_are_used_than_allowed(self):
         blank = np.zeros((256, 256))
@@ -120,8 +121,6 @@ class TestInference:
             leading = inference.problem.space.leading
             generator = np.random.default_rng(4)
             cloths = generator.standard_normal((300, inference.cloths.shape[1]))
-            from cusick_bench.problem.expected_statistics import shipped
-
             noise = 0.05 * generator.standard_normal((300, len(STATISTICS)))
             statistics = shipped().of(leading, cloths) + beyond * axis + noise
             inference.observed = shipped()(leading.origin[None]) + beyond * axis
