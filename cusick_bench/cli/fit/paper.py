@@ -207,9 +207,9 @@ def _settings(vertices: int, mode: Mode, steps: int, budget: Budget, *laws: LawN
     from cusick_bench.sim.engine.settings import DrapeSettings
 
     found = []
-    for law in dict.fromkeys(law.value for law in laws if law is not None):
-        clamp = None if law == "plate" else "whole"  # as in the paper's own program; law plate has an exact one
-        drape = DrapeSettings(law=law, mode=mode.value, steps=steps, clamp=clamp)
+    for law in dict.fromkeys(law for law in laws if law is not None):
+        clamp = None if law is LawName.plate else "whole"  # as in the paper's own program; law plate has an exact one
+        drape = DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp)
         found.append(ProblemSettings(vertices=vertices, drape=drape, budget=budget))
     return found
 
