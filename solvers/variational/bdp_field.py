@@ -98,7 +98,8 @@ class BdpField(Solver):
             try:
                 inference.begin(match_bending_level(incumbent, self.search))
                 for number, cloths in enumerate([self.first, *[self.cloths] * self.rounds]):
-                    progress(f"inference, round {number} of {self.rounds}", problem.meter.share)
+                    known = _known_stiffness(problem, inference.cloths)
+                    progress(f"inference, round {number} of {self.rounds}; {known}", problem.meter.share)
                     inference.drape(cloths)
                 self._fit_specimen(incumbent, inference.middle)
                 finished = True
@@ -148,3 +149,16 @@ def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
     folds = outside * (height - along * (outside * height @ along) / (outside * along @ along))
     rms = math.sqrt(float((folds**2).sum() / outside.sum()))
     return folds * FIELDS["laying"].amplitude / max(rms, 1e-9)
+
+
+def _known_stiffness(problem: DrapeProblem, cloths: Float[np.ndarray, "cloths numbers"]) -> str:
+    """Bending stiffness as far as it is known, the mean of directions and curvatures: median and 90 % interval."""
+    import torch
+
+    from cusick_bench.problem.field_space import cloth_tables
+    from cusick_bench.problem.priors import BENDING_TABLE_FACTOR
+
+    prior = problem.space.prior
+    bending = cloth_tables(prior, torch.as_tensor(cloths))[1].log().mean((1, 2)).exp().numpy()
+    low, middle, high = 1e6 * np.quantile(bending, [0.05, 0.5, 0.95]) / BENDING_TABLE_FACTOR[prior.law]
+    return f"bending {middle:.3g} µN m, {low:.2g} to {high:.2g}"

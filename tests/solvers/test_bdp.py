@@ -205,3 +205,16 @@ class TestLearning:
             assert answer.posterior["cloths"].std(0).max() < 1.3
             learned.append(answer.posterior["cloths"].mean(0))
         assert np.abs(learned[0] - learned[1]).max() > 0.05
+
+    def test_bdp_field_says_what_it_knows_of_the_stiffness_so_far(self):
+        """From the search of the level on, long before it has ended: median and 90 % interval."""
+        said = []
+        problem = toy_problem(space="field", budget=Budget(24))
+        solver = make_solver("bdp-field,draws=1,first=4,rounds=1,cloths=4,search=4,refinement=0")
+        solver.solve(problem, np.random.default_rng(0), progress=lambda message, share: said.append(message))
+        known = [message.partition("; bending ")[2] for message in said if message.startswith("inference")]
+        assert len(known) == 2
+        for words in known:
+            middle, _, interval = words.partition(" µN m, ")
+            low, high = (float(number) for number in interval.split(" to "))
+            assert 0.01 < low < float(middle) < high < 1e4
