@@ -4,7 +4,9 @@ import typer
 
 from cusick_bench.cli.export.benchopt import benchopt
 from cusick_bench.cli.export.huggingface import huggingface
+from cusick_bench.cli.export.material import material
 
 app = typer.Typer(help="Write for other programs.", no_args_is_help=True, add_completion=False)
 app.command()(benchopt)
 app.command()(huggingface)
+app.command()(material)
