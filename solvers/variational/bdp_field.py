@@ -69,7 +69,7 @@ class BdpField(Solver):
     refinement: int = 10
     rate: float = 0.2
     samples: int = 0
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     name: ClassVar[str] = "bdp-field"
     summary: ClassVar[str] = "Bayesian inference over smooth fields of stiffness, laid shape and rest shape"
     reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Garcia-Fernandez 2015"

@@ -34,9 +34,12 @@ def slice_sample(
     """
     points, height = start.copy(), log_likelihood(start)
     for _ in range(steps):
-        other = generator.standard_normal(points.shape)
-        level = height + np.log(generator.random(len(points)))
-        angle = generator.uniform(0, 2 * np.pi, len(points))
+        # numbers for all chains at every look, of the step's own stream: what one chain accepts, which may hang on the
+        # last digit of a likelihood, must not change the numbers that others get
+        own = np.random.default_rng(generator.integers(2**63))
+        other = own.standard_normal(points.shape)
+        level = height + np.log(own.random(len(points)))
+        angle = own.uniform(0, 2 * np.pi, len(points))
         low, high = angle - 2 * np.pi, angle.copy()
         waiting = np.arange(len(points))
         before = points.copy()
@@ -49,5 +52,5 @@ def slice_sample(
             waiting = waiting[~taken]
             below = angle[waiting] < 0
             low[waiting[below]], high[waiting[~below]] = angle[waiting[below]], angle[waiting[~below]]
-            angle[waiting] = generator.uniform(low[waiting], high[waiting])
+            angle[waiting] = own.uniform(low, high)[waiting]
     return points

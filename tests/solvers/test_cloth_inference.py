@@ -127,3 +127,19 @@ class TestInference:
             inference.take(list(cloths), list(statistics))
             found[beyond] = leading(inference.cloths)[:, LEADING.index("bending")].mean()
         assert found[0.8] == pytest.approx(found[0.0], abs=0.2)
+
+
+def test_what_one_chain_accepts_changes_no_other_chain():
+    """Likelihoods differ in their last digits between machines; a chain that turns there must not turn all others."""
+    start = np.random.default_rng(0).standard_normal((20, 3))
+
+    def likelihood(points: np.ndarray, worse: float = 0.0) -> np.ndarray:
+        return -0.5 * ((points - 1.0) ** 2).sum(1) - worse * (points[:, 0] > 2.0)
+
+    first, second = (
+        slice_sample(lambda points, worse=worse: likelihood(points, worse), start, 8, np.random.default_rng(1))
+        for worse in (0.0, 0.5)
+    )
+    same = (first == second).all(1)
+    assert not same.all()
+    assert same.sum() >= 10
