@@ -108,7 +108,7 @@ FAULTS = (
         "forgotten scale",
         "pictures are scored as if they had the release's scale, centre and sizes",
         "cusick_bench/runner/cell.py",
-        "repeat_pairs=pairs, protocol=protocol)",
+        "repeat_pairs=pairs, protocol=dataset.protocol)",
         "repeat_pairs=pairs)",
         "tests/protocol/test_other_labs.py::test_a_small_cloth_is_fitted_and_scored_in_its_own_size",
     ),
