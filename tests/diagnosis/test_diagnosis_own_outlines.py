@@ -1,20 +1,27 @@
 """What undoing a camera's error takes off a fabric's own outlines is what that error did to them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from numpy import ndarray
 from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
+from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import camera_of, profile_of
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS
+from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
+from cusick_bench.diagnosis.measure.hanging_depth import rim_depth
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import RESOLUTION, capture_statistics
+from cusick_bench.sim.render.silhouette import render
 
 ANGLE = np.arange(ANGLES) * (2 * np.pi / ANGLES)
 TURNED_OVER = (ANGLES // 2 - np.arange(ANGLES)) % ANGLES
@@ -99,6 +106,84 @@ def test_directions_of_the_laboratory_follow_how_the_cloth_is_turned_over(
     contrasts = [features(statistics_of(one)).contrast for one in (plain, shown)]
     expected = ((contrasts[1] - contrasts[0]) / RESOLUTION).ravel()
     assert np.linalg.norm(found[MEANS] - expected) < 0.12 * np.linalg.norm(expected)
+
+
+@pytest.fixture(scope="module")
+def drapes() -> DrapeDataset:
+    """Meshes of the shipped cloths, three samples of each."""
+    return load("synthetic").select(sample=[1, 2, 3])
+
+
+def photographed(drapes: DrapeDataset, cloth: str, move: Callable[[ndarray], ndarray]) -> Captures:
+    """Outlines of a cloth's meshes, their points moved before they are drawn."""
+    rows = drapes.select(cloth=cloth)
+    radii = []
+    for row in range(len(rows)):
+        mesh = rows.sample(row).mesh
+        assert mesh is not None
+        points = torch.from_numpy(move(np.array(mesh.vertices, dtype=np.float64)))
+        picture = render(points, np.asarray(mesh.faces, dtype=np.int64), camera_of(drapes.protocol))
+        radii.append(profile_of(picture.numpy(), drapes.protocol).radii)
+    table = rows.table
+    return captures_from_profiles(
+        np.stack(radii),
+        sample=table["sample"].to_numpy(),
+        side=table["side"].tolist(),
+        capture=table["capture"].to_numpy(),
+    )
+
+
+def near(points: ndarray) -> ndarray:
+    """As an eye .7 m over the plate sees them."""
+    return np.column_stack([points[:, :2] / (1 - points[:, 2:] / 0.7), points[:, 2]])
+
+
+def leaning(points: ndarray) -> ndarray:
+    """As a camera sees them whose axis leans by 4 deg along x."""
+    x = points[:, 0] * np.cos(np.deg2rad(4)) + points[:, 2] * np.sin(np.deg2rad(4))
+    return np.column_stack([x, points[:, 1:]])
+
+
+@pytest.mark.parametrize(("name", "severity", "move"), [("perspective", 1 / 0.7, near), ("camera-tilt", 4.0, leaning)])
+@pytest.mark.parametrize("cloth", ["fabric_2", "fabric_3", "fabric_4", "fabric_5"])
+def test_what_hangs_on_depth_is_undone_without_knowing_it(
+    drapes: DrapeDataset, cloth: str, name: str, severity: float, move: Callable[[ndarray], ndarray]
+) -> None:
+    plain, wrong = (photographed(drapes, cloth, one) for one in (np.copy, move))
+    axis = np.zeros((2, 1))  # of the camera on both faces
+    found = OwnOutlines(wrong).change(name, np.array([severity]), axis).contrast[0] / RESOLUTION
+    zero = np.array([1e-9])
+    without, with_error = (sample_statistics(one).features().contrast for one in (plain, wrong))
+    expected = (with_error - without) / RESOLUTION
+    assert np.linalg.norm(found - expected) < 0.25 * np.linalg.norm(expected)
+    assert np.linalg.norm(OwnOutlines(wrong).change(name, zero, axis).contrast[0] / RESOLUTION) < 1e-3
+
+
+def test_depth_is_that_of_a_heavy_elastica() -> None:
+    nominal = Protocol()
+    length = nominal.cloth_radius_m - nominal.plate_radius_m
+    slope = 0.2  # [rad] of a cantilever's rim, a (1 - (1 - x)^3) along it: reach 1 - 9/28 a^2, depth 3/4 a
+    stiff = rim_depth(np.array([nominal.plate_radius_m + length * (1 - 9 / 28 * slope**2)]), nominal)
+    np.testing.assert_allclose(stiff / length, 0.75 * slope, rtol=0.02)
+    radii = np.linspace(nominal.plate_radius_m, nominal.cloth_radius_m, 50)
+    depth = rim_depth(radii, nominal)
+    np.testing.assert_allclose(depth[[0, -1]], [length, 0.0])
+    assert (np.diff(depth) < 0).all()
+    assert (depth <= np.sqrt(length**2 - (radii - nominal.plate_radius_m) ** 2) + 1e-12).all(), "longer than a chord"
+
+
+@pytest.mark.parametrize("cloth", ["fabric_1", "fabric_2", "fabric_3", "fabric_4", "fabric_5"])
+def test_rims_of_folded_cloth_hang_as_deep_as_strips_alone(drapes: DrapeDataset, cloth: str) -> None:
+    mesh = drapes.select(cloth=cloth).sample(0).mesh
+    assert mesh is not None
+    points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    edges, count = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    rim = points[np.unique(edges[count == 1])]
+    radius, depth = np.hypot(rim[:, 0], rim[:, 1]), -rim[:, 2]
+    expected = rim_depth(radius, drapes.protocol)
+    assert np.corrcoef(depth, expected)[0, 1] > 0.97
+    assert np.polyfit(expected, depth, 1)[0] == pytest.approx(1.0, abs=0.25)
+    assert np.sqrt(np.mean((depth - expected) ** 2)) < 0.004
 
 
 def test_effects_of_the_cloth_are_not_undone(plain: ndarray) -> None:

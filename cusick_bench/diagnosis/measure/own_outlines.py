@@ -7,6 +7,15 @@ It holds for whatever folds the cloth has, where an atlas knows the shift of a t
     centre    p -> p - shift u(direction)
     scale     p -> p / (1 + error)
     level     p -> p - shift n,   n the normal of the smoothed outline, e_r - (r'/r) e_phi over its length
+
+Two more hang on how deep the rim lies below the plate, which its reach tells well enough (`hanging_depth`). With the
+depth h at the true radius |q| of a point that is seen at p,
+
+    near eye  p = q / (1 + k h)
+    tilt      p = q - u(direction) ((1 - cos a) u.q + sin a h)
+
+which is solved for q by iteration. Where the plate's edge is seen the rim lies behind it, by more the farther it is to
+where the rim comes into sight.
 """
 
 from dataclasses import dataclass, field
@@ -15,13 +24,18 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.ndimage import distance_transform_edt
 
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures
 from cusick_bench.diagnosis.measure.features import SPREADS, contrast_weights, features
+from cusick_bench.diagnosis.measure.hanging_depth import rim_depth
 from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 
-UNDONE: Final = ("camera-offset", "camera-scale", "threshold")
+UNDONE: Final = ("camera-offset", "camera-scale", "threshold", "perspective", "camera-tilt")
 """Effects that act on the outline alone."""
+_ROUNDS = 6  # of the iteration for the true outline; each gains a digit
+_EDGE = 0.0007  # [m] half a pixel of the release: what is seen nearer to the plate's edge is the plate
+_HIDING = 5.0  # [deg] from where the rim comes into sight, over which it sinks back to the plate's edge
 _HARMONICS = 24  # of the outline whose normals are taken; finer detail is the pixels'
 _ANGLE = 2 * np.pi * np.arange(ANGLES) / ANGLES
 _NODES = 2 * np.pi * np.arange(8) / 8
@@ -108,7 +122,7 @@ class OwnOutlines:
 
     def _directly(self, effect: str, size: float, angle: Float[ndarray, "values captures"]) -> ndarray:
         seen = self.captures
-        radii = _undone(effect, seen.radii, size, angle)[:, np.arange(len(seen))[:, None], seen.seen_at()]
+        radii = _undone(effect, seen, size, angle)[:, np.arange(len(seen))[:, None], seen.seen_at()]
         return capture_statistics(radii.reshape(-1, ANGLES), seen.protocol).reshape(len(angle), len(seen), -1)
 
 
@@ -131,13 +145,21 @@ def _spread(mean: ndarray, values: Float[ndarray, "captures statistics"], known:
 
 
 def _undone(
-    effect: str, radii: Float[ndarray, "captures angles"], size: float, angle: Float[ndarray, "values captures"]
+    effect: str, seen: Captures, size: float, angle: Float[ndarray, "values captures"]
 ) -> Float[ndarray, "values captures angles"]:
     """Outlines as they would be seen without the effect."""
+    radii = seen.radii
     if effect == "camera-scale":
         return np.tile(radii / (1 + size), (len(angle), 1, 1))
+    if effect == "perspective":
+        true, hangs = radii, _in_sight(seen)
+        for _ in range(_ROUNDS):
+            true = radii * (1 + size * hangs * rim_depth(true, seen.protocol))
+        return np.tile(true, (len(angle), 1, 1))
     if effect == "camera-offset":
         away = size * np.exp(1j * angle[..., None])
+    elif effect == "camera-tilt":
+        away = -_lean(seen, np.deg2rad(size), angle)
     else:
         wave = np.fft.rfft(radii, axis=1)
         wave[:, _HARMONICS + 1 :] = 0
@@ -146,6 +168,24 @@ def _undone(
         away = np.tile(size * normal * np.exp(1j * _ANGLE), (len(angle), 1, 1))
     points = radii * np.exp(1j * _ANGLE) - away
     return _at_whole_degrees(points.reshape(-1, ANGLES)).reshape(points.shape)
+
+
+def _lean(seen: Captures, lean: float, angle: Float[ndarray, "values captures"]) -> ndarray:
+    """How far every point is moved to where it would be seen by an upright camera [m], as complex numbers."""
+    points, towards = seen.radii * np.exp(1j * _ANGLE), np.exp(1j * angle[..., None])
+    true, hangs = points + np.zeros_like(towards), _in_sight(seen)
+    for _ in range(_ROUNDS):
+        along = (true * towards.conj()).real
+        depth = hangs * rim_depth(np.abs(true), seen.protocol)
+        true = points + towards * ((1 - np.cos(lean)) * along + np.sin(lean) * depth)
+    return true - points
+
+
+def _in_sight(seen: Captures) -> Float[ndarray, "captures angles"]:
+    """1 where the rim is seen; where the plate's edge is, less the farther away the rim comes into sight."""
+    rim = seen.radii > seen.protocol.plate_radius_m + _EDGE
+    away = np.stack([distance_transform_edt(~np.tile(one, 3)) for one in rim])[:, ANGLES : 2 * ANGLES]
+    return np.exp(-away * (360 / ANGLES) / _HIDING)
 
 
 def _at_whole_degrees(points: ndarray) -> Float[ndarray, "outlines angles"]:

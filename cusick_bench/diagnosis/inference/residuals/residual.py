@@ -28,7 +28,7 @@ from cusick_bench.diagnosis.atlas.regression_terms import base_terms
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.residuals.feature_rows import as_seen
 from cusick_bench.diagnosis.inference.residuals.noise import MODEL_FREEDOM, TOGETHER, Noise, Scatter, noise
-from cusick_bench.diagnosis.measure.features import ORDERS, Features
+from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 
 _COUNT = len(NAMES)
@@ -76,6 +76,12 @@ class Residual:
     def log_likelihood(self) -> float:
         """ln of the density of the known entries in the base model, but for a constant [nat]."""
         return -0.5 * self.squares - float(np.log(np.diag(self.root)).sum())
+
+    @property
+    def log_unit(self) -> float:
+        """ln of the product of the units of the known entries; with it, densities at other base parameters compare."""
+        unit = np.concatenate([self.sd, self.sd, np.ones(len(SPREADS)), self.sd[list(ORDERS)]])
+        return float(np.log(unit[self.kept]).sum() + np.log(np.diag(self.root)).sum())
 
     @property
     def squares(self) -> float:
