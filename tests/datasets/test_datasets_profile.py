@@ -5,6 +5,8 @@ import pytest
 import torch
 from toy_cloths import draw, surface, wavy_profile
 
+from cusick_bench.datasets import load
+from cusick_bench.datasets.files.silhouette import rim_depth
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,
@@ -110,3 +112,18 @@ def test_folds_are_the_peaks_of_that_prominence():
         assert ring_folds(ring, prominence=prominence, harmonics=20) == expected
         counts.append(expected)
     assert min(counts) < 3 < 10 < max(counts)
+
+
+@pytest.mark.parametrize("cloth", ["fabric_1", "fabric_2", "fabric_3", "fabric_4", "fabric_5"])
+def test_rims_of_folded_cloth_hang_in_straight_lines_on_average(cloth: str) -> None:
+    dataset = load("synthetic").select(cloth=cloth, sample=1)
+    mesh = dataset.sample(0).mesh
+    assert mesh is not None
+    points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    edges, count = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    rim = points[np.unique(edges[count == 1])]
+    depth = rim_depth(np.hypot(rim[:, 0], rim[:, 1]), dataset.protocol)
+    apart = depth + rim[:, 2]
+    assert abs(apart.mean()) < 0.0025
+    assert apart.std() < 0.0015
+    assert np.corrcoef(depth, -rim[:, 2])[0, 1] > 0.97

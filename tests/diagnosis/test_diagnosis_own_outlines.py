@@ -18,7 +18,6 @@ from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
-from cusick_bench.diagnosis.measure.hanging_depth import rim_depth
 from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import RESOLUTION, capture_statistics
 from cusick_bench.sim.render.silhouette import render
@@ -157,33 +156,6 @@ def test_what_hangs_on_depth_is_undone_without_knowing_it(
     expected = (with_error - without) / RESOLUTION
     assert np.linalg.norm(found - expected) < 0.25 * np.linalg.norm(expected)
     assert np.linalg.norm(OwnOutlines(wrong).change(name, zero, axis).contrast[0] / RESOLUTION) < 1e-3
-
-
-def test_depth_is_that_of_a_heavy_elastica() -> None:
-    nominal = Protocol()
-    length = nominal.cloth_radius_m - nominal.plate_radius_m
-    slope = 0.2  # [rad] of a cantilever's rim, a (1 - (1 - x)^3) along it: reach 1 - 9/28 a^2, depth 3/4 a
-    stiff = rim_depth(np.array([nominal.plate_radius_m + length * (1 - 9 / 28 * slope**2)]), nominal)
-    np.testing.assert_allclose(stiff / length, 0.75 * slope, rtol=0.02)
-    radii = np.linspace(nominal.plate_radius_m, nominal.cloth_radius_m, 50)
-    depth = rim_depth(radii, nominal)
-    np.testing.assert_allclose(depth[[0, -1]], [length, 0.0])
-    assert (np.diff(depth) < 0).all()
-    assert (depth <= np.sqrt(length**2 - (radii - nominal.plate_radius_m) ** 2) + 1e-12).all(), "longer than a chord"
-
-
-@pytest.mark.parametrize("cloth", ["fabric_1", "fabric_2", "fabric_3", "fabric_4", "fabric_5"])
-def test_rims_of_folded_cloth_hang_as_deep_as_strips_alone(drapes: DrapeDataset, cloth: str) -> None:
-    mesh = drapes.select(cloth=cloth).sample(0).mesh
-    assert mesh is not None
-    points, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    edges, count = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True)
-    rim = points[np.unique(edges[count == 1])]
-    radius, depth = np.hypot(rim[:, 0], rim[:, 1]), -rim[:, 2]
-    expected = rim_depth(radius, drapes.protocol)
-    assert np.corrcoef(depth, expected)[0, 1] > 0.97
-    assert np.polyfit(expected, depth, 1)[0] == pytest.approx(1.0, abs=0.25)
-    assert np.sqrt(np.mean((depth - expected) ** 2)) < 0.004
 
 
 def test_effects_of_the_cloth_are_not_undone(plain: ndarray) -> None:

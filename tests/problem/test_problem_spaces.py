@@ -109,7 +109,9 @@ class TestSpaces:
         parameters = torch.as_tensor(tau).requires_grad_()
         cloth = space.specimen(parameters)
         cloth.material.check_fits(mesh)
-        total = cloth.material.stretch.sum() + cloth.material.bending.sum() + torch.as_tensor(cloth.material.poisson).sum()
+        total = (
+            cloth.material.stretch.sum() + cloth.material.bending.sum() + torch.as_tensor(cloth.material.poisson).sum()
+        )
         for shape in (cloth.initial, cloth.rest_angle):
             total = total if shape is None else total + shape.square().sum()
         total.backward()

@@ -8,13 +8,13 @@ It holds for whatever folds the cloth has, where an atlas knows the shift of a t
     scale     p -> p / (1 + error)
     level     p -> p - shift n,   n the normal of the smoothed outline, e_r - (r'/r) e_phi over its length
 
-Two more hang on how deep the rim lies below the plate, which its reach tells well enough (`hanging_depth`). With the
-depth h at the true radius |q| of a point that is seen at p,
+Two more hang on how deep the rim lies below the plate, which its reach tells well enough (`silhouette.rim_depth`). With
+the depth h at the true radius |q| of a point that is seen at p,
 
     near eye  p = q / (1 + k h)
     tilt      p = q - u(direction) ((1 - cos a) u.q + sin a h)
 
-which is solved for q by iteration. Where the plate's edge is seen the rim lies behind it, by more the farther it is to
+which is solved for q. Where the plate's edge is seen the rim lies behind it, by more the farther it is to
 where the rim comes into sight.
 """
 
@@ -26,14 +26,14 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.ndimage import distance_transform_edt
 
+from cusick_bench.datasets.files.silhouette import rim_depth, without_perspective
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures
 from cusick_bench.diagnosis.measure.features import SPREADS, contrast_weights, features
-from cusick_bench.diagnosis.measure.hanging_depth import rim_depth
 from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 
 UNDONE: Final = ("camera-offset", "camera-scale", "threshold", "perspective", "camera-tilt")
 """Effects that act on the outline alone."""
-_ROUNDS = 6  # of the iteration for the true outline; each gains a digit
+_ROUNDS = 10  # of the iteration for the true outline, which is halved for stiff cloth, whose depth is steep
 _EDGE = 0.0007  # [m] half a pixel of the release: what is seen nearer to the plate's edge is the plate
 _HIDING = 5.0  # [deg] from where the rim comes into sight, over which it sinks back to the plate's edge
 _HARMONICS = 24  # of the outline whose normals are taken; finer detail is the pixels'
@@ -152,9 +152,7 @@ def _undone(
     if effect == "camera-scale":
         return np.tile(radii / (1 + size), (len(angle), 1, 1))
     if effect == "perspective":
-        true, hangs = radii, _in_sight(seen)
-        for _ in range(_ROUNDS):
-            true = radii * (1 + size * hangs * rim_depth(true, seen.protocol))
+        true = radii + _in_sight(seen) * (without_perspective(radii, seen.protocol, 1 / size) - radii)
         return np.tile(true, (len(angle), 1, 1))
     if effect == "camera-offset":
         away = size * np.exp(1j * angle[..., None])
@@ -177,7 +175,8 @@ def _lean(seen: Captures, lean: float, angle: Float[ndarray, "values captures"])
     for _ in range(_ROUNDS):
         along = (true * towards.conj()).real
         depth = hangs * rim_depth(np.abs(true), seen.protocol)
-        true = points + towards * ((1 - np.cos(lean)) * along + np.sin(lean) * depth)
+        moved = points + towards * ((1 - np.cos(lean)) * along + np.sin(lean) * depth)
+        true = (true + moved) / 2
     return true - points
 
 
