@@ -35,6 +35,7 @@ PANELS = {
         "optimisers": "fit.optimisers",
         "paper": "fit.paper",
         "population": "fit.population",
+        "posterior-calibration": "fit.posterior_calibration",
     },
     "Results": {
         "leaderboard": "results.leaderboard",

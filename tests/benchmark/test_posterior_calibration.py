@@ -1,0 +1,102 @@
+"""Simulation-based calibration: statistics on ranks that are known, fits that resume, and who cannot be calibrated."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cusick_bench.benchmark.posterior_calibration import (
+    CalibrationError,
+    CalibrationFit,
+    CalibrationPlan,
+    calibration_fit,
+    calibration_table,
+    plan_numerics,
+)
+from cusick_bench.benchmark.posterior_calibration_file import FitFile
+
+QUICK = CalibrationPlan("bdp-field,draws=1,first=8,rounds=1,cloths=4,search=3,refinement=0", fits=2, vertices=80)
+pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
+
+
+def alike(value: float) -> tuple[float, float, float]:
+    return float(value), float(value), float(value)
+
+
+def fits_of(draws: np.ndarray, truths: np.ndarray) -> list[CalibrationFit]:
+    """Fits with a posterior of given draws of one number (fits, draws), alike in all directions."""
+    ranks = (draws < truths[:, None]).mean(1)
+    return [
+        CalibrationFit(i, 0.1, alike(truth), alike(np.median(row)), alike(rank), 1.0, "")
+        for i, (row, truth, rank) in enumerate(zip(draws, truths, ranks, strict=True))
+    ]
+
+
+def example(width: float, shift: float) -> dict:
+    """A table's row of a normal posterior that is too wide by a factor, and shifted by so many standard deviations."""
+    generator = np.random.default_rng(0)
+    truth = generator.normal(size=500)
+    middle = truth + generator.normal(size=500)  # one observation with noise of standard deviation 1, a flat prior
+    draws = middle[:, None] + shift + width * generator.normal(size=(500, 400))
+    return calibration_table(fits_of(np.exp(draws), np.exp(truth)))[0]
+
+
+def test_a_right_posterior_passes() -> None:
+    row = example(1.0, 0.0)
+    assert row["cover_90"] == pytest.approx(0.9, abs=0.04)
+    assert row["cover_50"] == pytest.approx(0.5, abs=0.06)
+    assert row["cover_90_low"] < 0.9 < row["cover_90_high"]
+    assert row["p_uniform"] > 0.01
+    assert sum(row["ranks"]) == 500
+    assert row["bias"] == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("width", "shift"), [(0.5, 0.0), (2.0, 0.0), (1.0, 0.7)])
+def test_narrow_wide_and_shifted_posteriors_are_found(width: float, shift: float) -> None:
+    row = example(width, shift)
+    assert row["p_uniform"] < 1e-6
+    if shift:
+        assert row["bias"] > 1.5
+        assert row["ranks"][0] > 2 * row["ranks"][-1], "truths lie low among draws that are too large"
+    else:
+        assert (row["cover_90"] < 0.9) == (width < 1)
+
+
+def test_a_fit_depends_on_its_number_alone_and_is_kept(tmp_path: Path) -> None:
+    first, second = calibration_fit(QUICK, 0), calibration_fit(QUICK, 1)
+    again = calibration_fit(QUICK, 1)
+    assert replace(again, seconds=0.0) == replace(second, seconds=0.0)
+    assert first.true != second.true
+    assert all(0 <= rank <= 1 for rank in second.rank)
+    file = FitFile(tmp_path)
+    file.keep(first)
+    file.keep(second)
+    with file.path.open("a") as broken:
+        broken.write('{"number": 3, "dens')  # what a crash leaves
+    assert file.read(QUICK) == {0: first, 1: second}
+    assert file.read(replace(QUICK, seed=1)) == {}, "other cloths"
+    assert file.read(replace(QUICK, fits=1)) == {0: first}
+    rows = [{"solver": QUICK.solver, **row} for row in calibration_table([first, second])]
+    csv, page = file.write_table(rows, [QUICK])
+    assert csv.read_text().startswith("solver,direction,fits,cover_50")
+    assert plan_numerics(QUICK) in page.read_text()
+
+
+def test_a_damaged_file_says_where(tmp_path: Path) -> None:
+    FitFile(tmp_path).path.write_text('{"number": 1}\n')
+    with pytest.raises(CalibrationError, match="line 1 is no finished fit"):
+        FitFile(tmp_path).read(QUICK)
+
+
+@pytest.mark.parametrize("solver", ["null:disc", "homo"])
+def test_who_has_no_posterior_is_refused(solver: str) -> None:
+    with pytest.raises(CalibrationError, match="no posterior of stiffness; use bdp-field or bdp"):
+        calibration_fit(CalibrationPlan(solver, vertices=80, budget=3), 0)
+
+
+def test_plans_that_fit_nothing_are_refused() -> None:
+    with pytest.raises(CalibrationError, match="fits must be >= 1"):
+        CalibrationPlan(fits=0)
+    with pytest.raises(CalibrationError, match="no finished fit"):
+        calibration_table([])
