@@ -19,6 +19,7 @@ from cusick_bench.diagnosis.atlas.response import Response
 from cusick_bench.diagnosis.atlas.ridge import Fit, SummedFit
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import SPREADS
+from cusick_bench.diagnosis.measure.own_outlines import DEPTH_MISMATCH
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
@@ -65,7 +66,7 @@ class Calibration:
         """
         known = registered().get(effect)
         default = LAW_MISMATCH if known is None else GEOMETRY_MISMATCH.get(known.kind, LAW_MISMATCH)
-        return self.law_mismatch.get(effect, default)
+        return DEPTH_MISMATCH.get(effect) or self.law_mismatch.get(effect, default)
 
     def applied(self, emulator: Emulator) -> Emulator:
         """The atlas with that share of its discrepancy.

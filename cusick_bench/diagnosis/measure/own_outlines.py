@@ -33,6 +33,9 @@ from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 
 UNDONE: Final = ("camera-offset", "camera-scale", "threshold", "perspective", "camera-tilt")
 """Effects that act on the outline alone."""
+DEPTH_MISMATCH: Final = {"perspective": (0.18, 0.45)}
+"""How far such a shift is from what the effect does, along it and across it as shares of its size, where depth counts:
+root mean squares over the shipped cloths, which two of three of them stay far below."""
 _ROUNDS = 10  # of the iteration for the true outline, which is halved for stiff cloth, whose depth is steep
 _EDGE = 0.0007  # [m] half a pixel of the release: what is seen nearer to the plate's edge is the plate
 _HIDING = 5.0  # [deg] from where the rim comes into sight, over which it sinks back to the plate's edge
