@@ -176,7 +176,7 @@ def _lean(seen: Captures, lean: float, angle: Float[ndarray, "values captures"])
     points, towards = seen.radii * np.exp(1j * _ANGLE), np.exp(1j * angle[..., None])
     true, hangs = points + np.zeros_like(towards), _in_sight(seen)
     for _ in range(_ROUNDS):
-        along = (true * towards.conj()).real
+        along = np.real(true * towards.conj())
         depth = hangs * rim_depth(np.abs(true), seen.protocol)
         moved = points + towards * ((1 - np.cos(lean)) * along + np.sin(lean) * depth)
         true = (true + moved) / 2
@@ -186,7 +186,7 @@ def _lean(seen: Captures, lean: float, angle: Float[ndarray, "values captures"])
 def _in_sight(seen: Captures) -> Float[ndarray, "captures angles"]:
     """1 where the rim is seen; where the plate's edge is, less the farther away the rim comes into sight."""
     rim = seen.radii > seen.protocol.plate_radius_m + _EDGE
-    away = np.stack([distance_transform_edt(~np.tile(one, 3)) for one in rim])[:, ANGLES : 2 * ANGLES]
+    away = np.stack([np.asarray(distance_transform_edt(~np.tile(one, 3))) for one in rim])[:, ANGLES : 2 * ANGLES]
     return np.exp(-away * (360 / ANGLES) / _HIDING)
 
 

@@ -94,20 +94,20 @@ def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) ->
 def _climbed(fabric: FabricData, residual: Residual, shared: tuple[Candidate, ...]) -> tuple[float, Residual]:
     """Selects a set and fits the base parameters in turn; with ln of the joint density that is reached."""
     known = [one.hypothesis.name for one in shared]
-    for refit in range(_REFITS + 1):
+    refits = 0
+    while True:
         model = fabric.model(residual, without=known)
         more = fabric.shared_shift(shared, residual, model.misfit)
         points = forward_selection(model, more)
         reached = model.log_joint(points, more) - residual.log_unit, residual
-        if refit == _REFITS:
-            break
+        if refits == _REFITS:
+            return reached
         selected = [candidate_at(model.points, point) for point in points]
         joint = fabric.against(start=residual.theta, shift=fabric.shift([*shared, *selected], residual))
         far = np.abs(joint.theta - residual.theta) / np.sqrt(np.diag(residual.theta_covariance))
         if far.max() < _STAYS:
-            break
-        residual = fabric.against(start=joint.theta, fixed=True)
-    return reached
+            return reached
+        residual, refits = fabric.against(start=joint.theta, fixed=True), refits + 1
 
 
 def refitted(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate]) -> FabricSets:
