@@ -85,7 +85,7 @@ _DOUBTS = (
     _Doubt("strange", 0.16, 0.03, "{:.0%} of a sector is neither cloth nor ground: something lies on it"),
     _Doubt("at_limit", 0.01, 0.003, "{:.0%} of it lies where no cloth can end"),
     _Doubt("unseen", 0.002, 0.0005, "{:.0%} of it leaves the picture"),
-    _Doubt("off_axis_mm", 0.25, 0.03, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
+    _Doubt("off_axis_mm", 0.5, 0.05, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
     _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
 )
 
