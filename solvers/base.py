@@ -97,6 +97,17 @@ class Solver(ABC):
     most_numbers: ClassVar[int | None] = None  # longest tau that it can search, None for any
     needs_mesh: ClassVar[bool] = False  # whether it fits the training drape's shape in three dimensions
 
+    def samples_used(self, given: int) -> int:
+        """How many of a cloth's training samples it learns from.
+
+        Args:
+            given: Training samples that there are, at least 1.
+
+        Returns:
+            1 unless the solver says otherwise: the sample whose silhouette is fitted.
+        """
+        return min(1, given)
+
     @property
     def options(self) -> dict[str, Any]:
         """Everything beside the problem that decides the answer."""

@@ -74,11 +74,12 @@ class Stiffness(Part):
 
 
 class Fit(Part):
-    """What was fitted to one typical drape.
+    """What was fitted to a typical drape, and learned from those of other samples.
 
     Attributes:
         image: The silhouette, a path in the data set.
         sample: Number of its sample.
+        samples: Samples that the stiffness was learned from, that one and others.
         drape_coefficient: Its drape coefficient.
         simulated_drape_coefficient: That of the fitted drape.
         mse: Mean squared error of the fitted silhouette.
@@ -92,6 +93,7 @@ class Fit(Part):
 
     image: str
     sample: int
+    samples: int = 1
     drape_coefficient: float | None = None
     simulated_drape_coefficient: float | None = None
     mse: float | None = None

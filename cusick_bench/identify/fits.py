@@ -1,13 +1,14 @@
-"""Stiffness from one drape of each fabric: the most typical one, fitted by a solver with a posterior.
+"""Stiffness from the drapes of each fabric, fitted by a solver with a posterior.
 
 A drape of a sample that is unlike the fabric's others would give that sample's stiffness, so the one whose drape
-coefficient is the median is fitted. Nothing is held out: this is a measurement, no comparison of methods, and a fabric
-with one sample can be measured too.
+coefficient is the median is fitted, and a solver that can learns from those of the other samples as well. Nothing is
+held out: this is a measurement, no comparison of methods, and a fabric with one sample can be measured too.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +24,10 @@ from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Results, RunnerError, Source, Watcher, plan, run
 from cusick_bench.sim.constants import DEFAULT_LAW
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.registry import make_solver
 
 SPLIT = "typical"
-"""Name of the split in which the most typical drape trains and nothing is held out."""
+"""Name of the split in which the most typical drape trains, and those of other samples, and nothing is held out."""
 
 
 @dataclass(frozen=True)
@@ -41,29 +43,38 @@ class FitPlan:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
-def typical_row(dataset: DrapeDataset, cloth: str) -> int | None:
-    """The drape of a cloth that is fitted.
+def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
+    """The drapes of a cloth that its stiffness may be learned from, one a sample.
 
     Args:
         dataset: Data.
         cloth: One of its cloths.
 
     Returns:
-        Row of the index of the usable silhouette with the median drape coefficient (the lower of two), face up and the
-        first of its drape where there is one such; None where no picture can be used.
+        Rows of the index of usable silhouettes, face up where there are such, the first picture of each: first the one
+        with the median drape coefficient (the lower of two), then the others in the order of the index. Empty where no
+        picture can be used.
     """
-    labels = zip(dataset.table["cloth"], dataset.table["side"], strict=True)
-    own = [(row, side) for row, (owner, side) in enumerate(labels) if owner == cloth]
-    rows = [row for row, side in own if side == "up"] or [row for row, _ in own]
-    first = [row for row in rows if not any(other < row for other in dataset.repeats(row))]
-    measured: list[tuple[float, int]] = []
-    for row in first:
-        try:
-            measured.append((drape_coefficient_of(dataset.image(row).numpy(), dataset.protocol), row))
-        except BadImage:
-            continue
-    usable = sorted(pair for pair in measured if isfinite(pair[0]))
-    return usable[(len(usable) - 1) // 2][1] if usable else None
+    labels = zip(dataset.table["cloth"], dataset.table["side"], dataset.table["sample"], strict=True)
+    own = [(row, side, sample) for row, (owner, side, sample) in enumerate(labels) if owner == cloth]
+    shown = [(row, sample) for row, side, sample in own if side == "up"] or [(row, sample) for row, _, sample in own]
+    measured: dict[Any, tuple[float, int]] = {}
+    for row, sample in shown:
+        if sample not in measured and (share := _drape_coefficient(dataset, row)) is not None:
+            measured[sample] = share, row
+    ordered = sorted(measured.values())
+    if not ordered:
+        return ()
+    typical = ordered[(len(ordered) - 1) // 2][1]
+    return typical, *sorted(row for _, row in ordered if row != typical)
+
+
+def _drape_coefficient(dataset: DrapeDataset, row: int) -> float | None:
+    try:
+        share = drape_coefficient_of(dataset.image(row).numpy(), dataset.protocol)
+    except BadImage:
+        return None
+    return share if isfinite(share) else None
 
 
 def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) -> FitPlan:
@@ -85,13 +96,15 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
         drape=DrapeSettings(law=DEFAULT_LAW, steps=options.steps),
         budget=Budget(options.budget),
     )
+    solver = make_solver(options.solver)
     cells: dict[str, Cell] = {}
     missing: dict[str, str] = {}
     for cloth in cloths:
-        row = typical_row(dataset, cloth)
-        if row is None:
+        rows = typical_rows(dataset, cloth)
+        if not rows:
             missing[cloth] = "none of its pictures can be used; `cusick-bench data audit` says why"
             continue
+        row, *others = rows
         if not _weighed(dataset, row):
             missing[cloth] = "its weight is not known, and a drape shows stiffness over weight only"
             continue
@@ -100,15 +113,25 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
         except DataError as error:
             missing[cloth] = str(error)
             continue
+        possible = [other for other in others if options.force or _possible(dataset, other)]
+        used = solver.samples_used(1 + len(possible))
         (cells[cloth],) = plan(
             dataset,
             solvers=[options.solver],
             seeds=[options.seed],
             settings=settings,
             protocol=SPLIT,
-            splits=[Split(cloth, (row,), ())],
+            splits=[Split(cloth, (row, *possible[: used - 1]), ())],
         )
     return FitPlan(cells, missing)
+
+
+def _possible(dataset: DrapeDataset, row: int) -> bool:
+    try:
+        require_possible(dataset, [row])
+    except DataError:
+        return False
+    return True
 
 
 def _weighed(dataset: DrapeDataset, row: int) -> bool:
@@ -168,6 +191,7 @@ def run_fits(
         fits[cloth] = Fit(
             image=str(row["image"]),
             sample=int(row["sample"]),
+            samples=len(cell.train),
             drape_coefficient=metrics.get("train_dc_target"),
             simulated_drape_coefficient=metrics.get("train_dc"),
             mse=metrics.get("train_mse"),

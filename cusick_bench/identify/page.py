@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.identify.comparison_section import ComparisonSection, comparison_section
 from cusick_bench.identify.document import FabricIdentity, Fit, IdentifyDocument, Preparation, Spread, Stiffness
-from cusick_bench.identify.fits import typical_row
+from cusick_bench.identify.fits import typical_rows
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.leaderboard import significant
 from cusick_bench.metrics.found_stiffness import read_stiffness
@@ -293,11 +293,11 @@ def _with_fit(
 
 
 def _silhouette(dataset: DrapeDataset, cloth: str) -> tuple[Picture, ...]:
-    row = typical_row(dataset, cloth)
-    if row is None:
+    rows = typical_rows(dataset, cloth)
+    if not rows:
         return ()
-    sample = int(np.asarray(dataset.table["sample"])[row])
-    pixels = silhouette_picture(dataset.image(row).numpy())
+    sample = int(np.asarray(dataset.table["sample"])[rows[0]])
+    pixels = silhouette_picture(dataset.image(rows[0]).numpy())
     return (embedded_picture(pixels, f"Silhouette of {cloth}", f"Sample {sample}, the most typical"),)
 
 

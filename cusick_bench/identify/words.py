@@ -28,7 +28,12 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
             f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one {100 * real:.0f} %: "
             "the fit is rough. A larger --budget fits longer; a wrong weight, scale or picture leaves it rough."
         )
-    if samples > 1:
+    if fit.samples > 1:
+        notes.append(
+            f"Stiffness and interval are what {fit.samples} samples tell of the cloth together; the drape that is shown "
+            f"is fitted to sample {fit.sample}, whose drape coefficient is the median."
+        )
+    elif samples > 1:
         notes.append(
             f"Stiffness is that of one drape, of sample {fit.sample}, whose drape coefficient is the median; the "
             "interval says how far one drape tells the cloth's stiffness."

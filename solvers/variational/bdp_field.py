@@ -89,6 +89,10 @@ class BdpField(Solver):
                 raise SolverError(f"{name} must be >= {least}, got {getattr(self, name)}")
         require_positive(self, "rate")
 
+    def samples_used(self, given: int) -> int:
+        """As many as `samples` says."""
+        return min(given, self.samples or given)
+
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         from cusick_bench.solvers.variational.cloth_inference import ClothInference
 

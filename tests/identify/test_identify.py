@@ -18,7 +18,8 @@ from cusick_bench.diagnosis.atlas.store import Calibration, save
 from cusick_bench.identify.data import as_data_set, holds_photographs
 from cusick_bench.identify.document import IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.identify.fits import typical_row
+from cusick_bench.identify.fits import plan_fits, typical_rows
+from cusick_bench.identify.options import Options
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.photographs.studio.folder import write_photographs
@@ -265,10 +266,18 @@ def test_square_pictures_without_a_ruler_are_silhouettes(lab, photographs, tmp_p
 
 def test_the_drape_with_the_median_coefficient_is_typical(lab):
     dataset = load(lab)
-    row = typical_row(dataset, "fabric_1")
+    row, *others = typical_rows(dataset, "fabric_1")
     coefficients = [statistics(dataset.select(cloth="fabric_1", sample=s))[0].drape_coefficient for s in (1, 2, 3)]
-    assert row is not None
     assert coefficients.index(sorted(coefficients)[1]) == row
+    assert sorted([row, *others]) == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("solver", "samples"), [("bdp-field", 3), ("bdp-field,samples=2", 2), ("homo", 1)])
+def test_solvers_that_can_learn_from_all_samples(lab, solver, samples):
+    dataset = load(lab)
+    cell = plan_fits(dataset, ["fabric_1"], Options(solver=solver)).cells["fabric_1"]
+    assert len(cell.train) == samples
+    assert cell.train[0] == typical_rows(dataset, "fabric_1")[0]
 
 
 def test_a_damaged_document_names_what_is_wrong(answer, tmp_path):
