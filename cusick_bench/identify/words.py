@@ -30,8 +30,8 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
         )
     if fit.samples > 1:
         notes.append(
-            f"Stiffness and interval are what {fit.samples} samples tell of the cloth together; the drape that is shown "
-            f"is fitted to sample {fit.sample}, whose drape coefficient is the median."
+            f"Stiffness and interval are what {fit.samples} samples tell of the cloth together; the drape shown is "
+            f"fitted to sample {fit.sample}, whose drape coefficient is the median."
         )
     elif samples > 1:
         notes.append(
