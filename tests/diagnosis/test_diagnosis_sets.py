@@ -7,7 +7,13 @@ import pytest
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.store import GEOMETRY_MISMATCH, LAW_MISMATCH, Calibration, load_uncalibrated
+from cusick_bench.diagnosis.atlas.store import (
+    LAW_MISMATCH,
+    OUTLINE_MISMATCH,
+    PLATE_MISMATCH,
+    Calibration,
+    load_uncalibrated,
+)
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
 from cusick_bench.diagnosis.inference.findings.evened import evened_out
@@ -145,6 +151,20 @@ def test_allowed_and_forbidden_rows_are_told_apart(emulator: Emulator) -> None:
     turned = misfit.turned(residual.whiten(np.stack([alike, contrast])))
     assert np.abs(turned[0, : misfit.forbidden]).max() < 1e-9
     assert np.linalg.norm(turned[1, : misfit.forbidden]) > 0.9 * np.linalg.norm(turned[1])
+
+
+def test_another_law_moves_no_rows_that_symmetry_keeps_still(emulator: Emulator) -> None:
+    fabric, _ = planted(emulator, ())
+    model = fabric.model(fabric.against())
+    sorts = np.repeat(np.arange(4), model.misfit.sorts)
+    for name, still in (("bending-friction", {0, 1, 2}), ("creep", {0, 1}), ("face-asymmetry", {0, 2})):
+        own = model.points.effect == model.points.names.index(name)
+        variance = model.points.variance[own]
+        assert variance[:, np.isin(sorts, list(still))].max() < 1e-9, name
+        assert (variance[:, ~np.isin(sorts, list(still))].max(1) > 0).all(), name
+    shift = np.random.default_rng(0).standard_normal((2, len(model.white)))
+    within = [(shift[:, sorts == sort] ** 2).mean(1) for sort in range(4)]
+    np.testing.assert_allclose(model.misfit.across(shift), np.stack(within, axis=1)[:, sorts])
 
 
 def test_a_shift_outside_of_the_list_is_novel(three: tuple[FabricData, FabricSets]) -> None:
@@ -318,6 +338,7 @@ def test_mismatch_of_laws_is_kept_by_effect() -> None:
     learned = Calibration(law_mismatch={"creep": (0.5, 0.2)})
     assert learned.mismatch("creep") == (0.5, 0.2)
     assert learned.mismatch("shear-friction") == LAW_MISMATCH
-    assert learned.mismatch("camera-offset") == GEOMETRY_MISMATCH["imaging"]
+    assert learned.mismatch("plate-tilt") == PLATE_MISMATCH
+    assert Calibration(law_mismatch={"camera-offset": (0.5, 0.2)}).mismatch("camera-offset") == OUTLINE_MISMATCH
     with pytest.raises(ValueError, match="law_mismatch of creep must be two numbers"):
         Calibration(law_mismatch={"creep": (-1.0, 0.2)})

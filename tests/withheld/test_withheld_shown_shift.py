@@ -80,6 +80,11 @@ class TestCompare:
         assert found.multiple == pytest.approx(found.shift / NEEDED)
         assert found.unlike < 0.35 * found.multiple
 
+    def test_of_several_effects_the_one_counts_that_shows_least(self):
+        pair = ShownShift(8 * NEEDED, "threshold", 0.6, {"creep": 7 * NEEDED, "cut-size": 1.5 * NEEDED})
+        assert pair.multiple == pytest.approx(1.5)
+        assert pair.unlike == pytest.approx(8 * 0.8), "what is left of the whole shift"
+
     def test_what_acts_is_not_compared_with(self, plain: SampleStatistics, residual: Residual):
         found = shown_shift(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
         assert found.nearest not in SIZES
@@ -109,6 +114,9 @@ class TestCommands:
         shown = read_shown_shifts(out)
         kinds = {case: label["kind"] for case, label in json.loads(labels.read_text()).items()}
         assert set(shown) == {case for case, kind in kinds.items() if kind != "null"}
+        for case, one in shown.items():
+            acting = json.loads(labels.read_text())[case]["effect"]
+            assert set(one.each) == (set(acting) if kinds[case] == "pair" else set())
         strong = {case: ShownShift(3 * NEEDED, "threshold", 0.8) for case in shown}
         out.write_text(json.dumps({case: asdict(one) for case, one in strong.items()}))
         suite, documents = read_suite(small_suite / "labels" / SUITE), read_label_documents(labels)

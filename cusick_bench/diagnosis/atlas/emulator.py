@@ -52,27 +52,27 @@ class Emulator:
     responses: Mapping[str, Response]
     outlines: OwnOutlines | None = None
 
-    def mean(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
+    def mean(self, theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows statistics"]:
         """Mean of every statistic, the same on both faces.
 
         Args:
-            theta: Base parameters.
+            theta: Base parameters of one cloth or of several.
 
         Returns:
-            Means [each statistic's unit].
+            Means of each [each statistic's unit].
         """
-        return self.base(base_terms(theta[None]))[0]
+        return self.base(base_terms(theta.reshape(-1, theta.shape[-1]))).reshape(*theta.shape[:-1], -1)
 
-    def spread(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "spreads"]:
+    def spread(self, theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows spreads"]:
         """`Features.spread` of the base model.
 
         Args:
-            theta: Base parameters.
+            theta: Base parameters of one cloth or of several.
 
         Returns:
-            The spreads.
+            The spreads of each.
         """
-        return self.base_spread(spread_terms(theta[None]))[0]
+        return self.base_spread(spread_terms(theta.reshape(-1, theta.shape[-1]))).reshape(*theta.shape[:-1], -1)
 
     def sd(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics"]:
         """Standard deviation of every statistic between samples; never below what images resolve.

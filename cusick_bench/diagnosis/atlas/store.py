@@ -19,7 +19,7 @@ from cusick_bench.diagnosis.atlas.response import Response
 from cusick_bench.diagnosis.atlas.ridge import Fit, SummedFit
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.features import SPREADS
-from cusick_bench.diagnosis.measure.own_outlines import DEPTH_MISMATCH
+from cusick_bench.diagnosis.measure.own_outlines import DEPTH_MISMATCH, UNDONE
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.files import BadFile, parse_json, read_npz
@@ -34,8 +34,10 @@ _MOST = 1000  # of inflation
 
 LAW_MISMATCH = (0.3, 0.15)
 """Along an effect's shift and across it, as shares of its size, where nothing was learned."""
-GEOMETRY_MISMATCH = {"imaging": (0.1, 0.05), "boundary": (0.15, 0.08)}
-"""The same for effects of camera and plate: geometry has one law, only the drape that it is applied to is another."""
+PLATE_MISMATCH = (0.15, 0.08)
+"""The same for effects of the plate: geometry has one law, only the drape that it is applied to is another."""
+OUTLINE_MISMATCH = (0.15, 0.06)
+"""For effects that are undone on the fabric's own outlines: little beyond the steps of their grids."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,11 @@ class Calibration:
         Returns:
             Along its shift and across it, as shares of the shift's size.
         """
+        if effect in UNDONE:
+            return DEPTH_MISMATCH.get(effect, OUTLINE_MISMATCH)
         known = registered().get(effect)
-        default = LAW_MISMATCH if known is None else GEOMETRY_MISMATCH.get(known.kind, LAW_MISMATCH)
-        return DEPTH_MISMATCH.get(effect) or self.law_mismatch.get(effect, default)
+        of_plate = known is not None and known.kind == "boundary"
+        return self.law_mismatch.get(effect, PLATE_MISMATCH if of_plate else LAW_MISMATCH)
 
     def applied(self, emulator: Emulator) -> Emulator:
         """The atlas with that share of its discrepancy.
@@ -78,19 +82,6 @@ class Calibration:
             The atlas that fabrics are compared with.
         """
         return replace(emulator, discrepancy=self.discrepancy * emulator.discrepancy)
-
-    def law_variance(self, effect: str, shift: Float[ndarray, "rows"]) -> Float[ndarray, "rows"]:
-        """What other laws for an effect may add to the variance of each row.
-
-        Args:
-            effect: Name of the effect.
-            shift: What it moves the rows by.
-
-        Returns:
-            The variance, in the square of the shift's unit.
-        """
-        along, across = self.mismatch(effect)
-        return along**2 * shift**2 + across**2 * float((shift**2).mean())
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law_mismatch", {name: _shares(name, one) for name, one in self.law_mismatch.items()})

@@ -9,6 +9,8 @@ is what it does show: to how many standard deviations of a fabric's own scatter 
 taken up what they can. Chance is the same in both, but a drape may fall into other folds; the two halves of the samples
 tell how much of d that makes:  noise^2 = |d(first half) - d(second half)|^2 / 4.
 
+Where several effects act, each also has a twin that lacks it alone: what each shows beside the others.
+
 No diagnosis of the same statistics can find what does not show, or call an effect unknown if another effect, at the
 strength that fits best, leaves nothing of d. What chance is left in d is that of the very samples that are answered:
 where it helps to find an effect it enlarges d too. Twins need the suite's seed, so they are made after the answers.
@@ -24,7 +26,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from pydantic import TypeAdapter, model_validator
+from pydantic import Field, TypeAdapter, model_validator
 from pydantic.dataclasses import dataclass
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
@@ -54,15 +56,17 @@ class ShownShift:
         shift: |d|, in standard deviations of noise.
         nearest: The listed effect, not acting here, whose shift points most nearly where d does; "" if there is none.
         alike: The cosine between these, at most 1.
+        each: Where several effects act, |d| of each beside the others, by its name.
     """
 
     shift: Number
     nearest: str
     alike: Number
+    each: dict[str, Number] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check_ranges(self) -> "ShownShift":
-        if not (self.shift >= 0 and self.alike <= 1):
+        if not (min(self.shift, *self.each.values(), 0.0) >= 0 and self.alike <= 1):
             raise broken_rule(
                 f"a shift must be >= 0 and alike <= 1, got {self.shift:g} and {self.alike:g}; make the file anew"
             )
@@ -70,13 +74,16 @@ class ShownShift:
 
     @property
     def multiple(self) -> float:
-        """The shift in detectable ones, of which an effect is found in 80 % of fabrics at the level of 5 %."""
-        return self.shift / NEEDED
+        """The shift in detectable ones, of which an effect is found in 80 % of fabrics at the level of 5 %.
+
+        Of several effects, that of the one which shows least.
+        """
+        return min(self.each.values(), default=self.shift) / NEEDED
 
     @property
     def unlike(self) -> float:
         """What is left of the shift once `nearest` is taken off at its best strength, in detectable shifts."""
-        return self.multiple * float(np.sqrt(max(1 - max(self.alike, 0.0) ** 2, 0.0)))
+        return self.shift / NEEDED * float(np.sqrt(max(1 - max(self.alike, 0.0) ** 2, 0.0)))
 
 
 _SHIFTS = TypeAdapter(dict[str, ShownShift])
@@ -143,11 +150,21 @@ def read_shown_shifts(path: Path) -> dict[str, ShownShift]:
 
 
 def _beside_twin(suite: Suite, plan: Plan, cases: Path, atlas: Path) -> ShownShift:
-    """Makes the twin of a case and compares the two."""
+    """Makes the twin of a case, and one for each of several effects, and compares the case with them."""
+    case, acting = _data(cases / plan.case), tuple(plan.causes)
+    whole = shown_shift(case, _twin(suite, plan, acting), atlas, acting)
+    if len(acting) < 2:
+        return whole
+    each = {name: shown_shift(case, _twin(suite, plan, (name,)), atlas, acting).shift for name in acting}
+    return replace(whole, each=each)
+
+
+def _twin(suite: Suite, plan: Plan, lacking: Collection[str]) -> SampleStatistics:
+    """Statistics of the case as it would be without some of its effects."""
+    causes = {name: values for name, values in plan.causes.items() if name not in lacking}
     with TemporaryDirectory() as folder:
-        write_case(suite, replace(plan, causes={}), Path(folder))
-        twin = _data(Path(folder) / plan.case)
-    return shown_shift(_data(cases / plan.case), twin, atlas, tuple(plan.causes))
+        write_case(suite, replace(plan, causes=causes), Path(folder))
+        return _data(Path(folder) / plan.case)
 
 
 def _data(folder: Path) -> SampleStatistics:

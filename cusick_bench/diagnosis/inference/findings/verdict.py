@@ -16,8 +16,9 @@ NAMED = 0.6
 """Probability from which an effect is named, or a group of look-alikes out of which one acts."""
 _TOGETHER = 0.5  # probability of two look-alikes together, at most, over that of independent effects
 _LIKELY = 0.05  # probability from which an effect can be a member of a group
-_CARRIES = 0.7  # share of what no base model explains that a set takes at least where something unlisted acts too
-_LEAST_STATED = 0.6  # probability of `none` or `unknown` where that is the verdict
+_CARRIES = 0.5  # share of what no base model explains that a set takes at least where it accounts for most
+_LEAST_NONE = 0.85  # probability of `none` where that is the verdict; what is too weak to be detected counts as none
+_LEAST_UNKNOWN = 0.6  # that of `unknown`
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     leading = _with_shared(posterior.leading, shared)
     if p > ALPHA:
         stated = tuple(shared) or (NONE,)
-        leading = _raised(leading, stated[0], _LEAST_STATED)
+        leading = _raised(leading, stated[0], _LEAST_NONE)
         verdict = NONE if not shared else "several" if len(shared) > 1 else "effect"
         return Finding(verdict, tuple(shared), (), _members(leading, stated), leading)
     acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
@@ -83,7 +84,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     unlisted = test.rejected
     leading = _with_unlisted(leading, test.probability)
     if unlisted and (not named or test.explained < _CARRIES):
-        leading = _raised(leading, UNKNOWN, _LEAST_STATED)
+        leading = _raised(leading, UNKNOWN, _LEAST_UNKNOWN)
         return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
     members = _members(leading, (*named, UNKNOWN) if unlisted else named)
     notes = (f"something that is not on the list acts too (p = {test.p:.2g})",) if unlisted else ()

@@ -38,7 +38,7 @@ MODEL_FREEDOM: Final = 6.0
 TOGETHER: Final = 1.8
 """Degrees of freedom of what widens all rows of a fabric, over those of one variance: so mean squares of cases without
 effect in three simulators scatter."""
-_CORRELATION_FREEDOM = 30.0  # that its correlations count for
+_CORRELATION_FREEDOM = 60.0  # that its correlations count for; fewer make what the data's few samples lack too quiet
 _DRIFT_FREEDOM = 12.0  # the same for drifts
 _SCALE_SD = 1.0  # of ln g between fabrics; 0.2 to 6 were met
 _UNEVEN = 0.5  # variance of ln d_k^2 / (g m_k^2) between statistics

@@ -31,8 +31,8 @@ from cusick_bench.diagnosis.inference.residuals.noise import MODEL_FREEDOM, TOGE
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, Features
 from cusick_bench.diagnosis.measure.statistics import NAMES
 
-_COUNT = len(NAMES)
 _SWEEPS = 25
+_DIFFERENCE = 1e-3  # of each base parameter, for the Jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,19 +102,22 @@ def feature_vector(features: Features, sd: Float[ndarray, "statistics"]) -> Floa
     return np.concatenate([(features.contrast / sd).ravel(), features.spread, features.order / sd[list(ORDERS)]])
 
 
-def base_vector(emulator: Emulator, theta: Float[ndarray, "parameters"], sd: ndarray) -> Float[ndarray, "rows"]:
+def base_vector(
+    emulator: Emulator, theta: Float[ndarray, "*cloths parameters"], sd: Float[ndarray, "statistics"]
+) -> Float[ndarray, "*cloths rows"]:
     """Features of the base model in one vector.
 
     Args:
         emulator: The atlas.
-        theta: Base parameters.
+        theta: Base parameters of one cloth or of several.
         sd: Standard deviation of every statistic between samples [its unit].
 
     Returns:
-        In the rows of `feature_rows`.
+        In the rows of `feature_rows`, for each cloth.
     """
     mean = emulator.mean(theta) / sd
-    return np.concatenate([mean, np.zeros(_COUNT), emulator.spread(theta), np.zeros(len(ORDERS))])
+    still = np.zeros((*theta.shape[:-1], len(ORDERS)))
+    return np.concatenate([mean, np.zeros_like(mean), emulator.spread(theta), still], axis=-1)
 
 
 def against_base(
@@ -208,12 +211,6 @@ def _linearised(
     if shift is not None:
         value = value - as_seen(shift, features.single)
     kept = np.isfinite(value) & np.isfinite(np.diag(errors.covariance))
-    step = 1e-3
-    columns = []
-    for i in range(len(theta)):
-        ahead, behind = theta.copy(), theta.copy()
-        ahead[i] += step
-        behind[i] -= step
-        change = base_vector(emulator, ahead, errors.sd) - base_vector(emulator, behind, errors.sd)
-        columns.append(change[kept] / (2 * step))
-    return value[kept], np.stack(columns, axis=1), kept
+    step = _DIFFERENCE * np.eye(len(theta))
+    ahead, behind = base_vector(emulator, np.stack([theta + step, theta - step]), errors.sd)
+    return value[kept], (ahead - behind)[:, kept].T / (2 * _DIFFERENCE), kept

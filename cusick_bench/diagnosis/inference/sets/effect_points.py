@@ -1,7 +1,8 @@
 """Points of all effects' grids in the turned rows of the misfit, with the variance that another law adds.
 
 Another law for the same effect moves the same statistics, but not as far and not in quite the same proportions: its
-shift differs from ours by e d_k in row k (along) and by f |d| / sqrt(K) in any (across), with e and f by effect.
+shift differs from ours by e d_k in row k (along) and by f times the root mean square of d over rows of the same sort
+(across, `Misfit.across`), with e and f by effect: symmetry is the same for all laws.
 """
 
 from collections.abc import Callable, Sequence
@@ -75,6 +76,23 @@ class EffectPoints:
         return np.linalg.norm(self.shift, axis=1)
 
 
+def law_variance(
+    misfit: Misfit, shares: tuple[float, float], shift: Float[ndarray, "*points kept"]
+) -> Float[ndarray, "*points kept"]:
+    """What other laws for an effect may add to the variance of each row (see the module).
+
+    Args:
+        misfit: Rows in which effects are compared.
+        shares: How far laws differ, along a shift and across it.
+        shift: Shifts of the turned rows by the effect.
+
+    Returns:
+        The variance.
+    """
+    along, across = shares
+    return along**2 * shift**2 + across**2 * misfit.across(shift)
+
+
 def effect_points(grids: Sequence[Grid], misfit: Misfit, mismatch: Mismatch, *, weak: bool = False) -> EffectPoints:
     """Points of several grids.
 
@@ -92,12 +110,12 @@ def effect_points(grids: Sequence[Grid], misfit: Misfit, mismatch: Mismatch, *, 
     kept = len(misfit.rotation)
     shift, variance = [np.zeros((0, kept))], [np.zeros((0, kept))]
     for grid, chosen in zip(grids, rows, strict=True):
-        along, across = mismatch(grid.hypothesis.name)
         turned = misfit.turned(grid.shift[chosen])
-        square = (turned**2).mean(1)
-        spread = across**2 * square + np.minimum(grid.variance[chosen], _MOST_DOUBT * square)
+        doubt = np.minimum(grid.variance[chosen] / np.maximum((turned**2).mean(1), 1e-12), _MOST_DOUBT)
         shift.append(turned)
-        variance.append(along**2 * turned**2 + spread[:, None])
+        variance.append(
+            law_variance(misfit, mismatch(grid.hypothesis.name), turned) + doubt[:, None] * misfit.across(turned)
+        )
     counts = [len(one) for one in rows]
     return EffectPoints(
         names,

@@ -12,7 +12,7 @@ from cusick_bench.diagnosis.inference.residuals.noise import Scatter, scatter_of
 from cusick_bench.diagnosis.inference.residuals.refusal import doubts, require_enough
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, inflated
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
-from cusick_bench.diagnosis.inference.sets.effect_points import effect_points
+from cusick_bench.diagnosis.inference.sets.effect_points import effect_points, law_variance
 from cusick_bench.diagnosis.inference.sets.misfit import Misfit, misfit_of
 from cusick_bench.diagnosis.inference.sets.set_model import SetModel, SharedShift
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid, detectable_grids
@@ -123,7 +123,7 @@ class FabricData:
         turned = [misfit.turned(residual.whiten(self.shift([one], residual)[None]))[0] for one in causes]
         variance = np.zeros(len(turned[0]))
         for one, shift in zip(causes, turned, strict=True):
-            variance += self.calibration.law_variance(one.hypothesis.name, shift)
+            variance += law_variance(misfit, self.calibration.mismatch(one.hypothesis.name), shift)
         return SharedShift(np.sum(turned, axis=0), variance)
 
 

@@ -8,7 +8,9 @@ change in the atlas with a share of any such direction. delta_any is N(0, t^2 I)
 without effect may get wrong: something that is not on the list. Both sizes are integrated over a grid that begins with
 0.
 
-Rows are turned so that forbidden ones come first and A is diagonal: both integrals are sums over rows.
+Rows are turned so that forbidden ones come first and A is diagonal: both integrals are sums over rows. Forbidden rows
+keep their sorts, one after the other: means that both faces share, contrasts of the faces, drifts. What is symmetric in
+the cloth moves none of them, whatever its law (`across`).
 
 References:
     Kennedy, O'Hagan. Bayesian calibration of computer models. JRSS B 63(3), 2001 (the model's discrepancy).
@@ -23,7 +25,13 @@ from numpy import ndarray
 from scipy.linalg import solve_triangular
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, MAY_BE_WRONG, SPREAD
+from cusick_bench.diagnosis.inference.residuals.feature_rows import (
+    DRIFT,
+    FACE_EVEN,
+    FACE_ODD,
+    MAY_BE_WRONG,
+    SPREAD,
+)
 from cusick_bench.diagnosis.inference.residuals.residual import Residual
 
 _ANY_DIRECTION = 0.5  # share of A that prefers no direction
@@ -42,13 +50,19 @@ class Misfit:
 
     Attributes:
         rotation: Orthonormal; forbidden rows first.
-        forbidden: How many rows no base model without effect may get wrong.
-        pattern: Eigenvalues of A in the other rows; their mean is 1.
+        sorts: How many rows there are of each sort; the last is that of rows which a base model without effect may get
+            wrong.
+        pattern: Eigenvalues of A in the rows of that sort; their mean is 1.
     """
 
     rotation: Float[ndarray, "kept kept"]
-    forbidden: int
+    sorts: tuple[int, ...]
     pattern: Float[ndarray, "allowed"]
+
+    @property
+    def forbidden(self) -> int:
+        """How many rows no base model without effect may get wrong."""
+        return sum(self.sorts[:-1])
 
     def turned(self, white: Float[ndarray, "*rows kept"]) -> Float[ndarray, "*rows kept"]:
         """Whitened residuals or shifts in the turned rows.
@@ -60,6 +74,23 @@ class Misfit:
             Forbidden rows first.
         """
         return white @ self.rotation.T
+
+    def across(self, shift: Float[ndarray, "*shifts kept"]) -> Float[ndarray, "*shifts kept"]:
+        """Mean square of shifts within the sort of each row.
+
+        Another law for an effect moves the same sorts of rows, though not in the same proportions.
+
+        Args:
+            shift: Shifts of the turned rows.
+
+        Returns:
+            The mean square that belongs to each row.
+        """
+        means = [part.mean(-1) if part.shape[-1] else part.sum(-1) for part in self._parts(shift**2)]
+        return np.repeat(np.stack(means, axis=-1), self.sorts, axis=-1)
+
+    def _parts(self, values: Float[ndarray, "*shifts kept"]) -> list[Float[ndarray, "*shifts _"]]:
+        return np.split(values, np.cumsum(self.sorts)[:-1], axis=-1)
 
     def variance(self, symmetric: float, anything: float) -> Float[ndarray, "kept"]:
         """Variance of noise and misfit in every row.
@@ -96,7 +127,13 @@ def misfit_of(emulator: Emulator, residual: Residual) -> Misfit:
     value, vector = np.linalg.eigh(projected @ covariance @ projected.T)
     value = np.maximum(value, 0) + 1e-9
     rotation = np.concatenate([forbidden.T, (basis @ vector).T])
-    return Misfit(rotation, forbidden.shape[1], value / value.mean())
+    return Misfit(rotation, _sorts(residual, allowed), value / value.mean())
+
+
+def _sorts(residual: Residual, allowed: Bool[ndarray, "rows"]) -> tuple[int, ...]:
+    """Known forbidden rows of each sort, in their order, then those that are allowed."""
+    forbidden = np.logical_and(residual.kept, ~allowed)
+    return *(int(forbidden[rows].sum()) for rows in (FACE_EVEN, FACE_ODD, DRIFT)), int(allowed.sum())
 
 
 def _pattern(

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
-from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints, law_variance
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.sets.set_model import likelihoods_of
@@ -79,9 +79,9 @@ class _Fit:
 
     def variance(self, causes: Sequence[Candidate], shifts: ndarray) -> Float[ndarray, "kept"]:
         """What other laws add."""
-        total = np.zeros(shifts.shape[1])
+        total, misfit = np.zeros(shifts.shape[1]), self.sets.model.misfit
         for one, shift in zip(causes, shifts, strict=True):
-            total += self.fabric.calibration.law_variance(one.hypothesis.name, shift)
+            total += law_variance(misfit, self.fabric.calibration.mismatch(one.hypothesis.name), shift)
         return total
 
     def given(self, others: Sequence[Candidate]) -> tuple[Float[ndarray, "kept"], Float[ndarray, "kept"]]:
