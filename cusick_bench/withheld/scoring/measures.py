@@ -205,9 +205,7 @@ MEASURES = (
         {CLEAR: Goal(low=0.8)},
     ),
     Measure("closure interval covers", "closure_covered", (SINGLE,), "its 90 % interval holds the latter", {}),
-    Measure(
-        "pairs: power", "detected", (PAIR,), "pairs with another verdict than none or refused", {}
-    ),
+    Measure("pairs: power", "detected", (PAIR,), "pairs with another verdict than none or refused", {}),
     Measure(
         "pairs: top-2 recall",
         "top_two",
