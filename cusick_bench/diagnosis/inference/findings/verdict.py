@@ -17,7 +17,7 @@ NAMED = 0.6
 _TOGETHER = 0.5  # probability of two look-alikes together, at most, over that of independent effects
 _LIKELY = 0.05  # probability from which an effect can be a member of a group
 _CARRIES = 0.5  # share of what no base model explains that a set takes at least where it accounts for most
-_LEAST_NONE = 0.85  # probability of `none` where that is the verdict; what is too weak to be detected counts as none
+_LEAST_NONE = 0.75  # probability of `none` where that is the verdict; what is too weak to be detected counts as none
 _LEAST_UNKNOWN = 0.6  # that of `unknown`
 
 
