@@ -1,6 +1,7 @@
 """Parts that find the outline: light of places, colours that are looked up, a curve that is moved to edges."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ def _true_radii(turn):
     return 0.12 + 0.012 * np.cos(6 * turn)
 
 
+@cache
 def _dotted_cloth() -> PlanePicture:
     """A cloth with six folds and dark dots, drawn four times as fine as its pixels."""
     fine = (np.arange(3600) + 0.5) / 4 - 0.5
