@@ -234,7 +234,7 @@ def test_confidence_is_high_where_nothing_speaks_against():
         ("at_limit", 0.05, "no cloth can end"),
         ("unseen", 0.01, "leaves the picture"),
         ("off_axis_mm", 0.8, "beside the axis"),
-        ("calibration_mm", 0.8, "calibrate with the board"),
+        ("calibration_mm", 1.5, "calibrate with the board"),
         ("beyond_plate", 0.0, "is there a cloth?"),
     ],
 )

@@ -89,12 +89,12 @@ _DOUBTS = (
     _Doubt("unfound", 0.03, 0.008, "no crossing from cloth to ground along {:.0%} of it"),
     _Doubt("weak_fine", 0.05, 0.015, "no sharp edge along {:.0%} of it"),
     _Doubt("unsettled_mm", 1.0, 0.12, "it moves by {:.1f} mm when edges are looked for again"),
-    _Doubt("width_mm", 1.55, 0.08, "the picture is blurred over {:.1f} mm"),
+    _Doubt("width_mm", 1.35, 0.08, "the picture is blurred over {:.1f} mm"),
     _Doubt("strange", 0.16, 0.03, "{:.0%} of a sector is neither cloth nor ground: something lies on it"),
     _Doubt("at_limit", 0.01, 0.003, "{:.0%} of it lies where no cloth can end"),
     _Doubt("unseen", 0.002, 0.0005, "{:.0%} of it leaves the picture"),
     _Doubt("off_axis_mm", 0.53, 0.05, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
-    _Doubt("calibration_mm", 0.5, 0.05, "scale and tilt are uncertain by {:.1f} mm: calibrate with the board"),
+    _Doubt("calibration_mm", 1.2, 0.05, "scale and tilt are uncertain by {:.1f} mm: calibrate with the board"),
     _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
 )
 
