@@ -14,14 +14,14 @@ from cusick_bench.photographs.calibration.plate import view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.calibrate import calibrated
-from cusick_bench.photographs.preparation.on_axis import left_off_axis, seen_on_axis
+from cusick_bench.photographs.preparation.on_axis import left_by_calibration, left_off_axis, seen_on_axis
 from cusick_bench.photographs.preparation.prepare import Setting, protocol_of
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
 from cusick_bench.photographs.preparation.weights import read_weights, template
 from cusick_bench.photographs.reading import Photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED, Evidence, confidence, doubts
+from cusick_bench.photographs.segmentation.curve import outermost
 from cusick_bench.photographs.segmentation.path import closed_path
-from cusick_bench.photographs.segmentation.refine import outermost
 from cusick_bench.photographs.sheet import write_sheet
 from cusick_bench.photographs.studio.scene import bare_plate, make_laboratory
 from cusick_bench.photographs.studio.shot import photograph
@@ -182,6 +182,20 @@ def test_shoulders_of_limp_cloth_are_not_taken_for_its_rim(fabric, most, least):
     assert np.mean(before) > least
 
 
+def test_uncertain_calibration_foretells_what_it_leaves():
+    """A tilt shifts the rim by its depth times the tilt; a scale and a centre shift everything."""
+    radii = np.full(720, 0.13)
+    exact = _view()
+    tilted, scaled, moved = (
+        replace(exact, uncertainty=Uncertainty(*spread, 0)) for spread in ((0, 0, 0.01), (0.002, 0, 0), (0, 2e-4, 0))
+    )
+    depth = np.sqrt(0.06**2 - 0.04**2)  # of cloth that hangs straight
+    assert left_by_calibration(radii, exact, 0.09, 0.15) == 0
+    assert left_by_calibration(radii, tilted, 0.09, 0.15) == pytest.approx(0.01 * depth, rel=0.05)
+    assert left_by_calibration(radii, scaled, 0.09, 0.15) == pytest.approx(2.6e-4)
+    assert left_by_calibration(radii, moved, 0.09, 0.15) == pytest.approx(2e-4)
+
+
 def test_the_truth_of_a_cone():
     turn = np.arange(360) * np.pi / 180
     rim = np.column_stack([0.12 * np.cos(turn), 0.12 * np.sin(turn), np.full(360, -0.05)])
@@ -211,6 +225,8 @@ def test_confidence_is_high_where_nothing_speaks_against():
         ("undecided", 0.2, "20% of the places beside it could be cloth as well as ground"),
         ("disagreement_mm", 12.0, "disagree by 12.0 mm"),
         ("learning_mm", 5.0, "depends by 5.0 mm on which colours are learnt"),
+        ("weak_fine", 0.2, "no sharp edge along 20%"),
+        ("unsettled_mm", 2.0, "moves by 2.0 mm"),
         ("roughness_mm", 0.6, "ragged, by 0.60 mm"),
         ("unfound", 0.1, "no crossing from cloth to ground along 10% of it"),
         ("width_mm", 2.0, "blurred over 2.0 mm"),
@@ -218,6 +234,7 @@ def test_confidence_is_high_where_nothing_speaks_against():
         ("at_limit", 0.05, "no cloth can end"),
         ("unseen", 0.01, "leaves the picture"),
         ("off_axis_mm", 0.8, "beside the axis"),
+        ("calibration_mm", 1.5, "calibrate with the board"),
         ("beyond_plate", 0.0, "is there a cloth?"),
     ],
 )

@@ -14,7 +14,7 @@ from numpy import ndarray
 from scipy.ndimage import gaussian_filter1d, label
 
 from cusick_bench.photographs.calibration.view import PlateView
-from cusick_bench.photographs.segmentation.refine import outermost
+from cusick_bench.photographs.segmentation.curve import outermost
 
 _ROUNDS = 20
 _VALLEY, _FLANK = 0.04, 0.11
@@ -77,6 +77,27 @@ def left_off_axis(radii: Float[ndarray, " angles"], view: PlateView, plate: floa
     unsure = np.maximum(np.where(shoulder > 0.5, _UNSURE_SHOULDER, rim), changes * _UNSURE_CHANGE)
     slant = float(np.hypot(*view.eye[:2]) / view.eye[2])
     return slant * (cloth - plate) * float(np.sqrt(np.mean(unsure**2)))
+
+
+def left_by_calibration(radii: Float[ndarray, " angles"], view: PlateView, plate: float, cloth: float) -> float:
+    """Error of an outline that the calibration's stated uncertainty makes one expect.
+
+    A tilt that is not known shifts what hangs below the plate against the plate, by its depth times the tilt.
+
+    Args:
+        radii: Radii in the plate's plane as the camera sees them [m].
+        view: The calibrated camera, with its uncertainty.
+        plate: Radius of the plate [m].
+        cloth: Radius of the flat cloth [m].
+
+    Returns:
+        Root-mean-square error of the radii by scale, centre and tilt [m].
+    """
+    spread = view.uncertainty
+    depth = _depth(radii, _shoulder(radii, plate, cloth), plate, cloth)
+    by_scale = spread.scale * radii
+    aside = np.hypot(spread.centre_m, spread.tilt_rad * depth)  # along x and along y; half of the square is radial
+    return float(np.sqrt(np.mean(by_scale**2 + aside**2)))
 
 
 def _shoulder(radii: Float[ndarray, " angles"], plate: float, cloth: float) -> Float[ndarray, " angles"]:

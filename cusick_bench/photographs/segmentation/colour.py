@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
@@ -22,6 +22,7 @@ _LIGHTNESS = 0.5  # weight of lightness beside chroma
 _SHADE = (-1.0, 0.1)  # log of what a shadow leaves
 _FOLDS = (-0.7, 0.3)  # log of what a fold does to the light
 _STRANGE = 7.0  # differences of features from all that is known beyond which a place is neither
+_GRAIN = 1.0  # features are rounded to this before they are compared: what looks the same is looked up once
 _MARGIN = 1.5e-3  # [m] beside a first outline where nothing is learnt
 _NEAR = 0.015  # [m] of ground beside a first outline that is learnt
 
@@ -68,11 +69,20 @@ class Neighbours:
             Log likelihood ratio of cloth against ground, positive where cloth is likelier; and whether a place is like
             neither.
         """
-        flat = features.reshape(-1, features.shape[-1])
-        cloth, ground = (tree.query(flat, k=3)[0][:, 2] for tree in (self.cloth, self.ground))
+        flat, place = _distinct(features.reshape(-1, features.shape[-1]))
+        cloth, ground = (tree.query(flat, k=3)[0][place, 2] for tree in (self.cloth, self.ground))
         score = 1.5 * np.log((ground**2 + _FLOOR**2) / (cloth**2 + _FLOOR**2))
         shape = features.shape[:-1]
         return np.clip(score, -_MOST, _MOST).reshape(shape), (np.minimum(cloth, ground) > _STRANGE).reshape(shape)
+
+
+def _distinct(features: Float[ndarray, "places 3"]) -> tuple[Float[ndarray, "distinct 3"], Int[ndarray, " places"]]:
+    """Rounded features without repetition, and which of them each place has."""
+    cells = np.round(features / _GRAIN).astype(np.int64)
+    low = cells.min(axis=0)
+    size = cells.max(axis=0) - low + 1
+    keys, place = np.unique(np.ravel_multi_index(tuple((cells - low).T), tuple(size)), return_inverse=True)
+    return (np.column_stack(np.unravel_index(keys, tuple(size))) + low) * _GRAIN, place
 
 
 def _drawn(light: ndarray, count: int, generator: np.random.Generator) -> ndarray:

@@ -1,7 +1,7 @@
 """Confidence of an outline: a score between 0 and 1 of what can be seen of it.
 
-Its limits are set by hand on some dozens of photographs; it is no fitted probability. What moves an outline by a few
-tenths of a millimetre is mostly not seen.
+Its limits are set by hand on a hundred photographs of laboratories below number 1000; it is no fitted probability. What
+moves an outline by a few tenths of a millimetre is mostly not seen.
 """
 
 import math
@@ -31,6 +31,9 @@ class Evidence:
         strange: Largest share of places between plate and ground, in a sector of 15 degrees, that are like neither
             cloth nor ground.
         off_axis_mm: Error that a camera beside the axis is expected to leave [mm].
+        calibration_mm: Error that scale, centre and tilt are expected to leave, by their stated uncertainty [mm].
+        weak_fine: Share of it without a sharp edge at the photograph's own resolution.
+        unsettled_mm: How far most of it moved when it was moved to the edges beside it a second time [mm].
         beyond_plate: How far it lies outside the plate, in plate radii.
     """
 
@@ -49,6 +52,9 @@ class Evidence:
     width_mm: float = 0.0
     strange: float = 0.0
     off_axis_mm: float = 0.0
+    calibration_mm: float = 0.0
+    weak_fine: float = 0.0
+    unsettled_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,17 +81,20 @@ class _Doubt:
 
 _DOUBTS = (
     _Doubt("weak_edge", 0.045, 0.012, "no edge along {:.0%} of it"),
-    _Doubt("colour", 0.965, -0.008, "the colours of cloth and ground beside it fit only {:.0%}"),
+    _Doubt("colour", 0.95, -0.008, "the colours of cloth and ground beside it fit only {:.0%}"),
     _Doubt("undecided", 0.06, 0.015, "{:.0%} of the places beside it could be cloth as well as ground"),
     _Doubt("disagreement_mm", 6.0, 1.2, "colours and edges disagree by {:.1f} mm"),
     _Doubt("learning_mm", 2.2, 0.4, "its place depends by {:.1f} mm on which colours are learnt"),
-    _Doubt("roughness_mm", 0.42, 0.05, "it is ragged, by {:.2f} mm"),
+    _Doubt("roughness_mm", 0.36, 0.05, "it is ragged, by {:.2f} mm"),
     _Doubt("unfound", 0.03, 0.008, "no crossing from cloth to ground along {:.0%} of it"),
-    _Doubt("width_mm", 1.55, 0.08, "the picture is blurred over {:.1f} mm"),
+    _Doubt("weak_fine", 0.05, 0.015, "no sharp edge along {:.0%} of it"),
+    _Doubt("unsettled_mm", 1.0, 0.12, "it moves by {:.1f} mm when edges are looked for again"),
+    _Doubt("width_mm", 1.35, 0.08, "the picture is blurred over {:.1f} mm"),
     _Doubt("strange", 0.16, 0.03, "{:.0%} of a sector is neither cloth nor ground: something lies on it"),
     _Doubt("at_limit", 0.01, 0.003, "{:.0%} of it lies where no cloth can end"),
     _Doubt("unseen", 0.002, 0.0005, "{:.0%} of it leaves the picture"),
-    _Doubt("off_axis_mm", 0.5, 0.05, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
+    _Doubt("off_axis_mm", 0.53, 0.05, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
+    _Doubt("calibration_mm", 1.2, 0.05, "scale and tilt are uncertain by {:.1f} mm: calibrate with the board"),
     _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
 )
 

@@ -11,11 +11,13 @@ from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.reading import Photograph
 from cusick_bench.photographs.segmentation.colour import learnt, likelihood
 from cusick_bench.photographs.segmentation.confidence import Evidence, confidence
+from cusick_bench.photographs.segmentation.curve import curve_of, outermost
 from cusick_bench.photographs.segmentation.edge import edge_strength
 from cusick_bench.photographs.segmentation.path import closed_path
 from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture, polar_picture
 from cusick_bench.photographs.segmentation.refine import refined
 from cusick_bench.photographs.segmentation.shading import evenly_lit
+from cusick_bench.photographs.segmentation.snap import snapped
 
 _REGION = 0.7  # weight of a millimetre of wrongly coloured places
 _EDGE = 1.0  # weight of an edge's strength
@@ -23,6 +25,7 @@ _STIFFNESS = 0.12
 _LEAST, _MOST = 0.97, 1.06  # plate radii and flat radii between which the outline lies
 _WEAK = 1.2  # standard deviations below which there is no edge
 _SECTOR = 15  # judged angles, 1 degree apart, whose strange places are counted together
+_SNAPS = 2  # times that the outline is moved to the edges beside it
 _ROUNDS = 1  # times that colours are learnt again from the outline
 
 
@@ -63,12 +66,20 @@ def find_outline(photograph: Photograph, view: PlateView, plate: float, cloth: f
     for _ in range(_ROUNDS):
         ratio, _ = likelihood(picture, learnt(picture, generator, picture.radii[path]))
         earlier, path = path, _path(ratio, edges, span, _REGION, _EDGE)
-    radii, missing, width = refined(picture, path)
+    learning = float(1e3 * STEP * np.percentile(np.abs(path - earlier), 97))
+    curve, before, strength = curve_of(picture.radii[path]), picture.radii[path], np.zeros(0)
+    for _ in range(_SNAPS):
+        known = learnt(picture, generator, outermost(curve))
+        before, (curve, strength) = outermost(curve), snapped(picture.plane, known, curve)
+    radii, missing, width = refined(picture.plane, curve)
+    path = np.array([picture.column(radius) for radius in radii])
     alone = [_path(ratio, edges, span, *weights) for weights in ((_REGION, 0.15), (0.05, _EDGE))]
     evidence = replace(
         _evidence(picture, ratio, edges, span, path, radii),
-        learning_mm=float(1e3 * STEP * np.percentile(np.abs(path - earlier), 97)),
+        learning_mm=learning,
         disagreement_mm=float(1e3 * STEP * max(np.percentile(np.abs(path - other), 95) for other in alone)),
+        weak_fine=float((strength < _WEAK).mean()),
+        unsettled_mm=float(1e3 * np.percentile(np.abs(outermost(curve) - before), 97)),
         unfound=missing,
         width_mm=1e3 * width,
         strange=float(cv2.blur(np.tile(strange, 3).reshape(1, -1), (_SECTOR, 1))[0].max()),

@@ -3,18 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
+from cusick_bench.photographs.segmentation.plane import brightness_terms
 from cusick_bench.photographs.segmentation.polar import PolarPicture, angles
 
 _DARK = 4e-3  # linear light below which noise rules
 _EVERY = 4  # rows and columns of the ring of which one is used
 _ROUNDS = 6
-
-
-def _terms(x: ndarray, y: ndarray) -> Float[ndarray, "*places 6"]:
-    return np.stack([np.ones_like(x), x, y, x**2 + y**2, x**2 - y**2, x * y], axis=-1)
 
 
 def evenly_lit(picture: PolarPicture) -> PolarPicture:
@@ -31,7 +26,7 @@ def evenly_lit(picture: PolarPicture) -> PolarPicture:
     part = (slice(None, None, _EVERY), slice(picture.ring.start, None, _EVERY))
     good = picture.seen[part].ravel()
     brightness = np.log(picture.light[part].mean(axis=-1).ravel() + _DARK)
-    terms = _terms(x[part].ravel(), y[part].ravel())
+    terms = brightness_terms(x[part].ravel(), y[part].ravel())
     if good.sum() < 50:
         return picture
     weights = good.astype(float)
@@ -43,5 +38,6 @@ def evenly_lit(picture: PolarPicture) -> PolarPicture:
         miss = brightness - terms @ fitted
         spread = 1.4826 * np.median(np.abs(miss[good])) + 1e-3
         weights = np.where(good & (np.abs(miss) < 4 * spread), (1 - (miss / (4 * spread)) ** 2) ** 2, 0.0)
-    surface = _terms(x, y) @ fitted - fitted[0]
-    return replace(picture, light=(picture.light / np.exp(surface)[..., None]).astype(np.float32))
+    fitted[0] = 0.0
+    light = (picture.light / np.exp(brightness_terms(x, y) @ fitted)[..., None]).astype(np.float32)
+    return replace(picture, light=light, plane=replace(picture.plane, shading=fitted))
