@@ -357,7 +357,7 @@ class TestPool:
         monkeypatch.setattr("cusick_bench.runner.pool.process_pool", pool)
         monkeypatch.setattr("cusick_bench.runner.pool.SUBMITTED_AHEAD", 1)
         solvers = ["null:copy", "null:disc", "null:rotation", "null:random-phase,draws=2"]
-        cells, results = _run(data, tmp_path, solvers, workers=2)
+        _, results = _run(data, tmp_path, solvers, workers=2)
         assert [result["status"] for result in results] == ["failed", "done", "done", "done"]
         assert pools == [2, 1, 1, 2]
 
