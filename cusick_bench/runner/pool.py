@@ -3,7 +3,7 @@
 import multiprocessing
 import queue
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,7 +78,7 @@ def work(source: Source, cell: Cell, out: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Processes:
-    """A pool of processes on this machine; cells lost with a dead worker are run once more, each alone.
+    """A pool of processes on this machine; cells under way when a worker died are run once more, each alone.
 
     Attributes:
         workers: Processes.
@@ -100,17 +100,26 @@ class Processes:
         Returns:
             Cells whose own process died twice.
         """
-        lost = self._once(source, cells, store, watcher)
-        return [cell for cell in lost if Processes(1)._once(source, [cell], store, watcher)]
+        died: list[Cell] = []
+        for lost in self._lost(source, cells, store, watcher, ahead=SUBMITTED_AHEAD * self.workers):
+            for alone in Processes(1)._lost(source, lost, store, watcher, ahead=1):
+                died += alone
+        return died
 
-    def _once(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
-        if not cells:
-            return []
-        messages = multiprocessing.get_context("spawn").Queue()
-        workers = min(self.workers, len(cells))
-        threads = max(1, cores() // workers)
-        with process_pool(workers, threads=threads, initializer=_start_worker, initargs=(messages,)) as pool:
-            return Borrowed(pool, messages, SUBMITTED_AHEAD * workers).run(source, cells, store, watcher)
+    def _lost(
+        self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher, *, ahead: int
+    ) -> Iterator[list[Cell]]:
+        """Runs cells; each time a worker dies, those under way, at most `ahead`, before a new pool runs the others."""
+        left = list(cells)
+        while left:
+            messages = multiprocessing.get_context("spawn").Queue()
+            workers, waiting = min(self.workers, len(left)), iter(left)
+            threads = max(1, cores() // workers)
+            with process_pool(workers, threads=threads, initializer=_start_worker, initargs=(messages,)) as pool:
+                lost = Borrowed(pool, messages, ahead).until_broken(source, waiting, store, watcher)
+            left = list(waiting)
+            if lost:
+                yield lost
 
 
 @dataclass(frozen=True)
@@ -139,18 +148,33 @@ class Borrowed:
             watcher: Called to tell how the grid gets on.
 
         Returns:
-            Cells lost with a worker that died.
+            Cells lost with a worker that died, and with the executor that it broke.
+        """
+        waiting = iter(cells)
+        return [*self.until_broken(source, waiting, store, watcher), *waiting]
+
+    def until_broken(self, source: Source, waiting: Iterator[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+        """Runs cells until there are none left, or a worker dies, of which executors break.
+
+        Args:
+            source: Where the data come from.
+            waiting: What to run; what was not begun stays in it.
+            store: Where results lie.
+            watcher: Called to tell how the grid gets on.
+
+        Returns:
+            Cells under way when the worker died.
         """
         lost: list[Cell] = []
         ended: queue.SimpleQueue[tuple[Cell, Future[dict[str, Any]]]] = queue.SimpleQueue()
-        waiting, under_way = iter(cells), 0
+        under_way = 0
         while True:
-            while under_way < self.ahead and (cell := next(waiting, None)) is not None:
+            while not lost and under_way < self.ahead and (cell := next(waiting, None)) is not None:
                 try:
                     future = self.pool.submit(work, source, cell, store.out)
                 except BrokenExecutor:
                     lost.append(cell)
-                    continue
+                    break
                 under_way += 1
                 future.add_done_callback(lambda done, cell=cell: ended.put((cell, done)))
             if not under_way:

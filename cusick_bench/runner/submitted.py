@@ -33,7 +33,11 @@ CLUSTERS = ("slurm", "local")
 MOST_TASKS = 1000  # of an array: Slurm's own default limit
 TASKS_A_WORKER = 4  # batches of a worker: the more, the more evenly cells are dealt, the fewer, the fewer starts
 REQUEUES = 20  # times that a task may run into its time limit
-WHOLE_NUMBERS = {"time": "minutes", "cpus_per_task": "processors"}  # options that this module or submitit reckons with
+# Options that this module or submitit reckons with.
+WHOLE_NUMBERS = {"time": "minutes", "cpus_per_task": "processors", "signal_delay_s": "seconds"}
+SIGNAL_DELAY = 90  # [s] before its time limit that a task is told to stop, unless another is given: submitit's own
+SIGNAL_EARLY = 60  # [s] that Slurm may tell it before that (`--signal` in the manual of sbatch)
+START = 60  # [s] that a task may take to load its libraries, before which the signal would kill it
 MINUTES = {"slurm": 60, "local": 7 * 24 * 60}  # time limit of a task, unless one is given
 POLL_SECONDS = {"slurm": 3.0, "local": 0.3}  # between looks at what is finished
 # How long a task may be neither in the queue nor finished before it is lost: network file systems show what another
@@ -153,6 +157,19 @@ class Submitted:
             text = self.options.get(name, "1")
             if not (text.isascii() and text.isdecimal() and int(text) > 0):
                 raise RunnerError(f"--job {name} must be a whole number of {unit}, > 0, got {text[:40]!r}; correct it")
+        if self.cluster == "slurm":
+            self._require_time()
+
+    def _require_time(self) -> None:
+        """Refuses a time limit so short that tasks are told to stop while they start, of which they die."""
+        delay = int(self.options.get("signal_delay_s", SIGNAL_DELAY))
+        minutes, least = int(self.options.get("time", MINUTES["slurm"])), -(-(delay + SIGNAL_EARLY + START) // 60)
+        if minutes < least:
+            raise RunnerError(
+                f"--job time must be >= {least} minutes, got {minutes}: Slurm tells a task of its end up to "
+                f"{delay + SIGNAL_EARLY} s before, and a task needs some time to start; give more time, or a smaller "
+                "--job signal_delay_s"
+            )
 
     @property
     def death(self) -> str:

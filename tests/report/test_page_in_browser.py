@@ -236,6 +236,9 @@ def test_a_telephone_scrolls_up_and_down_only(opened, scheme):
     for tab in page.get_by_role("tab").all():
         tab.click()
         assert page.evaluate("document.documentElement.scrollWidth") == TELEPHONE["width"]
+    cards = page.locator("article.card:visible")
+    assert cards.count()
+    assert all(cards.evaluate_all("(all) => all.map((card) => card.scrollWidth <= card.clientWidth)"))
     background = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, background[4:-1].split(","))) > 380) == (scheme == "light")
 

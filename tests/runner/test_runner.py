@@ -346,6 +346,21 @@ class TestPool:
         assert [result["status"] for result in results] == ["failed", "done"]
         assert "Worker process died" in results[0]["failure"]
 
+    def test_the_death_of_a_worker_leaves_the_others_their_pool(self, data, tmp_path, monkeypatch):
+        """Cells that were not begun go on in a new pool of all workers; those under way share one process."""
+        pools: list[int] = []
+
+        def pool(workers: int, **_) -> _Mortal:
+            pools.append(workers)
+            return _Mortal()
+
+        monkeypatch.setattr("cusick_bench.runner.pool.process_pool", pool)
+        monkeypatch.setattr("cusick_bench.runner.pool.SUBMITTED_AHEAD", 1)
+        solvers = ["null:copy", "null:disc", "null:rotation", "null:random-phase,draws=2"]
+        _, results = _run(data, tmp_path, solvers, workers=2)
+        assert [result["status"] for result in results] == ["failed", "done", "done", "done"]
+        assert pools == [2, 1, 1, 2]
+
     def test_a_cell_that_had_finished_before_its_worker_died_keeps_its_result(self, data, tmp_path):
         """The answer is lost with the worker, but what it has written is not."""
         cells, results = _run(data, tmp_path, ["null:disc"], executor=_Mortal(after=True))

@@ -134,7 +134,7 @@ def _notes(both: TwoRuns) -> list[str]:
     notes = [
         "Ratio of this run to the other one over the cells that both have, paired by cloth and seed: geometric mean "
         "over cloths with its 95 % bootstrap interval. Below 1 is better. Marked where the interval leaves out 1; "
-        "with many numbers in a table some do by chance, and `cusick-bench check` corrects for that."
+        "with many numbers in a table some do by chance, and cusick-bench check corrects for that."
     ]
     for words, labels in (("Only in this run", both.only_here), ("Only in the other run", both.only_there)):
         if labels:
