@@ -223,7 +223,7 @@ def test_all_that_a_laboratory_shares_is_named_and_stands_among_the_causes() -> 
     own = posterior({"creep": 0.9}, {("creep",): 0.9, (): 0.1}, {"creep": 0.9, NONE: 0.08, UNKNOWN: 0.02})
     quiet = finding(0.5, own, FITS, ("camera-offset", "cut-size"))  # nothing beside what is shared
     assert (quiet.verdict, quiet.effects) == ("several", ("camera-offset", "cut-size"))
-    assert quiet.leading["camera-offset"] == pytest.approx(0.6)
+    assert quiet.leading["camera-offset"] == pytest.approx(0.75)
     found = finding(0.01, own, FITS, ("camera-offset", "cut-size"))
     assert set(found.effects) == {"camera-offset", "cut-size", "creep"}
     left = 1 - FITS.probability
@@ -263,7 +263,7 @@ def test_verdicts() -> None:
     quiet = finding(0.2, sure, FITS)
     assert quiet.verdict == NONE
     assert NONE in quiet.set90
-    assert quiet.leading[NONE] == pytest.approx(0.6)
+    assert quiet.leading[NONE] == pytest.approx(0.75)
     assert finding(0.01, sure, FITS).verdict == "effect"
     assert finding(0.01, sure, FITS).effects == ("creep",)
     both = posterior(
