@@ -110,7 +110,7 @@ class TestPredictiveDraws:
         """Numbers of the draws that come back when the drapes of some fail."""
         rest = Observation(np.zeros((3, 3)), np.zeros((256, 256)), 0.0)
         problem = toy_problem()
-        drape = lambda self, taus: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
+        drape = lambda self, taus, pace: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
         monkeypatch.setattr(DrapeProblem, "draw_batch", drape)
         return list(predictive_draws(problem, lambda index: np.full(problem.dimension, float(index)), count, silent))
 
