@@ -2,7 +2,8 @@
 
 The cloths span all levels of bending of the population that `bdp-field` draws from, each with a laid shape of its own.
 Both paces drop the same cloths, in lockstep, pack by pack in turn, so that whatever else the machine does slows both.
-Differences are paired by cloth. A cloth's own drape is not the same after ten more steps either: it creeps, and its
+Times are those that cores were busy, which do not depend on it. A few
+cloths are also dropped one by one, as without lockstep. Differences are paired by cloth. A cloth's own drape is not the same after ten more steps either: it creeps, and its
 folds turn. So a third drop, steady with a tenth more steps, says what difference is none.
 """
 
@@ -27,6 +28,8 @@ NAMES = ("drape_coefficient", "folds", *STATISTICS)
 
 TOGETHER = 16
 """Cloths dropped together: eight for each of two threads."""
+
+_ALONE = 2  # of them are also dropped by themselves
 
 
 @dataclass(frozen=True)
@@ -55,8 +58,9 @@ class PaceStudy:
     Attributes:
         vertices: Mesh size.
         cloths: Cloths that all three drops bring to an end.
-        steady_seconds: Wall time of a steady drop in lockstep [s].
-        brisk_seconds: Wall time of a brisk one [s].
+        single_seconds: Time that cores are busy with a steady drop by itself, silhouette included [s].
+        steady_seconds: The same of a steady drop in lockstep [s].
+        brisk_seconds: The same of a brisk drop in lockstep [s].
         changes: Change of every quantity.
         brisk_pairs: Mean squared error of the silhouettes of one cloth, brisk against steady.
         longer_pairs: The same of a tenth more steps.
@@ -65,6 +69,7 @@ class PaceStudy:
 
     vertices: int
     cloths: int
+    single_seconds: float
     steady_seconds: float
     brisk_seconds: float
     changes: tuple[PaceChange, ...]
@@ -74,8 +79,8 @@ class PaceStudy:
 
     @property
     def ratio(self) -> float:
-        """Time of a steady drop over that of a brisk one."""
-        return self.steady_seconds / self.brisk_seconds
+        """Time of a steady drop by itself over that of a brisk one in lockstep."""
+        return self.single_seconds / self.brisk_seconds
 
 
 def pace_study(
@@ -95,27 +100,33 @@ def pace_study(
     problem = population_problem(PopulationPlan(vertices=vertices))
     s = problem.simulator.settings
     taus = random_cloths(problem, cloths, seed)
+    alone = replace(problem, simulator=DrapeSimulator(problem.simulator.mesh, replace(s, backend="auto")))
     drops = [
         problem,
         replace(problem, simulator=DrapeSimulator(problem.simulator.mesh, replace(s, pace="brisk"))),
         replace(problem, simulator=DrapeSimulator(problem.simulator.mesh, replace(s, steps=round(1.1 * s.steps)))),
     ]
-    for one in drops:  # compiles and analyses
-        _images(one, taus[:1])
-    seconds, images = np.zeros(3), [[], [], []]
+    for one in (*drops, alone):  # compiles and analyses
+        _images(one, taus[:2])
+    seconds, images, single = np.zeros(3), [[], [], []], list[float]()
     for first in range(0, cloths, TOGETHER):
         some = taus[first : first + TOGETHER]
         for place, one in enumerate(drops):
-            start = time.perf_counter()
+            start = time.process_time()
             images[place].append(_images(one, some))
-            seconds[place] += time.perf_counter() - start
+            seconds[place] += time.process_time() - start
             done(len(some))
+        start = time.process_time()
+        _images(alone, some[:_ALONE])
+        single.append((time.process_time() - start) / len(some[:_ALONE]))
     steady, brisk, longer = (np.concatenate(one) for one in images)
     good = np.isfinite(steady + brisk + longer).all((1, 2))
-    return _study(vertices, seconds / cloths, steady[good], brisk[good], longer[good])
+    return _study(vertices, (float(np.mean(single)), *(seconds / cloths)[:2]), steady[good], brisk[good], longer[good])
 
 
-def _study(vertices: int, seconds: ndarray, steady: ndarray, brisk: ndarray, longer: ndarray) -> PaceStudy:
+def _study(
+    vertices: int, seconds: tuple[float, float, float], steady: ndarray, brisk: ndarray, longer: ndarray
+) -> PaceStudy:
     base = _measures(steady)
     by_pace, by_length = _measures(brisk) - base, _measures(longer) - base
     root = np.sqrt(len(base))
@@ -125,7 +136,7 @@ def _study(vertices: int, seconds: ndarray, steady: ndarray, brisk: ndarray, lon
     )
     sorted_by_area = steady[np.argsort(base[:, 0])]
     return PaceStudy(
-        vertices, len(base), float(seconds[0]), float(seconds[1]), changes, _pairs(brisk, steady),
+        vertices, len(base), *(float(one) for one in seconds), changes, _pairs(brisk, steady),
         _pairs(longer, steady), _pairs(sorted_by_area[1:], sorted_by_area[:-1]),
     )  # fmt: skip
 

@@ -65,9 +65,5 @@ def pace_of(name: PaceName, steps: int) -> Pace:
 
 
 # Of a steady drop's steps; the best of nine ways on 31 random cloths of 1205 vertices. `cusick-bench pace` measures it.
-_SHARE * steps)), round(_FIRST * steps), round(_LAST * steps), _PUSH)
-
-
-# Of a steady drop's steps; chosen on 31 random cloths of 1205 vertices among five, held against others by `cusick-bench pace`
 _SHARE, _FIRST, _LAST = 0.65, 0.3, 0.1
 _PUSH = 0.7  # .8 shakes the cloth, .4 hardly helps
