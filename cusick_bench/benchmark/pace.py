@@ -1,10 +1,10 @@
 """What a brisk drop changes of the silhouettes of random cloths, and how much faster it is.
 
 The cloths span all levels of bending of the population that `bdp-field` draws from, each with a laid shape of its own.
-Both paces drop the same cloths, in lockstep, pack by pack in turn, so that whatever else the machine does slows both.
-Times are those that cores were busy, which do not depend on it. A few
-cloths are also dropped one by one, as without lockstep. Differences are paired by cloth. A cloth's own drape is not the same after ten more steps either: it creeps, and its
-folds turn. So a third drop, steady with a tenth more steps, says what difference is none.
+Both paces drop the same cloths, in lockstep, pack by pack in turn; times are those that cores were busy, so that
+whatever else the machine does counts little. A few cloths are also dropped one by one, as without lockstep. Differences
+are paired by cloth. A cloth's own drape is not the same after ten more steps either: it creeps, and its folds turn. So
+a third drop, steady with a tenth more steps, says what difference is none.
 """
 
 import time

@@ -49,6 +49,7 @@ def _print(study: PaceStudy) -> None:
     table.add_row("MSE of pairs", f"{study.brisk_pairs:.4f}", f"{study.longer_pairs:.4f}")
     output.print(table)
     output.print(
-        f"A steady drop by itself takes {study.single_seconds:.3f} core seconds, in lockstep {study.steady_seconds:.3f}, "
-        f"a brisk one {study.brisk_seconds:.3f} ({study.ratio:.2f} times faster). Two cloths of about one drape coefficient differ by an MSE of {study.other_pairs:.4f}."
+        f"Core seconds: a steady drop by itself {study.single_seconds:.3f}, in lockstep {study.steady_seconds:.3f}, a "
+        f"brisk one {study.brisk_seconds:.3f}, {study.ratio:.2f} times faster. Two cloths of about one drape "
+        f"coefficient differ by an MSE of {study.other_pairs:.4f}."
     )
