@@ -327,14 +327,18 @@ class DrapeProblem:
         Args:
             taus: Parameter vectors.
             warm: Positions from which equilibria are sought [m]; by default from the branch that is followed.
-            pace: How fast drops get to their end (see `drop_at`); brisk ones have no gradients.
+            pace: How fast drops get to their end (see `drop_at`); brisk ones have no gradients, and are the same to the
+                bit in any batch.
 
         Returns:
-            The drapes, each the same to the bit in any batch.
+            The drapes.
         """
         simulator = self.drop_at(pace)
         if len(taus) == 1 and simulator is not self.simulator:  # lockstep is for batches, and rounds otherwise than one
-            return _first(self.simulate(taus.expand(2, -1), pace=pace))
+            return _first(self._dropped(simulator, taus.expand(2, -1), warm))
+        return self._dropped(simulator, taus, warm)
+
+    def _dropped(self, simulator: DrapeSimulator, taus: Tensor, warm: Tensor | None) -> DrapeBatch:
         specimens = [self.space.specimen(tau) for tau in taus]
         materials = [one.material for one in specimens]
         initial = _stacked([self.initial if one.initial is None else one.initial for one in specimens])

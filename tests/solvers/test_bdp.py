@@ -132,7 +132,7 @@ class TestSolvers:
         assert answer.posterior is not None
         assert len(answer.draws) == len(answer.posterior["draws"]) == 12
         tau = solver.redraw(problem, answer.posterior, int(answer.posterior["draws"][5]))
-        (again,) = toy_problem(space=problem.space.name).draw_batch(tau[None])
+        (again,) = toy_problem(space=problem.space.name).draw_batch(tau[None], solver.pace_of_draws)
         assert again.image == pytest.approx(answer.draws[5], abs=1e-9)
 
     def test_a_kill_among_the_draws_keeps_those_made(self, name, tmp_path):
@@ -153,7 +153,9 @@ class TestSolvers:
         simulate = type(resumed).simulate
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                type(resumed), "simulate", lambda self, taus: simulated.append(len(taus)) or simulate(self, taus)
+                type(resumed),
+                "simulate",
+                lambda self, taus, **how: simulated.append(len(taus)) or simulate(self, taus, **how),
             )
             answer = _solve(f"{name},draws=12", resumed)
         assert (answer.draws == whole.draws).all()
