@@ -8,7 +8,7 @@ a third drop, steady with a tenth more steps, says what difference is none.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -121,7 +121,13 @@ def pace_study(
         single.append((time.process_time() - start) / len(some[:_ALONE]))
     steady, brisk, longer = (np.concatenate(one) for one in images)
     good = np.isfinite(steady + brisk + longer).all((1, 2))
-    return _study(vertices, (float(np.mean(single)), *(seconds / cloths)[:2]), steady[good], brisk[good], longer[good])
+    return _study(
+        vertices,
+        (float(np.mean(single)), float(seconds[0] / cloths), float(seconds[1] / cloths)),
+        steady[good],
+        brisk[good],
+        longer[good],
+    )
 
 
 def _study(
@@ -134,11 +140,18 @@ def _study(
         PaceChange(name, *(float(n) for n in (a.mean(), a.std(ddof=1) / root, b.mean(), b.std(ddof=1) / root)))
         for name, a, b in zip(NAMES, by_pace.T, by_length.T, strict=True)
     )
-    sorted_by_area = steady[np.argsort(base[:, 0])]
+    sorted_by_area, (single, together, briskly) = steady[np.argsort(base[:, 0])], seconds
     return PaceStudy(
-        vertices, len(base), *(float(one) for one in seconds), changes, _pairs(brisk, steady),
-        _pairs(longer, steady), _pairs(sorted_by_area[1:], sorted_by_area[:-1]),
-    )  # fmt: skip
+        vertices=vertices,
+        cloths=len(base),
+        single_seconds=single,
+        steady_seconds=together,
+        brisk_seconds=briskly,
+        changes=changes,
+        brisk_pairs=_pairs(brisk, steady),
+        longer_pairs=_pairs(longer, steady),
+        other_pairs=_pairs(sorted_by_area[1:], sorted_by_area[:-1]),
+    )
 
 
 def _pairs(one: ndarray, other: ndarray) -> float:
@@ -151,8 +164,8 @@ def _images(problem: DrapeProblem, taus: Float[ndarray, "members dimension"]) ->
     return np.stack([nothing if one is None else one.image for one in problem.draw_batch(taus)])
 
 
-def _measures(images: Sequence[ndarray]) -> Float[ndarray, "images quantities"]:
-    statistics = drape_statistics(torch.as_tensor(np.asarray(images))).numpy()
+def _measures(images: Float[ndarray, "images size size"]) -> Float[ndarray, "images quantities"]:
+    statistics = drape_statistics(torch.as_tensor(images)).numpy()
     folds = [fold_count_of(profile_of(one, RELEASE), RELEASE) for one in images]
     coefficients = [100 * drape_coefficient_of(one, RELEASE) for one in images]
     return np.column_stack([coefficients, np.array(folds, dtype=np.float64), statistics])
