@@ -123,7 +123,7 @@ class TestPredictiveDraws:
         assert self._draws(monkeypatch, 10, set(range(3, 100))) == [0, 1, 2]
 
 
-@pytest.mark.parametrize("name", ["bdp", "bdp-field"])
+@pytest.mark.parametrize("name", ["bdp", "bdp-field", "bdp-field,pace=brisk"])
 class TestSolvers:
     def test_draws_can_be_made_again(self, name):
         problem = toy_problem(space=make_solver(name).space, budget=Budget(9))
