@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from jaxtyping import Float, Int
 
+from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -107,6 +108,11 @@ class Solver(ABC):
             1 unless the solver says otherwise: the sample whose silhouette is fitted.
         """
         return min(1, given)
+
+    @property
+    def pace_of_draws(self) -> PaceName:
+        """How fast drops of its draws get to their end; see `DrapeProblem.drop_at`."""
+        return "steady"
 
     @property
     def options(self) -> dict[str, Any]:

@@ -191,6 +191,25 @@ class Meter:
                 f"{expected:.1f} s; raise --seconds to go on"
             )
 
+    def affordable(self, kind: str, most: int, *, replayed: bool = False) -> int:
+        """How many evaluations of a kind the budget allows for.
+
+        Args:
+            kind: As in `admit`.
+            most: Number that is wanted.
+            replayed: As in `admit`.
+
+        Returns:
+            At most that number; 0 where not even one is affordable.
+        """
+        for count in range(most, 0, -1):
+            try:
+                self.admit(kind, count, replayed=replayed)
+            except BudgetExceeded:
+                continue
+            return count
+        return 0
+
     def record(self, evaluation: Evaluation) -> None:
         """Adds an evaluation to the trace and tells the observers.
 

@@ -307,6 +307,27 @@ def placed_at(
     return tau
 
 
+def random_cloths(problem: DrapeProblem, count: int, seed: int) -> Float[ndarray, "members dimension"]:
+    """Specimens of random cloths of all levels of bending.
+
+    Args:
+        problem: Its space has the prior.
+        count: Number of cloths.
+        seed: Seed of what is random about them.
+
+    Returns:
+        Parameter vectors.
+    """
+    generator, leading = np.random.default_rng(seed), field_space_of(problem).leading
+    taus = generator.standard_normal((count, problem.dimension))
+    numbers = leading.rows.shape[1]
+    wanted = np.linspace(*LEVELS, count)[generator.permutation(count)]
+    short = wanted - leading(taus[:, :numbers])[:, BENDING]
+    trait = field_space_of(problem).trait_entry("bending")
+    taus[:, trait] += short / TRAITS["bending"].sd
+    return taus
+
+
 def drape_population(
     problem: DrapeProblem, count: int, done: Callable[[int], None] = lambda drapes: None
 ) -> tuple[Float[ndarray, "rest numbers"], Float[ndarray, "rest statistics"]]:
@@ -320,13 +341,7 @@ def drape_population(
     Returns:
         theta and statistics of those that come to rest.
     """
-    generator, leading = np.random.default_rng(0), field_space_of(problem).leading
-    taus = generator.standard_normal((count, problem.dimension))
-    numbers = leading.rows.shape[1]
-    wanted = np.linspace(*LEVELS, count)[generator.permutation(count)]
-    short = wanted - leading(taus[:, :numbers])[:, BENDING]
-    trait = field_space_of(problem).trait_entry("bending")
-    taus[:, trait] += short / TRAITS["bending"].sd
+    taus, numbers = random_cloths(problem, count, 0), field_space_of(problem).leading.rows.shape[1]
     rest, statistics = drape_statistics_of(problem, taus, done)
     return taus[rest, :numbers], statistics
 

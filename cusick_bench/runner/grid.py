@@ -68,12 +68,13 @@ class ProblemSettings:
     def record(self) -> dict[str, Any]:
         """The settings as a document.
 
-        Causes and the clamp are in it only where there are causes, and where the clamp is mended: cells without are
-        named as they were before there was a choice.
+        Causes, the clamp and the pace are in it only where there are causes, where the clamp is mended and where drops
+        are brisk: cells without are named as they were before there was a choice.
         """
-        drape = {name: value for name, value in asdict(self.drape).items() if name != "clamp"}
-        clamp = {"clamp": "half"} if self.drape.half_hinges else {}
-        record: dict[str, Any] = asdict(self) | {"drape": drape | clamp, "causes": list(self.causes)}
+        drape = {name: value for name, value in asdict(self.drape).items() if name not in ("clamp", "pace")}
+        chosen = {"clamp": "half"} if self.drape.half_hinges else {}
+        chosen |= {"pace": self.drape.pace} if self.drape.pace != "steady" else {}
+        record: dict[str, Any] = asdict(self) | {"drape": drape | chosen, "causes": list(self.causes)}
         return record if self.causes else {name: value for name, value in record.items() if name != "causes"}
 
 

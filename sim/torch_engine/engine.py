@@ -110,6 +110,8 @@ class TorchEngine:
     def __post_init__(self) -> None:
         if torch_device(self.name) is None:
             raise SimulationError(f"device {self.name!r} is that of the compiled engine; use another for this one")
+        if self.settings.pace != "steady":
+            raise SimulationError(f"device {self.name!r} drops at pace 'steady' only, got {self.settings.pace!r}")
         if self.settings.mode != "drop":
             raise SimulationError(
                 f"device {self.name!r} drapes in mode 'drop' only, got mode {self.settings.mode!r}; use mode 'drop', "

@@ -14,10 +14,11 @@ from cusick_bench.problem import DrapeProblem
 from cusick_bench.problem.expected_statistics import shipped
 from cusick_bench.problem.field_space import DISCREPANCY, FieldSpace
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
-from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, standard_normal
 from cusick_bench.solvers.variational.linear_correction import PAIRS, LinearCorrection, linear_correction, nearness
+from cusick_bench.solvers.variational.predictive import TOGETHER
 from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
 LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
@@ -37,6 +38,7 @@ class ClothInference:
         problem: The problem, whose simulator drapes.
         seed: Seed of the run.
         samples: Most training samples that are learned from; 0 for all.
+        pace: How fast drops get to their end.
         cloths: Draws of the cloth's parameters from what is known of them.
         seen: The drape that happened to be nearest to the training image.
     """
@@ -44,6 +46,7 @@ class ClothInference:
     problem: DrapeProblem
     seed: int
     samples: int = 0
+    pace: PaceName = "steady"
     cloths: Float[np.ndarray, "cloths numbers"] = field(init=False)
     seen: Incumbent = field(init=False)
     _draped: list[np.ndarray] = field(default_factory=list)
@@ -82,17 +85,21 @@ class ClothInference:
         cloths: list[np.ndarray] = []
         statistics: list[np.ndarray] = []
         try:
-            for _ in range(count):
-                noise = standard_normal(self.seed, INFERENCE, self._tried, self.problem.dimension)
-                tau = drawn_specimen(self.cloths, self._tried, noise)
-                self._tried += 1
-                try:
-                    statistics.append(self._measured(self.seen.observe(tau).image))
-                    cloths.append(tau[: self.cloths.shape[1]])
-                except DrapeDiverged:
-                    continue
+            end = self._tried + count
+            while self._tried < end:
+                taus = np.stack([self._drawn(i) for i in range(self._tried, min(self._tried + TOGETHER, end))])
+                drapes = self.seen.observe_batch(taus, self.pace)
+                self._tried += len(drapes)
+                for tau, seen in zip(taus, drapes, strict=False):  # fewer drapes where the budget ends
+                    if seen is not None:
+                        statistics.append(self._measured(seen.image))
+                        cloths.append(tau[: self.cloths.shape[1]])
         finally:
             self.take(cloths, statistics)
+
+    def _drawn(self, index: int) -> Float[np.ndarray, " dimension"]:
+        noise = standard_normal(self.seed, INFERENCE, index, self.problem.dimension)
+        return drawn_specimen(self.cloths, index, noise)
 
     def take(self, cloths: list[np.ndarray], statistics: list[np.ndarray]) -> None:
         """Learns from drapes, and from all before.

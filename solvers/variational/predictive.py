@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import Prediction, Progress
 
@@ -16,12 +17,16 @@ if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem, Observation
 
 
-TOGETHER = 8  # draped at once; also what a kill can lose
+TOGETHER = 16  # draped at once, eight for each of two threads; also what a kill can lose
 MOST = 2  # draws tried for every one that is wanted
 
 
 def predictive_draws(
-    problem: DrapeProblem, tau: Callable[[int], Float[np.ndarray, " dimension"]], count: int, progress: Progress
+    problem: DrapeProblem,
+    tau: Callable[[int], Float[np.ndarray, " dimension"]],
+    count: int,
+    progress: Progress,
+    pace: PaceName = "steady",
 ) -> dict[int, Observation]:
     """Drapes the draws 0, 1, ... until `count` of them are at rest; those whose drape fails are left out.
 
@@ -33,6 +38,7 @@ def predictive_draws(
         tau: Parameters of a draw, always the same for the same number.
         count: Number of draws.
         progress: Called to tell how far it is.
+        pace: How fast drops get to their end.
 
     Returns:
         What was seen of each draw that is at rest, by its number.
@@ -44,7 +50,7 @@ def predictive_draws(
     tried = 0
     while len(seen) < count and tried < MOST * count:
         chosen = range(tried, min(tried + TOGETHER, tried + count - len(seen), MOST * count))
-        drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]))
+        drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]), pace)
         seen |= {index: one for index, one in zip(chosen, drapes, strict=True) if one is not None}
         tried = chosen.stop
         progress(f"draping draws, {len(seen)} of {count}", len(seen) / count)

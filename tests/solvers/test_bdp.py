@@ -110,7 +110,7 @@ class TestPredictiveDraws:
         """Numbers of the draws that come back when the drapes of some fail."""
         rest = Observation(np.zeros((3, 3)), np.zeros((256, 256)), 0.0)
         problem = toy_problem()
-        drape = lambda self, taus: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
+        drape = lambda self, taus, pace: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
         monkeypatch.setattr(DrapeProblem, "draw_batch", drape)
         return list(predictive_draws(problem, lambda index: np.full(problem.dimension, float(index)), count, silent))
 
@@ -123,7 +123,7 @@ class TestPredictiveDraws:
         assert self._draws(monkeypatch, 10, set(range(3, 100))) == [0, 1, 2]
 
 
-@pytest.mark.parametrize("name", ["bdp", "bdp-field"])
+@pytest.mark.parametrize("name", ["bdp", "bdp-field", "bdp-field,pace=brisk"])
 class TestSolvers:
     def test_draws_can_be_made_again(self, name):
         problem = toy_problem(space=make_solver(name).space, budget=Budget(9))
@@ -132,7 +132,7 @@ class TestSolvers:
         assert answer.posterior is not None
         assert len(answer.draws) == len(answer.posterior["draws"]) == 12
         tau = solver.redraw(problem, answer.posterior, int(answer.posterior["draws"][5]))
-        (again,) = toy_problem(space=problem.space.name).draw_batch(tau[None])
+        (again,) = toy_problem(space=problem.space.name).draw_batch(tau[None], solver.pace_of_draws)
         assert again.image == pytest.approx(answer.draws[5], abs=1e-9)
 
     def test_a_kill_among_the_draws_keeps_those_made(self, name, tmp_path):
@@ -153,7 +153,9 @@ class TestSolvers:
         simulate = type(resumed).simulate
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                type(resumed), "simulate", lambda self, taus: simulated.append(len(taus)) or simulate(self, taus)
+                type(resumed),
+                "simulate",
+                lambda self, taus, **how: simulated.append(len(taus)) or simulate(self, taus, **how),
             )
             answer = _solve(f"{name},draws=12", resumed)
         assert (answer.draws == whole.draws).all()

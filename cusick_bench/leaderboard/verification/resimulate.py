@@ -36,6 +36,7 @@ from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
@@ -239,7 +240,9 @@ def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[
     return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
 
 
-def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Material, ndarray, ndarray]:
+def _draped(
+    problem: DrapeProblem, tau: ndarray, start: ndarray, pace: PaceName = "steady"
+) -> tuple[Material, ndarray, ndarray]:
     """Material, shape [m] and silhouette of the drape at tau; `start` is where an equilibrium is said to be.
 
     Raises:
@@ -247,7 +250,7 @@ def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Materi
     """
     with torch.no_grad():
         vector, warm = torch.as_tensor(tau), _start(start, problem)
-        vertices = problem.simulate(vector[None], warm).member(0).vertices
+        vertices = problem.simulate(vector[None], warm, pace).member(0).vertices
         return problem.space.specimen(vector).material, vertices.numpy(), problem.render(vertices).numpy()
 
 
@@ -266,7 +269,7 @@ def _with_draws(
         pairs = []
         for place in chosen:
             tau = solver.redraw(problem, posterior, int(numbers[place]))
-            _, vertices, image = _draped(problem, tau, shapes[place])
+            _, vertices, image = _draped(problem, tau, shapes[place], solver.pace_of_draws)
             shift = moved("shapes of redraws [m]", shapes[place], vertices)
             pairs.append((shift, largest("redraws", stored["draws"][place] / 255, image, pixel + ROUNDED)))
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]

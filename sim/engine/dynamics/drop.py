@@ -23,6 +23,7 @@ from numpy import ndarray
 
 from cusick_bench.sim.engine.cloth_system import ClothSystem, Evaluated
 from cusick_bench.sim.engine.dynamics.step_kernels import move, right_hand_side
+from cusick_bench.sim.engine.pace import Pace
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
@@ -215,6 +216,7 @@ def drop(
     keep_factors: bool = False,
     record: bool = True,
     factor_memory: int = FACTOR_MEMORY,
+    pace: Pace | None = None,
 ) -> Rollout:
     """Drops a cloth, or a batch of cloths, from rest.
 
@@ -227,16 +229,22 @@ def drop(
         keep_factors: Keep each step's factor for the adjoint, within `factor_memory`.
         record: Keep all states, as the adjoint needs them; otherwise the last one only.
         factor_memory: Most memory for kept factors [bytes].
+        pace: Pushes between steps, of as many steps; none by default. The adjoint knows of none, so that states can
+            not be recorded with them.
 
     Returns:
         The states.
 
     Raises:
+        SimulationError: States of a drop with pushes shall be recorded.
         DrapeDiverged: The step matrix is not positive definite, or forces are no longer finite. For a batch it is
             MembersDiverged, which says whose.
     """
+    if pace is not None and pace.push and record:
+        raise SimulationError("a brisk drop has no gradient; use pace 'steady', or ask for none")
     batch = initial.ndim == 3
     p, laid = (parameters, initial) if batch else (parameters.batch(), initial[None])
+    displacement = np.zeros_like(laid)
     positions = np.empty((steps + 1 if record else 2, *laid.shape))
     velocities = np.zeros_like(positions)
     positions[0] = laid
@@ -247,6 +255,9 @@ def drop(
         here, there = (step, step + 1) if record else (step % 2, (step + 1) % 2)
         before, after = (positions[here], velocities[here]), (positions[there], velocities[there])
         factor = stepper.step((step, steps), evaluated(system, positions[here], laid, p), before, after, far, factor)
+        if pace is not None and pace.push:
+            after[0][:] += pace.push_of(step) * displacement
+            np.subtract(after[0], before[0], out=displacement)
         keep = keep_factors and kept + factor.nbytes <= factor_memory
         factors.append(factor if keep else None)
         if keep:

@@ -2,8 +2,8 @@
 
 Long steps blow up a few limp cloths. A cloth that flies apart is dropped again with half the step and twice the steps,
 over the same time, as often as the settings allow (`DrapeSettings.halvings`); the others keep their drape to the bit.
-A cloth that is lost in its first step is not dropped again: its forces as it was laid down know nothing of the step, so
-its tables or its loads are at fault.
+Shorter steps are always steady (`pace`). A cloth that is lost in its first step is not dropped again: its forces as it
+was laid down know nothing of the step, so its tables or its loads are at fault.
 """
 
 from dataclasses import dataclass, field, replace
@@ -15,6 +15,7 @@ from numpy import ndarray
 
 from cusick_bench.sim.engine.cloth_system import ClothSystem
 from cusick_bench.sim.engine.dynamics.drop import Rollout, drop, drop_adjoint, evaluated
+from cusick_bench.sim.engine.pace import pace_of
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import MembersDiverged
@@ -52,7 +53,8 @@ def halved(settings: DrapeSettings, halvings: int) -> DrapeSettings:
     """
     if halvings == 0:
         return settings
-    return replace(settings, steps=settings.steps * 2**halvings, step_seconds=settings.step_seconds / 2**halvings)
+    steps, step_seconds = settings.steps * 2**halvings, settings.step_seconds / 2**halvings
+    return replace(settings, steps=steps, step_seconds=step_seconds, pace="steady")
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +158,13 @@ class DroppedBatch:
     def _drop_group(self, alive: Int[ndarray, "alive"], halvings: int, memory: int | None, last: bool) -> list[int]:
         """Drops cloths together; those that diverge are set aside and the others dropped again without them."""
         s, system, again = halved(self.settings, halvings), self.system, []
+        pace = pace_of(s.pace, s.steps)
         while len(alive):
             own, laid = self.parameters.take(alive), self.laid[alive]
             try:
                 rollout = drop(
-                    system, own, laid, steps=s.steps, step_seconds=s.step_seconds, record=memory is not None,
-                    keep_factors=memory is not None, factor_memory=memory or 0,
+                    system, own, laid, steps=pace.steps, step_seconds=s.step_seconds, record=memory is not None,
+                    keep_factors=memory is not None, factor_memory=memory or 0, pace=pace,
                 )  # fmt: skip
             except MembersDiverged as error:
                 lost = alive[list(error.members)]
@@ -173,7 +176,7 @@ class DroppedBatch:
             force = np.concatenate([state.force() for _, state in evaluated(system, x, laid, own)])
             weight = s.gravity * own.mass.sum(1)
             self.residual[alive] = np.linalg.norm(force[:, system.free].reshape(len(alive), -1), axis=1) / weight
-            self.iterations[alive], self.positions[alive] = s.steps, x
+            self.iterations[alive], self.positions[alive] = pace.steps, x
             wild = [flown_apart(s, residual) for residual in self.residual[alive].tolist()]
             for member, failure in zip(alive, wild, strict=True):
                 self.failures[member] = failure

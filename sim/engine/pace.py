@@ -1,0 +1,69 @@
+"""How fast a drop gets to its end: in all of its steps, or in two thirds of them with a push towards it.
+
+Once the folds have formed, a cloth creeps: each linearly implicit step goes straight ahead, turned cloth resists that,
+and only the next step knows. What then remains to be gone shrinks by a constant factor a step, whatever the step's
+length. A heavy ball (Polyak) creeps faster: to every step the share b of the last displacement is added,
+
+    x_(n+1) = x_n + h v_(n+1) + b (x_n - x_(n-1)).
+
+The velocity stays that of the step. At the end come steps without a push, so that what trembles in a drop of all steps
+trembles here, too. A brisk drop begins with the very steps of a steady one, which decide the folds.
+
+References:
+    Polyak. Some methods of speeding up the convergence of iteration methods. USSR Computational Mathematics and
+    Mathematical Physics 4(5), 1964.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+PaceName = Literal["steady", "brisk"]
+"""Names of the paces, as `DrapeSettings` takes them."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """The steps of a drop.
+
+    Attributes:
+        steps: Their number.
+        first: Steps without a push at the beginning.
+        last: Steps without a push at the end.
+        push: Share of the last displacement that is added to the steps between them.
+    """
+
+    steps: int
+    first: int
+    last: int = 0
+    push: float = 0.0
+
+    def push_of(self, step: int) -> float:
+        """Share of the last displacement that is added to a step.
+
+        Args:
+            step: Number of the step, from 0.
+
+        Returns:
+            The share; 0 for none.
+        """
+        return self.push if self.first < step < self.steps - self.last else 0.0
+
+
+def pace_of(name: PaceName, steps: int) -> Pace:
+    """The pace of a drop.
+
+    Args:
+        name: `steady` or `brisk`.
+        steps: Steps of the steady drop.
+
+    Returns:
+        Its steps.
+    """
+    if name == "steady":
+        return Pace(steps, first=steps)
+    return Pace(max(1, round(_SHARE * steps)), round(_FIRST * steps), round(_LAST * steps), _PUSH)
+
+
+# Of a steady drop's steps; the best of nine ways on 31 random cloths of 1205 vertices. `cusick-bench pace` measures it.
+_SHARE, _FIRST, _LAST = 0.65, 0.3, 0.1
+_PUSH = 0.7  # .8 shakes the cloth, .4 hardly helps
