@@ -111,7 +111,7 @@ class Solver(ABC):
 
     @property
     def pace_of_draws(self) -> PaceName:
-        """How fast drops of its draws get to their end; see `DrapeProblem.drop_at`."""
+        """How fast drops of its draws get to their end; see `DrapeProblem.at_pace`."""
         return "steady"
 
     @property

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of
-from cusick_bench.sim.engine.pace import PaceName
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -84,17 +83,16 @@ class Incumbent:
         self._keep(tau, seen.loss)
         return seen
 
-    def observe_batch(self, taus: Float[np.ndarray, "members dimension"], pace: PaceName) -> list[Observation | None]:
+    def observe_batch(self, taus: Float[np.ndarray, "members dimension"]) -> list[Observation | None]:
         """Drapes of several cloths and how they are seen, as `DrapeProblem.observe_batch` has them.
 
         Args:
             taus: Parameter vectors.
-            pace: How fast drops get to their end.
 
         Returns:
             One observation for each affordable vector; None where the drape fails.
         """
-        drapes = self.problem.observe_batch(taus, pace)
+        drapes = self.problem.observe_batch(taus)
         for tau, seen in zip(taus, drapes, strict=False):
             if seen is not None:
                 self._keep(tau, seen.loss)

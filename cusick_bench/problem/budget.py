@@ -2,6 +2,7 @@
 
 import math
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -170,26 +171,32 @@ class Meter:
             count: Number of evaluations.
             replayed: Whether an earlier run has made them: then there was time for them.
         """
+        if refusal := self._refusal(kind, count, replayed):
+            raise BudgetExceeded(refusal)
+        if kind == "drape" and not self._reserved and not replayed:
+            self._owed = max(self._owed - count, 0)
+
+    def _refusal(self, kind: str, count: int, replayed: bool) -> str:
+        """Why so many evaluations are not affordable; empty where they are."""
         cost = count * COST[kind]
         limit = self.budget.forward_equivalents
         if limit is not None and cost and self.forward_equivalents + cost + self._reserved > limit:
-            raise BudgetExceeded(
+            return (
                 f"{_counted(count, kind)} {cost} forward-equivalents, {self.forward_equivalents:g} of {limit:g} "
                 f"are spent and {self._reserved:g} kept back; raise --budget to go on"
             )
         limit = self.budget.seconds
-        if limit is None or not cost or replayed:
-            return
-        if kind == "drape" and self._owed > 0 and not self._reserved:
-            self._owed -= 1
-            return
+        granted = kind == "drape" and count <= self._owed and not self._reserved
+        if limit is None or not cost or replayed or granted:
+            return ""
         kept_back = self._reserved * (self.trace[-1].seconds if self.trace else 0.0)
         expected = kept_back + count * next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
-        if self.wall_seconds + expected > limit:
-            raise BudgetExceeded(
-                f"{self.wall_seconds:.1f} of {limit:g} s are spent and {count} x {kind} takes about "
-                f"{expected:.1f} s; raise --seconds to go on"
-            )
+        if self.wall_seconds + expected <= limit:
+            return ""
+        return (
+            f"{self.wall_seconds:.1f} of {limit:g} s are spent and {count} x {kind} takes about "
+            f"{expected:.1f} s; raise --seconds to go on"
+        )
 
     def affordable(self, kind: str, most: int, *, replayed: bool = False) -> int:
         """How many evaluations of a kind the budget allows for.
@@ -202,13 +209,7 @@ class Meter:
         Returns:
             At most that number; 0 where not even one is affordable.
         """
-        for count in range(most, 0, -1):
-            try:
-                self.admit(kind, count, replayed=replayed)
-            except BudgetExceeded:
-                continue
-            return count
-        return 0
+        return bisect_left(range(1, most + 1), True, key=lambda count: bool(self._refusal(kind, count, replayed)))
 
     def record(self, evaluation: Evaluation) -> None:
         """Adds an evaluation to the trace and tells the observers.

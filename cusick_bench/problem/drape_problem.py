@@ -37,7 +37,6 @@ from cusick_bench.sim.engine.statics.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.silhouette import Method, render
-from cusick_bench.sim.setup import Simulators
 
 _log = logging.getLogger(__name__)
 
@@ -117,7 +116,6 @@ class DrapeProblem:
     train_mesh: TrainMesh | None = None
     scene: Scene | None = None
     _branch: _Branch = field(default_factory=_Branch, repr=False)
-    _paced: Simulators = field(default_factory=Simulators, repr=False)
 
     def __post_init__(self) -> None:
         if self.loss not in LOSSES:
@@ -256,12 +254,11 @@ class DrapeProblem:
         nothing = np.zeros(self.dimension)
         return losses, np.stack([entry.arrays.get("gradient", nothing) for entry in entries])
 
-    def observe_batch(self, taus: Vectors, pace: PaceName = "steady") -> list[Observation | None]:
+    def observe_batch(self, taus: Vectors) -> list[Observation | None]:
         """Drapes cloths together and looks at them, as many as the budget allows for; one forward-equivalent each.
 
         Args:
             taus: Parameter vectors, one a row.
-            pace: How fast drops get to their end (see `drop_at`).
 
         Returns:
             One observation for each vector that was affordable, the first ones; None where the drape fails.
@@ -271,14 +268,13 @@ class DrapeProblem:
             ProblemError: A vector has a wrong length or holds NaN or infinity.
         """
         affordable = max(1, self.meter.affordable("drape", len(taus), replayed=self.journal.replaying))
-        return self._observed("drape", np.asarray(taus)[:affordable], pace)
+        return self._observed("drape", np.asarray(taus)[:affordable])
 
-    def draw_batch(self, taus: Vectors, pace: PaceName = "steady") -> list[Observation | None]:
+    def draw_batch(self, taus: Vectors) -> list[Observation | None]:
         """Drapes vectors that were drawn from what a solver has learned; they cost no budget.
 
         Args:
             taus: Parameter vectors, one a row.
-            pace: How fast drops get to their end (see `drop_at`).
 
         Returns:
             One observation a vector; None where the drape fails.
@@ -286,22 +282,22 @@ class DrapeProblem:
         Raises:
             ProblemError: A vector has a wrong length or holds NaN or infinity.
         """
-        return self._observed("draw", taus, pace)
+        return self._observed("draw", taus)
 
-    def drop_at(self, pace: PaceName) -> DrapeSimulator:
-        """Simulator of drapes whose distribution counts, without gradients.
+    def at_pace(self, pace: PaceName) -> "DrapeProblem":
+        """The same problem, with the same meter, journal and branch, whose drops get to their end at another pace.
 
         Args:
-            pace: `steady`: the problem's own simulator. `brisk`: drops of fewer steps, eight cloths in lockstep, where
-                the settings and the device know them.
+            pace: `steady`: as they are. `brisk`: drops of fewer steps, eight cloths in lockstep, without gradients,
+                where the settings and the device know them; for drapes whose distribution counts.
 
         Returns:
-            The simulator.
+            The problem.
         """
         s, stateful = self.simulator.settings, self.scene is not None and bool(self.scene.stateful)
         if pace == "steady" or s.mode != "drop" or self.simulator.engine is not None or stateful:
-            return self.simulator
-        return self._paced.get(self.simulator.mesh, replace(s, pace=pace, backend="lockstep"))
+            return self
+        return replace(self, simulator=DrapeSimulator(self.simulator.mesh, replace(s, pace=pace, backend="lockstep")))
 
     def image(self, tau: Vector) -> Float[np.ndarray, "size size"]:
         """Silhouette of the drape at tau; costs and raises as `observe`.
@@ -319,36 +315,32 @@ class DrapeProblem:
         return self.observe(tau).vertices
 
     def simulate(
-        self, taus: Float[Tensor, "members dimension"], warm: Float[Tensor, "members vertices 3"] | None = None,
-        pace: PaceName = "steady",
-    ) -> DrapeBatch:  # fmt: skip
+        self, taus: Float[Tensor, "members dimension"], warm: Float[Tensor, "members vertices 3"] | None = None
+    ) -> DrapeBatch:
         """Drapes with gradients to the vectors, neither metered nor kept.
 
         Args:
             taus: Parameter vectors.
             warm: Positions from which equilibria are sought [m]; by default from the branch that is followed.
-            pace: How fast drops get to their end (see `drop_at`); brisk ones have no gradients, and are the same to the
-                bit in any batch.
 
         Returns:
-            The drapes.
+            The drapes; brisk ones have no gradients, and are the same to the bit in any batch.
         """
-        simulator = self.drop_at(pace)
-        if len(taus) == 1 and simulator is not self.simulator:  # lockstep is for batches, and rounds otherwise than one
-            return _first(self._dropped(simulator, taus.expand(2, -1), warm))
-        return self._dropped(simulator, taus, warm)
+        if len(taus) == 1 and self.simulator.settings.pace != "steady":  # lockstep rounds one cloth otherwise than two
+            return _first(self._dropped(taus.expand(2, -1), warm))
+        return self._dropped(taus, warm)
 
-    def _dropped(self, simulator: DrapeSimulator, taus: Tensor, warm: Tensor | None) -> DrapeBatch:
+    def _dropped(self, taus: Tensor, warm: Tensor | None) -> DrapeBatch:
         specimens = [self.space.specimen(tau) for tau in taus]
         materials = [one.material for one in specimens]
         initial = _stacked([self.initial if one.initial is None else one.initial for one in specimens])
         rest_angle = _stacked([one.rest_angle for one in specimens])
         warm = self._warm(len(taus)) if warm is None else warm
         if self.scene is None:
-            return simulator.drape_batch(materials, initial=initial, rest_angle=rest_angle, warm=warm)
+            return self.simulator.drape_batch(materials, initial=initial, rest_angle=rest_angle, warm=warm)
         laid, flat = torch.from_numpy(self.simulator.laid_down()), self.simulator.rest_angles()
         return self.scene.drape(
-            simulator,
+            self.simulator,
             materials,
             laid.expand(len(taus), -1, -1) if initial is None else initial,
             flat.expand(len(taus), -1) if rest_angle is None else rest_angle,
@@ -423,13 +415,11 @@ class DrapeProblem:
             image = self.render(torch.as_tensor(vertices)).numpy()
         return Observation(vertices, image, entry.evaluation.loss)
 
-    def _observed(self, kind: str, taus: Vectors, pace: PaceName) -> list[Observation | None]:
-        entries = self._metered(kind, taus, pace=pace)
+    def _observed(self, kind: str, taus: Vectors) -> list[Observation | None]:
+        entries = self._metered(kind, taus)
         return [None if entry.evaluation.failure else self._seen(entry) for entry in entries]
 
-    def _metered(
-        self, kind: str, taus: Vectors, measure: Measure | None = None, pace: PaceName = "steady"
-    ) -> list[Entry]:
+    def _metered(self, kind: str, taus: Vectors, measure: Measure | None = None) -> list[Entry]:
         """Evaluations, from the journal as far as it goes, and computed together from there on."""
         taus = self._checked(taus)
         digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
@@ -440,7 +430,7 @@ class DrapeProblem:
             entries.append(entry)
         if rest := digests[len(entries) :]:
             first = len(entries) if measure is None else 0  # a measure has to see all members
-            for entry in self._computed(kind, rest, taus[first:], measure, pace):
+            for entry in self._computed(kind, rest, taus[first:], measure):
                 self.journal.append(entry)
                 self.meter.record(entry.evaluation)
                 entries.append(entry)
@@ -473,12 +463,10 @@ class DrapeProblem:
         vertices = self._branch.vertices
         return vertices.expand(members, -1, -1) if self._follows and vertices is not None else None
 
-    def _computed(
-        self, kind: str, digests: list[str], taus: Vectors, measure: Measure | None, pace: PaceName
-    ) -> list[Entry]:
+    def _computed(self, kind: str, digests: list[str], taus: Vectors, measure: Measure | None) -> list[Entry]:
         """Evaluates vectors together; keeps the last ones, which have digests, and runs the totals on over them."""
         start, before = time.perf_counter(), self.meter.wall_seconds
-        results = self._simulate(taus, kind in GRADIENTS, measure, pace)[-len(digests) :]
+        results = self._simulate(taus, kind in GRADIENTS, measure)[-len(digests) :]
         seconds = (time.perf_counter() - start) / len(taus)
         best, spent, entries = self.meter.best_loss, self.meter.forward_equivalents, []
         for digest, result in zip(digests, results, strict=True):
@@ -504,12 +492,12 @@ class DrapeProblem:
     def _static(self) -> bool:
         return self.simulator.settings.mode == "equilibrium"
 
-    def _simulate(self, taus: Vectors, gradient: bool, measure: Measure | None, pace: PaceName) -> list[_Simulated]:
+    def _simulate(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[_Simulated]:
         """Drapes (and their adjoints), measured against the training image where the simulator's device leaves them."""
         parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
         target = torch.as_tensor(self.train_image)
         with torch.set_grad_enabled(gradient):
-            batch = self.simulate(parameters, pace=pace)
+            batch = self.simulate(parameters)
             alive = [member for member, failure in enumerate(batch.failures) if failure is None]
             images = {member: self.render(batch.vertices[member]) for member in alive}
             measure_loss = LOSSES[self.loss]
@@ -518,7 +506,7 @@ class DrapeProblem:
         if gradient and alive:
             total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)
             slopes = torch.autograd.grad(total, parameters)[0].cpu().numpy()
-        settings = self.drop_at(pace).settings
+        settings = self.simulator.settings
         fall = 0.0 if self._static else pace_of(settings.pace, settings.steps).steps * settings.step_seconds
         results = [_Simulated(failure=failure or "") for failure in batch.failures]
         for member in alive:

@@ -105,7 +105,8 @@ class BdpField(Solver):
         from cusick_bench.solvers.variational.cloth_inference import ClothInference
 
         seed, finished = int(generator.integers(2**63)), False
-        incumbent, inference = Incumbent(problem), ClothInference(problem, seed, self.samples, self.pace)
+        paced = problem.at_pace(self.pace)
+        incumbent, inference = Incumbent(problem), ClothInference(paced, seed, self.samples)
         with problem.meter.reserve(1):
             try:
                 inference.begin(match_bending_level(incumbent, self.search))
@@ -120,9 +121,7 @@ class BdpField(Solver):
         nearest = min(incumbent, inference.seen, key=lambda one: one.loss)  # a draw, where the fit found no time
         best = prediction_at(problem, nearest.tau, finished=finished)
         posterior = {"cloths": inference.cloths, "seed": np.array(seed)}
-        seen = predictive_draws(
-            problem, lambda index: self.redraw(problem, posterior, index), self.draws, progress, self.pace
-        )
+        seen = predictive_draws(paced, lambda index: self.redraw(problem, posterior, index), self.draws, progress)
         return with_draws(best, seen, posterior)
 
     def redraw(

@@ -14,7 +14,6 @@ from cusick_bench.problem import DrapeProblem
 from cusick_bench.problem.expected_statistics import shipped
 from cusick_bench.problem.field_space import DISCREPANCY, FieldSpace
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
-from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, standard_normal
 from cusick_bench.solvers.variational.linear_correction import PAIRS, LinearCorrection, linear_correction, nearness
@@ -38,7 +37,6 @@ class ClothInference:
         problem: The problem, whose simulator drapes.
         seed: Seed of the run.
         samples: Most training samples that are learned from; 0 for all.
-        pace: How fast drops get to their end.
         cloths: Draws of the cloth's parameters from what is known of them.
         seen: The drape that happened to be nearest to the training image.
     """
@@ -46,7 +44,6 @@ class ClothInference:
     problem: DrapeProblem
     seed: int
     samples: int = 0
-    pace: PaceName = "steady"
     cloths: Float[np.ndarray, "cloths numbers"] = field(init=False)
     seen: Incumbent = field(init=False)
     _draped: list[np.ndarray] = field(default_factory=list)
@@ -88,7 +85,7 @@ class ClothInference:
             end = self._tried + count
             while self._tried < end:
                 taus = np.stack([self._drawn(i) for i in range(self._tried, min(self._tried + TOGETHER, end))])
-                drapes = self.seen.observe_batch(taus, self.pace)
+                drapes = self.seen.observe_batch(taus)
                 self._tried += len(drapes)
                 for tau, seen in zip(taus, drapes, strict=False):  # fewer drapes where the budget ends
                     if seen is not None:

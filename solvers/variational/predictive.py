@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import Prediction, Progress
 
@@ -26,7 +25,6 @@ def predictive_draws(
     tau: Callable[[int], Float[np.ndarray, " dimension"]],
     count: int,
     progress: Progress,
-    pace: PaceName = "steady",
 ) -> dict[int, Observation]:
     """Drapes the draws 0, 1, ... until `count` of them are at rest; those whose drape fails are left out.
 
@@ -38,7 +36,6 @@ def predictive_draws(
         tau: Parameters of a draw, always the same for the same number.
         count: Number of draws.
         progress: Called to tell how far it is.
-        pace: How fast drops get to their end.
 
     Returns:
         What was seen of each draw that is at rest, by its number.
@@ -50,7 +47,7 @@ def predictive_draws(
     tried = 0
     while len(seen) < count and tried < MOST * count:
         chosen = range(tried, min(tried + TOGETHER, tried + count - len(seen), MOST * count))
-        drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]), pace)
+        drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]))
         seen |= {index: one for index, one in zip(chosen, drapes, strict=True) if one is not None}
         tried = chosen.stop
         progress(f"draping draws, {len(seen)} of {count}", len(seen) / count)

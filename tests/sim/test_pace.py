@@ -123,10 +123,11 @@ def test_records_tell_of_a_brisk_pace_only():
 
 def test_a_problem_drops_briskly_where_its_settings_can():
     problem: DrapeProblem = population_problem(PopulationPlan(vertices=97))
-    assert problem.drop_at("steady") is problem.simulator
-    brisk = problem.drop_at("brisk")
-    assert (brisk.settings.pace, brisk.settings.backend, brisk.mesh) == ("brisk", "lockstep", problem.simulator.mesh)
-    assert problem.drop_at("brisk") is brisk
+    assert problem.at_pace("steady") is problem
+    brisk = problem.at_pace("brisk")
+    settings = brisk.simulator.settings
+    assert (settings.pace, settings.backend, brisk.simulator.mesh) == ("brisk", "lockstep", problem.simulator.mesh)
+    assert brisk.meter is problem.meter, "both are paid from one budget"
     resting = replace(problem.simulator.settings, mode="equilibrium")
     still = replace(problem, simulator=DrapeSimulator(problem.simulator.mesh, resting))
-    assert still.drop_at("brisk") is still.simulator
+    assert still.at_pace("brisk") is still

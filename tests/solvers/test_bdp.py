@@ -110,7 +110,7 @@ class TestPredictiveDraws:
         """Numbers of the draws that come back when the drapes of some fail."""
         rest = Observation(np.zeros((3, 3)), np.zeros((256, 256)), 0.0)
         problem = toy_problem()
-        drape = lambda self, taus, pace: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
+        drape = lambda self, taus: [None if int(tau[0]) in broken else rest for tau in taus]  # noqa: E731
         monkeypatch.setattr(DrapeProblem, "draw_batch", drape)
         return list(predictive_draws(problem, lambda index: np.full(problem.dimension, float(index)), count, silent))
 
@@ -132,7 +132,7 @@ class TestSolvers:
         assert answer.posterior is not None
         assert len(answer.draws) == len(answer.posterior["draws"]) == 12
         tau = solver.redraw(problem, answer.posterior, int(answer.posterior["draws"][5]))
-        (again,) = toy_problem(space=problem.space.name).draw_batch(tau[None], solver.pace_of_draws)
+        (again,) = toy_problem(space=problem.space.name).at_pace(solver.pace_of_draws).draw_batch(tau[None])
         assert again.image == pytest.approx(answer.draws[5], abs=1e-9)
 
     def test_a_kill_among_the_draws_keeps_those_made(self, name, tmp_path):

@@ -36,7 +36,6 @@ from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
@@ -240,9 +239,7 @@ def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[
     return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
 
 
-def _draped(
-    problem: DrapeProblem, tau: ndarray, start: ndarray, pace: PaceName = "steady"
-) -> tuple[Material, ndarray, ndarray]:
+def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Material, ndarray, ndarray]:
     """Material, shape [m] and silhouette of the drape at tau; `start` is where an equilibrium is said to be.
 
     Raises:
@@ -250,7 +247,7 @@ def _draped(
     """
     with torch.no_grad():
         vector, warm = torch.as_tensor(tau), _start(start, problem)
-        vertices = problem.simulate(vector[None], warm, pace).member(0).vertices
+        vertices = problem.simulate(vector[None], warm).member(0).vertices
         return problem.space.specimen(vector).material, vertices.numpy(), problem.render(vertices).numpy()
 
 
@@ -266,10 +263,10 @@ def _with_draws(
     if shapes is not None and chosen and all(check.holds for check in checks):
         solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
         posterior = {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
-        pairs = []
+        draping, pairs = problem.at_pace(solver.pace_of_draws), []
         for place in chosen:
             tau = solver.redraw(problem, posterior, int(numbers[place]))
-            _, vertices, image = _draped(problem, tau, shapes[place], solver.pace_of_draws)
+            _, vertices, image = _draped(draping, tau, shapes[place])
             shift = moved("shapes of redraws [m]", shapes[place], vertices)
             pairs.append((shift, largest("redraws", stored["draws"][place] / 255, image, pixel + ROUNDED)))
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
