@@ -1,6 +1,6 @@
 """What fabrics of a laboratory may share: the effects, their points and prior, and what is found of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +11,7 @@ from scipy.special import gammaln
 
 from cusick_bench.diagnosis.inference.findings.intervals import ParameterInterval
 from cusick_bench.diagnosis.inference.findings.verdict import NAMED
-from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints, effect_points
+from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints, effect_points, finer_points
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
 from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
 from cusick_bench.diagnosis.inference.single_effects.evidence import LEAST_SIZE, Candidate, grid_at
@@ -98,6 +98,23 @@ def shared_points(fabric: LaboratoryFabric) -> EffectPoints:
     return effect_points(grids, sets.model.misfit, data.calibration.mismatch, weak=True)
 
 
+def finer_shared_points(fabric: LaboratoryFabric, points: EffectPoints, chosen: Collection[int]) -> EffectPoints:
+    """Points of the effects that may be shared, with finer grids about some of them.
+
+    Args:
+        fabric: A fabric of the laboratory.
+        points: Its points.
+        chosen: Points about which grids are finer.
+
+    Returns:
+        The points, in the rows of this fabric's misfit.
+    """
+    data, sets = fabric.data, fabric.sets
+    return finer_points(
+        points, chosen, data.emulator, sets.residual, sets.model.misfit, data.calibration.mismatch, weak=True
+    )
+
+
 def log_prior(points: Sequence[EffectPoints]) -> Float[ndarray, "points"]:
     """Log prior of the points of each effect, over those that some fabric shows.
 
@@ -110,7 +127,7 @@ def log_prior(points: Sequence[EffectPoints]) -> Float[ndarray, "points"]:
     first = points[0]
     strong = np.max([one.size() for one in points], axis=0) >= LEAST_SIZE
     prior = np.full(len(first), -np.inf)
-    by_grid = [np.exp(-0.5 * (np.log(np.abs(g.hypothesis.severity())) / _SPREAD) ** 2) for g in first.grids]
+    by_grid = [g.cell * np.exp(-0.5 * (np.log(np.abs(g.severity())) / _SPREAD) ** 2) for g in first.grids]
     weight = np.array([by_grid[grid][row] for grid, row in zip(first.grid, first.row, strict=True)])
     for number in range(len(first.names)):
         own = np.logical_and(first.effect == number, strong)

@@ -56,6 +56,20 @@ class SharedWalk:
         self.log_joints: list[float] = []
         self.counted = 0
 
+    def on(self, points: Sequence[EffectPoints]) -> "SharedWalk":
+        """A walk from where this one is, over other points, those of this one among them.
+
+        Args:
+            points: Points of the same grids, made finer.
+
+        Returns:
+            The walk, of which nothing has been counted yet.
+        """
+        start = [_same(self.points[0], point, points[0]) for point in self.shared]
+        walk = SharedWalk(self.fabrics, points, self.generator, start)
+        walk.own = [list(own) for own in self.own]
+        return walk
+
     def step(self, *, counts: bool) -> None:
         """Draws places of the shared set anew, then two of each fabric's own.
 
@@ -140,6 +154,13 @@ class SharedWalk:
             others = own[:place] + own[place + 1 :]
             chosen = draw_option(conditional(model, others, more).options, self.generator)
             self.own[fabric] = others + ([chosen] if chosen < len(model.points) else [])
+
+
+def _same(points: EffectPoints, point: int, others: EffectPoints) -> int:
+    """The point of other grids with the same parameters."""
+    value = points.value(point)
+    of_grid = np.flatnonzero(others.grid == points.grid[point])
+    return next(int(o) for o in of_grid if np.allclose([*others.value(int(o)).values()], [*value.values()], rtol=1e-9))
 
 
 def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Laboratory:

@@ -5,15 +5,18 @@ shift differs from ours by e d_k in row k (along) and by f times the root mean s
 (across, `Misfit.across`), with e and f by effect: symmetry is the same for all laws.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.inference.residuals.residual import Residual
 from cusick_bench.diagnosis.inference.sets.misfit import Misfit
 from cusick_bench.diagnosis.inference.single_effects.evidence import Grid
+from cusick_bench.diagnosis.inference.single_effects.finer import finer_grid
 
 _MOST_DOUBT = 0.1
 """Share of a shift's square that the atlas' own doubt may add: an effect that stands for noise explains nothing."""
@@ -57,7 +60,7 @@ class EffectPoints:
         Returns:
             Values by name.
         """
-        values = self.grids[self.grid[point]].hypothesis.values
+        values = self.grids[self.grid[point]].values
         return {name: float(column[self.row[point]]) for name, column in values.items()}
 
     def name(self, point: int) -> str:
@@ -127,3 +130,34 @@ def effect_points(grids: Sequence[Grid], misfit: Misfit, mismatch: Mismatch, *, 
         np.concatenate(variance),
         np.concatenate([np.zeros(0), *(grid.log_prior[chosen] for grid, chosen in zip(grids, rows, strict=True))]),
     )
+
+
+def finer_points(
+    points: EffectPoints,
+    chosen: Collection[int],
+    emulator: Emulator,
+    residual: Residual,
+    misfit: Misfit,
+    mismatch: Mismatch,
+    *,
+    weak: bool = False,
+) -> EffectPoints:
+    """Points, with finer grids about some of them.
+
+    Args:
+        points: Points of grids.
+        chosen: Points about which the grids are finer.
+        emulator: The atlas.
+        residual: What the base model leaves, where the grids were made.
+        misfit: Rows in which they are compared.
+        mismatch: How far other laws may differ.
+        weak: As in `effect_points`.
+
+    Returns:
+        Points of as many grids, in their order.
+    """
+    grids = []
+    for number, grid in enumerate(points.grids):
+        near = [points.value(point) for point in chosen if points.grid[point] == number]
+        grids.append(finer_grid(emulator, residual, grid, near))
+    return effect_points(grids, misfit, mismatch, weak=weak)

@@ -12,7 +12,7 @@ from cusick_bench.diagnosis.inference.residuals.noise import Scatter, scatter_of
 from cusick_bench.diagnosis.inference.residuals.refusal import doubts, require_enough
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, inflated
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
-from cusick_bench.diagnosis.inference.sets.effect_points import effect_points, law_variance
+from cusick_bench.diagnosis.inference.sets.effect_points import effect_points, finer_points, law_variance
 from cusick_bench.diagnosis.inference.sets.misfit import Misfit, misfit_of
 from cusick_bench.diagnosis.inference.sets.set_model import SetModel, SharedShift
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid, detectable_grids
@@ -105,6 +105,22 @@ class FabricData:
             effect_points(grids, misfit, self.calibration.mismatch),
             len(listed),
             residual.freedom,
+        )
+
+    def finer(self, model: SetModel, residual: Residual, chosen: Sequence[int]) -> SetModel:
+        """Joint probability of sets, with finer grids about some points.
+
+        Args:
+            model: The model at some base parameters.
+            residual: What the base model leaves there.
+            chosen: Points of the model.
+
+        Returns:
+            The model with more points.
+        """
+        mismatch = self.calibration.mismatch
+        return replace(
+            model, points=finer_points(model.points, chosen, self.emulator, residual, model.misfit, mismatch)
         )
 
     def shared_shift(self, causes: Sequence[Candidate], residual: Residual, misfit: Misfit) -> SharedShift | None:

@@ -74,9 +74,7 @@ def fabric_sets(
     for number, beginning in enumerate(beginnings):
         optima.append(_climbed(fabric, beginning, shared))
         progress((number + 1) / (len(beginnings) + 2))
-    residual = max(optima, key=lambda one: one[0])[1]
-    model = fabric.model(residual, without=known)
-    more = fabric.shared_shift(shared, residual, model.misfit)
+    _, residual, model, more = max(optima, key=lambda one: one[0])
     return FabricSets(residual, model, sample_sets(model, generator, steps=steps, more=more), shared, more)
 
 
@@ -91,15 +89,18 @@ def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) ->
                 yield fabric.against(start=best.theta, fixed=True)
 
 
-def _climbed(fabric: FabricData, residual: Residual, shared: tuple[Candidate, ...]) -> tuple[float, Residual]:
-    """Selects a set and fits the base parameters in turn; with ln of the joint density that is reached."""
+def _climbed(
+    fabric: FabricData, residual: Residual, shared: tuple[Candidate, ...]
+) -> tuple[float, Residual, SetModel, SharedShift | None]:
+    """Selects a set and fits the base parameters in turn; with ln of the joint density that is reached, first."""
     known = [one.hypothesis.name for one in shared]
     refits = 0
     while True:
-        model = fabric.model(residual, without=known)
-        more = fabric.shared_shift(shared, residual, model.misfit)
+        coarse = fabric.model(residual, without=known)
+        more = fabric.shared_shift(shared, residual, coarse.misfit)
+        model = fabric.finer(coarse, residual, forward_selection(coarse, more))
         points = forward_selection(model, more)
-        reached = model.log_joint(points, more) - residual.log_unit, residual
+        reached = model.log_joint(points, more) - residual.log_unit, residual, model, more
         if refits == _REFITS:
             return reached
         selected = [candidate_at(model.points, point) for point in points]

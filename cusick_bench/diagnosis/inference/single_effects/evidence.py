@@ -12,7 +12,7 @@ References:
     MacKay. Information theory, inference, and learning algorithms, 2003, Chapter 28 (Occam's razor in the evidence).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -52,16 +52,25 @@ class Grid:
 
     Attributes:
         hypothesis: The effect and its frame.
-        shift: Shift of w at every point of the hypothesis' grid.
+        values: Parameters of every point, by name.
+        cell: Share of a cell of the hypothesis' own grid that every point stands for.
+        shift: Shift of w at every point.
         variance: u of every point.
         log_prior: Log prior of every point, -inf for those too weak to detect; they add up to the hypothesis' share of
             its effect's prior.
     """
 
     hypothesis: Hypothesis
+    values: Mapping[str, Float[ndarray, "points"]]
+    cell: Float[ndarray, "points"]
     shift: Float[ndarray, "points kept"]
     variance: Float[ndarray, "points"]
     log_prior: Float[ndarray, "points"]
+
+    def severity(self) -> Float[ndarray, "points"]:
+        """Severities, in typical ones."""
+        severity = self.hypothesis.effect.severity
+        return self.values[severity.name] / severity.typical
 
     def log_likelihood(
         self, white: Float[ndarray, "kept"], law_difference: float = LAW_DIFFERENCE
@@ -149,7 +158,7 @@ def grid_at(emulator: Emulator, hypothesis: Hypothesis, residual: Residual, *, l
     weight = severity_weight(hypothesis)
     total = weight[strong].sum() + _TOO_WEAK * weight.sum()
     log_prior = np.where(strong, np.log(hypothesis.prior * weight / total), -np.inf)
-    return Grid(hypothesis, shift, moved.variance, log_prior)
+    return Grid(hypothesis, hypothesis.values, np.ones(len(shift)), shift, moved.variance, log_prior)
 
 
 def severity_weight(hypothesis: Hypothesis) -> Float[ndarray, "points"]:
@@ -202,7 +211,7 @@ def candidates(
         likelihood = grid.log_likelihood(white, law_difference) - nothing
         best = grid.best(likelihood)
         evidence = log_sum(likelihood + grid.log_prior)
-        value = {name: float(column[best]) for name, column in grid.hypothesis.values.items()}
+        value = {name: float(column[best]) for name, column in grid.values.items()}
         size = float(np.linalg.norm(grid.shift[best]))
         best_points.append(Candidate(grid.hypothesis, value, float(likelihood[best]), evidence, size))
     return sorted(best_points, key=lambda one: -one.log_evidence)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,8 @@ RINGS = (0.0975, 0.1125, 0.1275, 0.1425)
 """Middle radii of four rings of the hanging part [m]."""
 _SIZES = (0.015, 0.025)  # [m]
 _SEVERITIES = np.geomspace(1 / 20, 10, 14)  # in typical ones; beyond the atlas' 6 shifts are extrapolated
+SEVERITY_STEP: Final = float(_SEVERITIES[1] / _SEVERITIES[0])
+"""Ratio of neighbouring severities."""
 _COUNT = len(NAMES)
 _OTHER_FRAME = 0.2  # how likely an effect with a direction keeps to the other frame than one expects
 

@@ -59,7 +59,7 @@ def patch_map(white: Float[ndarray, "kept"], grids: Sequence[Grid], only: str | 
     for grid in grids:
         if grid.hypothesis.effect.located != "patch" or (only is not None and grid.hypothesis.name != only):
             continue
-        values = grid.hypothesis.values
+        values = grid.values
         likelihood = grid.log_likelihood(white)
         ring = np.array([int(np.argmin(np.abs(np.array(RINGS) - r))) for r in values["radius"]])
         first = values["direction"] * SECTORS / 360
