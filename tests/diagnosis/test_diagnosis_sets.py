@@ -331,6 +331,9 @@ def test_look_alikes_share_their_probability() -> None:
         {"camera-offset": 0.5, "plate-tilt": 0.46} | NOTHING,
     )  # fmt: skip
     assert finding(0.01, alone, FITS).verdict == "ambiguous"
+    doubted = finding(0.01, alone, Novelty(0.01, 0.9))
+    assert (doubted.verdict, UNKNOWN in doubted.set90) == ("ambiguous", True), "one of them takes the gap, whichever"
+    assert finding(0.01, alone, FAILS).verdict == UNKNOWN
     assert set90({"a": 0.5, "b": 0.45, "c": 0.05}) == ("a", "b")
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
@@ -77,6 +78,7 @@ class FabricEvidence:
         return self.finding.leading
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices so small, threads only wait for each other
 def fabric_evidence(
     captures: Captures,
     emulator: Emulator,

@@ -83,7 +83,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     groups = look_alikes(posterior, named)
     unlisted = test.rejected
     leading = _with_unlisted(leading, test.probability)
-    if unlisted and (not named or test.explained < _CARRIES):
+    if unlisted and (not (named or groups) or test.explained < _CARRIES):
         leading = _raised(leading, UNKNOWN, _LEAST_UNKNOWN)
         return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
     members = _members(leading, (*named, UNKNOWN) if unlisted else named)

@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
@@ -88,6 +89,7 @@ def laboratory(
     return _with_causes(found, named)
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices so small, threads only wait for each other
 def laboratory_of(
     captures: Sequence[Captures],
     emulator: Emulator,
