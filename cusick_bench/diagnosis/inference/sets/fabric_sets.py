@@ -1,8 +1,8 @@
 """Posterior over sets of effects of one fabric, with base parameters that are fitted together with the set.
 
 Strong effects pull the base parameters away from the truth, where the effects' own shifts are others. So the likeliest
-set is selected, the base parameters are fitted again with its shift taken off, and all is linearised there anew, until
-they stay. What nearly looks like another cloth may hide in the base parameters for good: it is begun with such effects,
+set is selected, once more on grids that are finer about it, the base parameters are fitted again with its shift taken
+off, and all is linearised there anew, until they stay. What nearly looks like another cloth may hide in the base parameters for good: it is begun with such effects,
 too, and the joint optimum that is the likeliest is kept. The posterior is sampled there, where the base parameters are
 integrated out.
 """
