@@ -2,9 +2,9 @@
 
 Strong effects pull the base parameters away from the truth, where the effects' own shifts are others. So the likeliest
 set is selected, once more on grids that are finer about it, the base parameters are fitted again with its shift taken
-off, and all is linearised there anew, until they stay. What nearly looks like another cloth may hide in the base parameters for good: it is begun with such effects,
-too, and the joint optimum that is the likeliest is kept. The posterior is sampled there, where the base parameters are
-integrated out.
+off, and all is linearised there anew, until they stay. What nearly looks like another cloth may hide in the base
+parameters for good: it is begun with such effects, too, and the joint optimum that is the likeliest is kept. The
+posterior is sampled there, where the base parameters are integrated out.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
