@@ -165,6 +165,16 @@ def test_drifts_that_rise_together_count_once() -> None:
     assert np.linalg.eigvalsh(rows).min() > 0
 
 
+def test_pictures_taken_twice_are_known_to_their_resolution() -> None:
+    """Second pictures that are copies of the first ones: every sample drifts alike, by nothing."""
+    emulator, theta = toy_emulator(), PRIOR_MEAN
+    expected = expected_features(emulator, theta, 12)
+    copies = replace(expected, order_covariance=np.zeros((len(ORDERS), len(ORDERS))), order_freedom=11)
+    rows = noise(emulator, theta, copies, None).covariance[DRIFT, DRIFT]
+    assert np.isfinite(rows).all()
+    assert np.linalg.eigvalsh(rows).min() > 0
+
+
 def test_a_planted_offset_is_found_in_toy_cloths() -> None:
     emulator, generator = toy_emulator(), np.random.default_rng(6)
     outlines = with_planted(

@@ -196,7 +196,7 @@ def _shrunk(covariance: ndarray, data: ndarray, trust: float, freedom: float) ->
     if not freedom:
         return covariance
     tiny = np.finfo(np.float64).tiny
-    size, seen = np.sqrt(np.diag(covariance)), np.sqrt(np.maximum(np.diag(data), tiny))
+    size, seen = (np.sqrt(np.maximum(np.diag(one), tiny)) for one in (covariance, data))  # 0: drapes all alike
     own, found = covariance / np.outer(size, size), data / np.outer(seen, seen)
     np.fill_diagonal(found, 1.0)
     return (trust * own + freedom * found) / (trust + freedom) * np.outer(size, size)
