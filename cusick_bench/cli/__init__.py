@@ -32,6 +32,7 @@ PANELS = {
     "Fit": {
         "identify": "fit.identify",
         "run": "fit.run",
+        "learning-curve": "fit.learning_curve",
         "solvers": "fit.solvers",
         "optimisers": "fit.optimisers",
         "paper": "fit.paper",

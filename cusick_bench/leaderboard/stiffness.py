@@ -90,7 +90,9 @@ def stiffness_rows(cells: Cells, *, seed: int = 0) -> list[StiffnessRow]:
             every = {key: one for _, found in of_cloths for key, one in found.items() if one.true_bending}
             if not of_cloths or (len(of_cloths) > 1 and every):
                 count = len(every) or len(of_set)
-                rows.append(StiffnessRow(label, str(dataset), "", count, {}, {}, {}, {}, *_scores(every.values())))
+                rows.append(
+                    StiffnessRow(label, str(dataset), "", count, {}, {}, {}, {}, *stiffness_scores(every.values()))
+                )
     return rows if any(row.bending for row in rows) else []
 
 
@@ -220,7 +222,7 @@ def _row(label: str, dataset: str, cloth: str, found: Found, generator: np.rando
     bending = {name: _over_seeds({key: one.bending[name] for key, one in found.items()}, generator) for name in BENDING}
     stretch = {name: _over_seeds({key: one.stretch[name] for key, one in found.items()}, generator) for name in STRETCH}
     true = dict(first.true_bending or {}), dict(first.true_stretch or {})
-    return StiffnessRow(label, dataset, cloth, len(found), bending, stretch, *true, *_scores(found.values()))
+    return StiffnessRow(label, dataset, cloth, len(found), bending, stretch, *true, *stiffness_scores(found.values()))
 
 
 def _over_seeds(values: Mapping[tuple[str, int], Quantity], generator: np.random.Generator) -> Estimate:
@@ -228,8 +230,16 @@ def _over_seeds(values: Mapping[tuple[str, int], Quantity], generator: np.random
     return Estimate(*(exp(one) if isfinite(one) else nan for one in (logs.value, logs.low, logs.high)))
 
 
-def _scores(found: Iterable[FoundStiffness]) -> tuple[float, float, float, float]:
-    """Interval factor, error factors of bending and of stretch, coverage."""
+def stiffness_scores(found: Iterable[FoundStiffness]) -> tuple[float, float, float, float]:
+    """How narrow, how right and how honest fits are.
+
+    Args:
+        found: What each fit found.
+
+    Returns:
+        Half width of the 90 % interval of bending stiffness as a factor, error factors of bending and of membrane
+        stiffness, and coverage, as in `StiffnessRow`.
+    """
     cells = list(found)
     widths = [
         log(one.ci90[1] / one.ci90[0]) / 2

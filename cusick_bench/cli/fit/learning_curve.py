@@ -1,0 +1,161 @@
+"""`cusick-bench learning-curve`: what more samples of a cloth are worth."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict, replace
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
+from cusick_bench.cli.options import (
+    LAW,
+    MOST_CASES,
+    Budget,
+    Data,
+    FabricsCsv,
+    FittedCloths,
+    Force,
+    Json,
+    Law,
+    Seeds,
+    Solvers,
+    Vertices,
+    Workers,
+    data_option,
+    output_option,
+)
+from cusick_bench.sim.constants import VERTICES_OF_TRUTH
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard.bootstrap import Estimate
+    from cusick_bench.leaderboard.learning_curve import LearningStep
+
+app = typer.Typer()
+_SOLVER = "bdp-field"
+
+
+@app.command(name="learning-curve")
+@user_errors
+def learning_curve_command(
+    out: Annotated[Path, output_option(help="Folder for cells and tables; finished cells in it are kept.")],
+    data: Data = "synthetic",
+    fabrics_csv: FabricsCsv = None,
+    cloth: FittedCloths = None,
+    force: Force = False,
+    learn_from: Annotated[
+        list[int] | None,
+        data_option(min=1, max=MOST_CASES, help="Training samples of a fit; repeatable; by default 1, 2, 4, 8."),
+    ] = None,
+    unseen: Annotated[
+        int, data_option(min=2, max=MOST_CASES, help="Samples that no fit sees, the last ones of every cloth.")
+    ] = 4,
+    solver: Solvers = None,
+    seeds: Seeds = 1,
+    budget: Budget = 400.0,
+    law: Law = LAW,
+    vertices: Vertices = VERTICES_OF_TRUTH,
+    workers: Workers = 2,
+    as_json: Json = False,
+) -> None:
+    """Fits one, two, four, ... samples of each cloth, and scores all on the same unseen samples.
+
+    For solvers that learn from several samples, such as bdp-field. Repeating the command goes on where it was stopped.
+    Exit status 1 if a cell failed.
+    """
+    from cusick_bench.leaderboard import LeaderboardError, load_cells
+    from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
+    from cusick_bench.problem import Budget as Limit
+    from cusick_bench.runner import ProblemSettings, Source, load_once, plan, run
+    from cusick_bench.sim.engine.settings import DrapeSettings
+
+    source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
+    dataset = load_once(source)
+    settings = ProblemSettings(vertices=vertices, drape=DrapeSettings(law=law.value), budget=Limit(budget))
+    planned = [
+        cell
+        for count, splits in learning_splits(dataset, cloth, learn_from or [1, 2, 4, 8], unseen).items()
+        for cell in plan(
+            dataset,
+            solvers=solver or [_SOLVER],
+            seeds=list(range(seeds)),
+            settings=settings,
+            protocol=f"first-{count}",
+            splits=splits,
+        )
+    ]
+    with GridProgress() as progress, interruptible(partial(cells_kept, progress, out), go_on=True):
+        run(source, planned, out, workers=workers, watcher=progress, command=sys.argv, force=force)
+    keys, cells = {cell.key for cell in planned}, load_cells(out)
+    kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
+    if kept.empty:
+        raise LeaderboardError(f"every cell in {out} failed; see cells/*/result.json there")
+    steps = learning_curve(replace(cells, table=kept))
+    for path in _write(steps, out):
+        tell(f"wrote {path}")
+    if as_json:
+        print_json({"steps": [asdict(step) for step in steps]})
+    else:
+        output.print(_table(steps, f"{dataset.name}: {unseen} unseen samples of each cloth, {vertices} vertices"))
+    if any(skipped.folder.name in keys for skipped in cells.skipped):
+        raise typer.Exit(1)
+
+
+def _write(steps: list[LearningStep], out: Path) -> list[Path]:
+    import pandas as pd
+
+    from cusick_bench.files.csv_text import csv_text
+    from cusick_bench.runner.store import write_atomically
+
+    path = out / "learning-curve.csv"
+    write_atomically(path, csv_text(pd.DataFrame([_record(step) for step in steps])).encode())
+    return [path]
+
+
+def _record(step: LearningStep) -> dict[str, Any]:
+    row: dict[str, Any] = {"solver": step.solver, "samples": step.samples, "cells": step.cells}
+    for name, one in step.metrics.items():
+        row |= one.columns(name)
+    return row | {
+        "interval_factor": step.interval_factor,
+        "error_factor": step.error_factor,
+        "coverage": step.coverage,
+    }
+
+
+def _table(steps: list[LearningStep], title: str) -> Table:
+    table = Table(
+        "solver", "samples", "fits", "test MSE", "energy distance", "CRPS of DC [points]", "50 %, 90 % hold",
+        "stiffness ×/÷", "off by ×/÷", "90 % holds truth", title=title,
+    )  # fmt: skip
+    for step in steps:
+        of = step.metrics
+        held = [_text(of[f"test_dc_cover_{level}"].value, ".0%") for level in (50, 90)]
+        table.add_row(
+            step.solver,
+            str(step.samples),
+            str(step.cells),
+            _with_interval(of["test_mse"]),
+            _with_interval(of["test_energy_distance"]),
+            _with_interval(of["test_dc_crps"], 100),
+            ", ".join(held),
+            _text(step.interval_factor, ".2f"),
+            _text(step.error_factor, ".2f"),
+            _text(step.coverage, ".0%"),
+        )
+    return table
+
+
+def _with_interval(one: Estimate, factor: float = 1.0) -> str:
+    value, low, high = (factor * each for each in (one.value, one.low, one.high))
+    return f"{value:.3g} [{low:.3g}, {high:.3g}]" if isfinite(low) else _text(value, ".3g")
+
+
+def _text(value: float, form: str) -> str:
+    return format(value, form) if isfinite(value) else "-"

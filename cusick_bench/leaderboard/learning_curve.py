@@ -1,0 +1,119 @@
+"""What a solver gains from more samples of a cloth: fits of one, two, four, ... of them, on the same unseen ones.
+
+The last samples of every cloth are unseen, whatever is fitted; of the others the first ones train, one silhouette each.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.splits import Split
+from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, estimate, mean
+from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.stiffness import stiffness_scores
+from cusick_bench.metrics.found_stiffness import FoundStiffness
+
+METRICS = ("test_mse", "test_energy_distance", "test_dc_crps", "test_dc_cover_50", "test_dc_cover_90")
+"""Columns of `Cells.table` that a curve shows."""
+
+
+@dataclass(frozen=True)
+class LearningStep:
+    """What a solver makes of so many samples, over cloths and seeds.
+
+    Attributes:
+        solver: Name with options.
+        samples: Training samples of each fit.
+        cells: Number of fits.
+        metrics: Means of `METRICS` with bootstrap intervals over cells; NaN where a solver has none.
+        interval_factor: Half width of the 90 % interval of bending stiffness as a factor; NaN without a posterior.
+        error_factor: exp(mean |log(found / true)|) of bending stiffness; NaN where the truth is not known.
+        coverage: Share of the 90 % intervals of bending stiffness that hold the truth; NaN where there are none.
+    """
+
+    solver: str
+    samples: int
+    cells: int
+    metrics: dict[str, Estimate]
+    interval_factor: float
+    error_factor: float
+    coverage: float
+
+
+def learning_splits(
+    dataset: DrapeDataset, cloths: Sequence[str] | None, samples: Sequence[int], unseen: int
+) -> dict[int, list[Split]]:
+    """Splits for every number of training samples.
+
+    Args:
+        dataset: Data.
+        cloths: Cloths; None for those of the split `paper`.
+        samples: Numbers of training samples.
+        unseen: Number of samples that no fit sees, the last ones of every cloth.
+
+    Returns:
+        A split a cloth for each number.
+
+    Raises:
+        LeaderboardError: A cloth has too few samples.
+        DataError: An unknown cloth.
+    """
+    found: dict[int, list[Split]] = {count: [] for count in sorted(set(samples))}
+    for split in dataset.split("paper", cloths):
+        rows = (split.train[0], *split.test)  # one silhouette a sample
+        if max(found) + unseen > len(rows):
+            raise LeaderboardError(
+                f"{split.cloth} has {len(rows)} samples, too few for {max(found)} to learn from and {unseen} unseen; "
+                "give smaller numbers of samples or fewer unseen ones"
+            )
+        for count, splits in found.items():
+            splits.append(Split(split.cloth, rows[:count], rows[len(rows) - unseen :]))
+    return found
+
+
+def learning_curve(cells: Cells, *, seed: int = 0) -> list[LearningStep]:
+    """Sums up finished fits.
+
+    Args:
+        cells: Cells of several numbers of training samples.
+        seed: Seed of the bootstrap.
+
+    Returns:
+        A step for each solver and number of samples, in this order.
+    """
+    generator, steps = np.random.default_rng(seed), []
+    table = cells.table.assign(samples=trained_on(cells.table))
+    for solver, samples in sorted(set(zip(table["solver"], table["samples"], strict=True))):
+        part = table.loc[(table["solver"] == solver) & (table["samples"] == samples)]
+        known = part.get("stiffness", [])
+        interval, error, _, coverage = stiffness_scores(one for one in known if isinstance(one, FoundStiffness))
+        metrics = {name: _estimate(part, name, generator) for name in METRICS}
+        steps.append(LearningStep(str(solver), int(samples), len(part), metrics, interval, error, coverage))
+    return steps
+
+
+def trained_on(table: pd.DataFrame) -> pd.Series:
+    """Number of training samples of each cell.
+
+    Args:
+        table: `Cells.table` of cells whose protocol is `first-N`.
+
+    Returns:
+        A number a row.
+
+    Raises:
+        LeaderboardError: A cell of another protocol.
+    """
+    names = table["protocol"].astype(str)
+    if not names.str.fullmatch(r"first-\d+").all():
+        raise LeaderboardError(f"cells of the protocol {names.iloc[0]!r} are no learning curve; see learning-curve")
+    return names.str.removeprefix("first-").astype(int)
+
+
+def _estimate(part: pd.DataFrame, name: str, generator: np.random.Generator) -> Estimate:
+    values = cell_values(part, name)
+    return estimate(values, mean, generator) if values else Estimate(np.nan, np.nan, np.nan)

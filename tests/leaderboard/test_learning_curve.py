@@ -1,0 +1,93 @@
+"""What more samples of a cloth are worth: nested training samples, the same unseen ones, one row a number."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.datasets import load
+from cusick_bench.leaderboard import LeaderboardError
+from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
+from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
+
+TRUTH = {"weft": 1e-6, "bias": 2e-6, "warp": 4e-6}
+
+
+def test_training_samples_are_nested_and_unseen_ones_stay_the_same() -> None:
+    dataset = load("synthetic")
+    found = learning_splits(dataset, ["fabric_1", "fabric_2"], [4, 1, 2, 2], 3)
+    assert list(found) == [1, 2, 4]
+    for cloth in (0, 1):
+        splits = [of_count[cloth] for of_count in found.values()]
+        assert [len(split.train) for split in splits] == [1, 2, 4]
+        assert all(split.train == splits[-1].train[: len(split.train)] for split in splits)
+        assert len({split.test for split in splits}) == 1
+        assert len(splits[0].test) == 3
+        rows = dataset.index.loc[[*splits[-1].train, *splits[-1].test]]
+        assert rows["sample"].is_unique, "one silhouette a sample, and none is both"
+
+
+def test_too_few_samples_are_refused() -> None:
+    with pytest.raises(LeaderboardError, match="fabric_1 has 12 samples, too few for 8 to learn from and 5 unseen"):
+        learning_splits(load("synthetic"), ["fabric_1"], [1, 8], 5)
+
+
+def cells_of(rows: list[dict[str, Any]]) -> Cells:
+    return Cells(Path(), {}, pd.DataFrame(rows), ())
+
+
+def cell(samples: int, cloth: str, crps: float, factor: float, width: float) -> dict[str, Any]:
+    """A fit that is off by a factor, with an interval of a half width."""
+    found = {name: factor * value for name, value in TRUTH.items()}
+    bending = {name: Quantity(value, (value / width, value * width)) for name, value in found.items()}
+    stiffness = FoundStiffness(bending, {}, {}, {}, TRUTH)
+    identity = {"solver": "bdp-field", "cloth": cloth, "seed": 0, "protocol": f"first-{samples}"}
+    return identity | {"test_dc_crps": crps, "stiffness": stiffness}
+
+
+def test_steps_are_means_over_cloths() -> None:
+    rows = [cell(1, cloth, crps, 2.0, 3.0) for cloth, crps in zip("abc", (0.01, 0.02, 0.03), strict=True)]
+    rows += [cell(8, cloth, 0.01, 1.5, 1.2) for cloth in "abc"]
+    one, eight = learning_curve(cells_of(rows))
+    assert (one.samples, eight.samples, one.cells) == (1, 8, 3)
+    assert one.metrics["test_dc_crps"].value == pytest.approx(0.02)
+    assert 0.01 <= one.metrics["test_dc_crps"].low < 0.02 < one.metrics["test_dc_crps"].high <= 0.03
+    assert np.isnan(one.metrics["test_mse"].value), "not measured"
+    assert (one.error_factor, eight.error_factor) == pytest.approx((2.0, 1.5))
+    assert (one.interval_factor, eight.interval_factor) == pytest.approx((3.0, 1.2))
+    assert (one.coverage, eight.coverage) == (1.0, 0.0)
+
+
+def test_one_cloth_has_a_step_too() -> None:
+    (step,) = learning_curve(cells_of([cell(2, "a", 0.01, 2.0, 3.0)]))
+    assert (step.samples, step.error_factor, step.coverage) == (2, pytest.approx(2.0), 1.0)
+
+
+def test_cells_of_another_protocol_are_refused() -> None:
+    with pytest.raises(LeaderboardError, match="'paper' are no learning curve"):
+        learning_curve(cells_of([cell(1, "a", 0.01, 2.0, 3.0) | {"protocol": "paper"}]))
+
+
+def test_the_command_goes_on_and_writes_a_row_for_each_number(tmp_path: Path, one_thread: None) -> None:
+    arguments = ["learning-curve", "--out", tmp_path, "--cloth", "fabric_1", "--learn-from", 1, "--learn-from", 2]
+    arguments += ["--unseen", 3, "--vertices", 97, "--budget", 3, "--workers", 1]
+    arguments += ["--solver", "null:random-phase,draws=3", "--solver", "sobol", "--json"]
+    found = CliRunner().invoke(app, [str(one) for one in arguments])
+    assert found.exit_code == 0, found.output
+    steps = json.loads(found.stdout)["steps"]
+    assert sorted((step["solver"], step["samples"]) for step in steps) == [
+        ("null:random-phase,draws=3", 1), ("null:random-phase,draws=3", 2), ("sobol", 1), ("sobol", 2)
+    ]  # fmt: skip
+    assert all(step["metrics"]["test_mse"]["value"] > 0 for step in steps)
+    table = pd.read_csv(tmp_path / "learning-curve.csv")
+    assert list(table["samples"]) == [1, 2, 1, 2]
+    finished = {path: path.stat().st_mtime_ns for path in tmp_path.glob("cells/*/done")}
+    assert len(finished) == 4
+    assert CliRunner().invoke(app, [str(one) for one in arguments]).exit_code == 0
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("cells/*/done")} == finished
