@@ -10,10 +10,8 @@ In equilibrium mode a drape starts from the best one so far and so follows its b
 Newton steps; `follow=False` starts each one anew.
 """
 
-import hashlib
 import logging
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -24,8 +22,10 @@ from torch import Tensor
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import camera_of
-from cusick_bench.problem.budget import COST, GRADIENTS, Evaluation, Meter
+from cusick_bench.problem.bookkeeping import Simulated, metered
+from cusick_bench.problem.budget import GRADIENTS, Meter
 from cusick_bench.problem.errors import ProblemError
+from cusick_bench.problem.followed_branch import FollowedBranch
 from cusick_bench.problem.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.scene import Scene
@@ -33,7 +33,6 @@ from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.pace import PaceName, pace_of
-from cusick_bench.sim.engine.statics.branch import follow
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.silhouette import Method, render
@@ -54,25 +53,6 @@ class Observation:
     vertices: Float[np.ndarray, "vertices 3"]
     image: Float[np.ndarray, "size size"]
     loss: float
-
-
-@dataclass
-class _Branch:
-    """The best drape so far, from which the next one starts."""
-
-    loss: float = math.inf
-    vertices: Tensor | None = None
-
-
-@dataclass(frozen=True)
-class _Simulated:
-    """A drape and what to keep of it."""
-
-    loss: float = math.inf
-    failure: str = ""
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
-    seconds: float = 0.0  # of a fall [s]
-    jumped: bool = False
 
 
 @dataclass(frozen=True)
@@ -115,7 +95,7 @@ class DrapeProblem:
     further_images: tuple[Float[np.ndarray, "size size"], ...] = ()
     train_mesh: TrainMesh | None = None
     scene: Scene | None = None
-    _branch: _Branch = field(default_factory=_Branch, repr=False)
+    _branch: FollowedBranch = field(default_factory=FollowedBranch, repr=False)
 
     def __post_init__(self) -> None:
         if self.loss not in LOSSES:
@@ -335,7 +315,7 @@ class DrapeProblem:
         materials = [one.material for one in specimens]
         initial = _stacked([self.initial if one.initial is None else one.initial for one in specimens])
         rest_angle = _stacked([one.rest_angle for one in specimens])
-        warm = self._warm(len(taus)) if warm is None else warm
+        warm = self._branch.start(len(taus)) if warm is None and self._follows else warm
         if self.scene is None:
             return self.simulator.drape_batch(materials, initial=initial, rest_angle=rest_angle, warm=warm)
         laid, flat = torch.from_numpy(self.simulator.laid_down()), self.simulator.rest_angles()
@@ -420,29 +400,19 @@ class DrapeProblem:
         return [None if entry.evaluation.failure else self._seen(entry) for entry in entries]
 
     def _metered(self, kind: str, taus: Vectors, measure: Measure | None = None) -> list[Entry]:
-        """Evaluations, from the journal as far as it goes, and computed together from there on."""
-        taus = self._checked(taus)
-        digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
-        self.meter.admit(kind, len(taus), replayed=self.journal.replaying)
-        entries: list[Entry] = []
-        while len(entries) < len(taus) and (entry := self.journal.next(kind, digests[len(entries)])) is not None:
-            self.meter.replay(entry.evaluation)
-            entries.append(entry)
-        if rest := digests[len(entries) :]:
-            first = len(entries) if measure is None else 0  # a measure has to see all members
-            for entry in self._computed(kind, rest, taus[first:], measure):
-                self.journal.append(entry)
-                self.meter.record(entry.evaluation)
-                entries.append(entry)
+        entries = metered(
+            kind,
+            self._checked(taus),
+            lambda some: self._simulated(some, kind in GRADIENTS, measure),
+            self.meter,
+            self.journal,
+            keeps_vertices=lambda loss: kind in _KEPT or (self._follows and loss < self._branch.loss),
+            all_at_once=measure is not None,
+        )
         if self._follows:
             for entry in entries:
-                self._keep_branch(entry)
+                self._branch.keep(entry)
         return entries
-
-    def _keep_branch(self, entry: Entry) -> None:
-        if entry.evaluation.loss < self._branch.loss and "vertices" in entry.arrays:
-            self._branch.loss = entry.evaluation.loss
-            self._branch.vertices = torch.as_tensor(entry.arrays["vertices"])
 
     def _checked(self, taus: Vectors) -> Vectors:
         taus = np.ascontiguousarray(taus, dtype=np.float64)
@@ -458,41 +428,7 @@ class DrapeProblem:
     def _follows(self) -> bool:
         return self.follow and self.simulator.settings.mode == "equilibrium"
 
-    def _warm(self, members: int) -> Tensor | None:
-        """Where drapes start from, if a branch is followed."""
-        vertices = self._branch.vertices
-        return vertices.expand(members, -1, -1) if self._follows and vertices is not None else None
-
-    def _computed(self, kind: str, digests: list[str], taus: Vectors, measure: Measure | None) -> list[Entry]:
-        """Evaluates vectors together; keeps the last ones, which have digests, and runs the totals on over them."""
-        start, before = time.perf_counter(), self.meter.wall_seconds
-        results = self._simulate(taus, kind in GRADIENTS, measure)[-len(digests) :]
-        seconds = (time.perf_counter() - start) / len(taus)
-        best, spent, entries = self.meter.best_loss, self.meter.forward_equivalents, []
-        for digest, result in zip(digests, results, strict=True):
-            best, spent = best if kind == "draw" else min(best, result.loss), spent + COST[kind]
-            if kind not in _KEPT and not (self._follows and result.loss < self._branch.loss):
-                result.arrays.pop("vertices", None)
-            evaluation = Evaluation(
-                kind=kind,
-                digest=digest,
-                loss=result.loss,
-                best_loss=best,
-                forward_equivalents=spent,
-                wall_seconds=before + (len(entries) + 1) * seconds,
-                seconds=seconds,
-                simulated_seconds=result.seconds,
-                failure=result.failure,
-                jumped=result.jumped,
-            )
-            entries.append(Entry(evaluation, result.arrays))
-        return entries
-
-    @property
-    def _static(self) -> bool:
-        return self.simulator.settings.mode == "equilibrium"
-
-    def _simulate(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[_Simulated]:
+    def _simulated(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[Simulated]:
         """Drapes (and their adjoints), measured against the training image where the simulator's device leaves them."""
         parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
         target = torch.as_tensor(self.train_image)
@@ -507,25 +443,23 @@ class DrapeProblem:
             total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)
             slopes = torch.autograd.grad(total, parameters)[0].cpu().numpy()
         settings = self.simulator.settings
-        fall = 0.0 if self._static else pace_of(settings.pace, settings.steps).steps * settings.step_seconds
-        results = [_Simulated(failure=failure or "") for failure in batch.failures]
+        fall = (
+            0.0
+            if settings.mode == "equilibrium"
+            else pace_of(settings.pace, settings.steps).steps * settings.step_seconds
+        )
+        results = [Simulated(failure=failure or "") for failure in batch.failures]
         for member in alive:
             arrays = {"vertices": batch.vertices[member].detach().cpu().numpy()}
             if gradient:
                 arrays["gradient"] = slopes[member]
             loss = losses[member].item()
             if all(np.isfinite(array).all() for array in (loss, *arrays.values())):
-                jumped = self._jumped(arrays["vertices"])
-                results[member] = _Simulated(loss, "", arrays, fall, jumped)
+                jumped = self._follows and self._branch.left_by(self.simulator.mesh, arrays["vertices"])
+                results[member] = Simulated(loss, "", arrays, fall, jumped)
             else:
-                results[member] = _Simulated(failure="the drape, its loss or its gradient is not finite")
+                results[member] = Simulated(failure="the drape, its loss or its gradient is not finite")
         return results
-
-    def _jumped(self, vertices: Float[np.ndarray, "vertices 3"]) -> bool:
-        """Whether a drape has left the branch that it was followed from."""
-        if not self._follows or self._branch.vertices is None:
-            return False
-        return follow(self.simulator.mesh, self._branch.vertices.numpy(), vertices).changed
 
 
 def _first(batch: DrapeBatch) -> DrapeBatch:
