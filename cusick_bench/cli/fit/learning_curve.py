@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
-from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
+from cusick_bench.cli.common import output, print_json, tell, user_errors
+from cusick_bench.cli.fit.planned_cells import run_planned
 from cusick_bench.cli.options import (
     LAW,
     MOST_CASES,
@@ -69,10 +67,9 @@ def learning_curve_command(
     For solvers that learn from several samples, such as bdp-field. Repeating the command goes on where it was stopped.
     Exit status 1 if a cell failed.
     """
-    from cusick_bench.leaderboard import LeaderboardError, load_cells
     from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
     from cusick_bench.problem import Budget as Limit
-    from cusick_bench.runner import ProblemSettings, Source, load_once, plan, run
+    from cusick_bench.runner import ProblemSettings, Source, load_once, plan
     from cusick_bench.sim.engine.settings import DrapeSettings
 
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
@@ -90,20 +87,15 @@ def learning_curve_command(
             splits=splits,
         )
     ]
-    with GridProgress() as progress, interruptible(partial(cells_kept, progress, out), go_on=True):
-        run(source, planned, out, workers=workers, watcher=progress, command=sys.argv, force=force)
-    keys, cells = {cell.key for cell in planned}, load_cells(out)
-    kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
-    if kept.empty:
-        raise LeaderboardError(f"every cell in {out} failed; see cells/*/result.json there")
-    steps = learning_curve(replace(cells, table=kept))
+    cells = run_planned(source, planned, out, workers=workers, force=force)
+    steps = learning_curve(cells)
     for path in _write(steps, out):
         tell(f"wrote {path}")
     if as_json:
         print_json({"steps": [asdict(step) for step in steps]})
     else:
         output.print(_table(steps, f"{dataset.name}: {unseen} unseen samples of each cloth, {vertices} vertices"))
-    if any(skipped.folder.name in keys for skipped in cells.skipped):
+    if cells.skipped:
         raise typer.Exit(1)
 
 

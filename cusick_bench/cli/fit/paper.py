@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +14,7 @@ import typer
 from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.fit import paper_figures
-from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
+from cusick_bench.cli.fit.planned_cells import run_planned
 from cusick_bench.cli.options import (
     LAW,
     MOST_DRAWS,
@@ -39,7 +37,6 @@ from cusick_bench.cli.options import (
 )
 from cusick_bench.cli.options import Budget as DrapesBudget
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.leaderboard import LeaderboardError
 from cusick_bench.problem import Budget
 from cusick_bench.runner import RunnerError
 from cusick_bench.runner.store import write_atomically
@@ -216,9 +213,8 @@ def _settings(vertices: int, mode: Mode, steps: int, budget: Budget, *laws: LawN
 
 def _run(grid: _Grid) -> tuple[Cells, list[str]]:
     """Runs what is not finished yet, and reads exactly these cells, however many others lie beside them."""
-    from cusick_bench.leaderboard import load_cells
     from cusick_bench.leaderboard.paper import SOLVERS, methods
-    from cusick_bench.runner import Cell, load_once, plan, require_space, run
+    from cusick_bench.runner import Cell, load_once, plan, require_space
 
     chosen, missing = methods(grid.solvers or SOLVERS[grid.name], grid.draws)
     if missing and grid.solvers:
@@ -238,13 +234,7 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
                 settings=replace(settings, space=space or settings.space),
             )
     planned = list({cell.key: cell for cell in planned}.values())
-    with GridProgress() as progress, interruptible(partial(cells_kept, progress, grid.out), go_on=True):
-        run(grid.source, planned, grid.out, workers=grid.workers, watcher=progress, command=sys.argv, force=grid.force)
-    keys, cells = {cell.key for cell in planned}, load_cells(grid.out)
-    kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
-    if kept.empty:
-        raise LeaderboardError(f"every cell in {grid.out} failed; see cells/*/result.json there")
-    return replace(cells, table=kept, skipped=tuple(s for s in cells.skipped if s.folder.name in keys)), notes
+    return run_planned(grid.source, planned, grid.out, workers=grid.workers, force=grid.force), notes
 
 
 def _simulates(solver: str) -> bool:

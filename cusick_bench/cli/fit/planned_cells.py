@@ -1,0 +1,46 @@
+"""Runs the cells that a command has planned, and reads back exactly these."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cusick_bench.cli.common import interruptible
+from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
+from cusick_bench.leaderboard import LeaderboardError
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard import Cells
+    from cusick_bench.runner import Cell, Source
+
+
+def run_planned(source: Source, planned: Sequence[Cell], out: Path, *, workers: int, force: bool) -> Cells:
+    """Runs what is not finished yet, with progress.
+
+    Args:
+        source: Where the data are.
+        planned: The cells.
+        out: Results folder, however many others lie in it.
+        workers: Processes.
+        force: Use silhouettes that no cloth on its plate can show.
+
+    Returns:
+        The planned cells.
+
+    Raises:
+        LeaderboardError: Every one of them failed.
+    """
+    from cusick_bench.leaderboard import load_cells
+    from cusick_bench.runner import run
+
+    with GridProgress() as progress, interruptible(partial(cells_kept, progress, out), go_on=True):
+        run(source, list(planned), out, workers=workers, watcher=progress, command=sys.argv, force=force)
+    keys, cells = {cell.key for cell in planned}, load_cells(out)
+    kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
+    if kept.empty:
+        raise LeaderboardError(f"every cell in {out} failed; see cells/*/result.json there")
+    return replace(cells, table=kept, skipped=tuple(s for s in cells.skipped if s.folder.name in keys))
