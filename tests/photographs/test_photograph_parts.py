@@ -229,12 +229,11 @@ def test_confidence_is_high_where_nothing_speaks_against():
         ("unsettled_mm", 2.0, "moves by 2.0 mm"),
         ("roughness_mm", 0.6, "ragged, by 0.60 mm"),
         ("unfound", 0.1, "no crossing from cloth to ground along 10% of it"),
-        ("width_mm", 2.0, "blurred over 2.0 mm"),
+        ("width_mm", 2.2, "blurred over 2.2 mm"),
         ("strange", 0.4, "something lies on it"),
         ("at_limit", 0.05, "no cloth can end"),
         ("unseen", 0.01, "leaves the picture"),
-        ("off_axis_mm", 0.8, "beside the axis"),
-        ("calibration_mm", 1.5, "calibrate with the board"),
+        ("expected_mm", 0.5, "make 0.7 mm likely"),
         ("beyond_plate", 0.0, "is there a cloth?"),
     ],
 )
@@ -243,6 +242,22 @@ def test_each_doubt_counts_alone(measure_, value, says):
     assert confidence(doubtful) < ACCEPTED
     (reason,) = doubts(doubtful)
     assert says in reason
+
+
+@pytest.mark.parametrize(
+    ("measure_", "value", "says"),
+    [("off_axis_mm", 1.0, "beside the axis"), ("calibration_mm", 2.0, "calibrate with the board")],
+)
+def test_a_large_error_has_its_cause_beside_it(measure_, value, says):
+    doubtful = replace(SURE, **{measure_: value})
+    assert confidence(doubtful) < ACCEPTED
+    assert says in "; ".join(doubts(doubtful))
+
+
+def test_errors_that_are_small_each_add_up():
+    small = {"expected_mm": 0.2, "off_axis_mm": 0.4, "calibration_mm": 0.9}
+    assert all(confidence(replace(SURE, **{name: value})) > ACCEPTED for name, value in small.items())
+    assert confidence(replace(SURE, **small)) < ACCEPTED
 
 
 def test_accuracy_counts_wrong_ones_and_those_that_are_known():

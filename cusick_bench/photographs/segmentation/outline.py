@@ -13,6 +13,7 @@ from cusick_bench.photographs.segmentation.colour import learnt, likelihood
 from cusick_bench.photographs.segmentation.confidence import Evidence, confidence
 from cusick_bench.photographs.segmentation.curve import curve_of, outermost
 from cusick_bench.photographs.segmentation.edge import edge_strength
+from cusick_bench.photographs.segmentation.edge_model import fitted_model, read_outline
 from cusick_bench.photographs.segmentation.path import closed_path
 from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture, polar_picture
 from cusick_bench.photographs.segmentation.refine import refined
@@ -44,6 +45,56 @@ class Outline:
     confidence: float
 
 
+@dataclass(frozen=True, eq=False)
+class FoundByLight:
+    """The outline by colours, edges and levels of light, before the network reads it.
+
+    Attributes:
+        radii: Radii [m] at equidistant angles.
+        ratio: Log likelihood ratio of cloth against ground at every place.
+        edges: Strength of an edge at every place.
+        measures: Fields of the evidence that are measured on the way.
+    """
+
+    radii: Float[ndarray, " angles"]
+    ratio: Float[ndarray, "angles radii"]
+    edges: Float[ndarray, "angles radii"]
+    measures: dict[str, float]
+
+
+def found_by_light(picture: PolarPicture) -> FoundByLight:
+    """Finds the cloth's outline by colours, edges and levels of light.
+
+    Args:
+        picture: Evenly lit.
+
+    Returns:
+        The outline, and what was seen on the way.
+    """
+    generator = np.random.default_rng(0)  # of the places that colours are learnt from: a picture always reads the same
+    edges, span = edge_strength(picture), _span(picture)
+    ratio, strange = likelihood(picture, learnt(picture, generator))
+    path = earlier = _path(ratio, edges, span, _REGION, _EDGE)
+    for _ in range(_ROUNDS):
+        ratio, _ = likelihood(picture, learnt(picture, generator, picture.radii[path]))
+        earlier, path = path, _path(ratio, edges, span, _REGION, _EDGE)
+    learning = float(1e3 * STEP * np.percentile(np.abs(path - earlier), 97))
+    curve, before, strength = curve_of(picture.radii[path]), picture.radii[path], np.zeros(0)
+    for _ in range(_SNAPS):
+        known = learnt(picture, generator, outermost(curve))
+        before, (curve, strength) = outermost(curve), snapped(picture.plane, known, curve)
+    radii, missing, width = refined(picture.plane, curve)
+    measures = {
+        "learning_mm": learning,
+        "weak_fine": float((strength < _WEAK).mean()),
+        "unsettled_mm": float(1e3 * np.percentile(np.abs(outermost(curve) - before), 97)),
+        "unfound": missing,
+        "width_mm": 1e3 * width,
+        "strange": float(cv2.blur(np.tile(strange, 3).reshape(1, -1), (_SECTOR, 1))[0].max()),
+    }
+    return FoundByLight(radii, ratio, edges, measures)
+
+
 def find_outline(photograph: Photograph, view: PlateView, plate: float, cloth: float) -> Outline:
     """Finds the cloth's outline.
 
@@ -56,35 +107,21 @@ def find_outline(photograph: Photograph, view: PlateView, plate: float, cloth: f
     Returns:
         The outline with its confidence.
     """
-    raw = polar_picture(photograph, view, plate, cloth)
-    picture = evenly_lit(raw)
-    generator = np.random.default_rng(0)  # of the places that colours are learnt from: a picture always reads the same
-    edges = edge_strength(picture)
-    span = slice(picture.column(_LEAST * plate), picture.column(_MOST * cloth) + 1)
-    ratio, strange = likelihood(picture, learnt(picture, generator))
-    path = earlier = _path(ratio, edges, span, _REGION, _EDGE)
-    for _ in range(_ROUNDS):
-        ratio, _ = likelihood(picture, learnt(picture, generator, picture.radii[path]))
-        earlier, path = path, _path(ratio, edges, span, _REGION, _EDGE)
-    learning = float(1e3 * STEP * np.percentile(np.abs(path - earlier), 97))
-    curve, before, strength = curve_of(picture.radii[path]), picture.radii[path], np.zeros(0)
-    for _ in range(_SNAPS):
-        known = learnt(picture, generator, outermost(curve))
-        before, (curve, strength) = outermost(curve), snapped(picture.plane, known, curve)
-    radii, missing, width = refined(picture.plane, curve)
-    path = np.array([picture.column(radius) for radius in radii])
-    alone = [_path(ratio, edges, span, *weights) for weights in ((_REGION, 0.15), (0.05, _EDGE))]
+    picture = evenly_lit(polar_picture(photograph, view, plate, cloth))
+    found = found_by_light(picture)
+    curve, spread = read_outline(picture.plane, curve_of(found.radii), fitted_model())
+    radii = outermost(curve)
     evidence = replace(
-        _evidence(picture, ratio, edges, span, path, radii),
-        learning_mm=learning,
-        disagreement_mm=float(1e3 * STEP * max(np.percentile(np.abs(path - other), 95) for other in alone)),
-        weak_fine=float((strength < _WEAK).mean()),
-        unsettled_mm=float(1e3 * np.percentile(np.abs(outermost(curve) - before), 97)),
-        unfound=missing,
-        width_mm=1e3 * width,
-        strange=float(cv2.blur(np.tile(strange, 3).reshape(1, -1), (_SECTOR, 1))[0].max()),
+        _evidence(picture, found.ratio, found.edges, radii),
+        **found.measures,
+        expected_mm=float(1e3 * np.sqrt(2 * np.mean(spread**2))),
     )
     return Outline(radii, evidence, confidence(evidence))
+
+
+def _span(picture: PolarPicture) -> slice:
+    """Columns between which the outline lies."""
+    return slice(picture.column(_LEAST * picture.plate), picture.column(_MOST * picture.cloth) + 1)
 
 
 def _path(ratio: ndarray, edges: ndarray, span: slice, region: float, edge: float) -> ndarray:
@@ -93,10 +130,10 @@ def _path(ratio: ndarray, edges: ndarray, span: slice, region: float, edge: floa
     return closed_path(cost[:, span], _STIFFNESS) + span.start
 
 
-def _evidence(
-    picture: PolarPicture, ratio: ndarray, edges: ndarray, span: slice, path: ndarray, radii: ndarray
-) -> Evidence:
-    """What speaks for a path beside itself."""
+def _evidence(picture: PolarPicture, ratio: ndarray, edges: ndarray, radii: ndarray) -> Evidence:
+    """What speaks for an outline beside itself."""
+    span, path = _span(picture), np.array([picture.column(radius) for radius in radii])
+    alone = [_path(ratio, edges, span, *weights) for weights in ((_REGION, 0.15), (0.05, _EDGE))]
     row = np.arange(len(path))
     last = len(picture.radii) - 1
 
@@ -119,4 +156,5 @@ def _evidence(
         at_limit=float(((path <= span.start + 1) | (path >= span.stop - 2)).mean()),
         unseen=float(1 - picture.seen[row, beside(8)[:, 0]].mean()),
         beyond_plate=float(np.median(radii) / picture.plate - 1),
+        disagreement_mm=float(1e3 * STEP * max(np.percentile(np.abs(path - other), 95) for other in alone)),
     )
