@@ -10,6 +10,7 @@ import argparse
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -151,7 +152,7 @@ def _turned(features: Tensor, generator: torch.Generator) -> Tensor:
 
 def fit(
     features: Float[Tensor, "points features"], offsets: Float[Tensor, " points"], steps: int, seed: int
-) -> dict[str, ndarray]:
+) -> dict[str, Any]:
     """Fits the network by the likelihood of Laplace's distribution.
 
     Args:
@@ -165,7 +166,7 @@ def fit(
     """
     generator = torch.Generator().manual_seed(seed)
     sizes = (features.shape[1], _UNITS, _UNITS, 2)
-    linear = [torch.nn.utils.skip_init(torch.nn.Linear, *pair) for pair in pairwise(sizes)]
+    linear = [cast(torch.nn.Linear, torch.nn.utils.skip_init(torch.nn.Linear, *pair)) for pair in pairwise(sizes)]
     for layer in linear:
         torch.nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu", generator=generator)
         torch.nn.init.zeros_(layer.bias)
@@ -181,7 +182,7 @@ def fit(
         loss.backward()
         optimiser.step()
         schedule.step()
-    kept = {}
+    kept: dict[str, Any] = {}
     for number, layer in enumerate(linear):
         kept[f"weights{number}"] = layer.weight.detach().numpy().T.astype(np.float32)
         kept[f"offsets{number}"] = layer.bias.detach().numpy().astype(np.float32)
