@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.files import read_npz
 from cusick_bench.photographs.segmentation.curve import Curve, normals, resampled, smoothed
 from cusick_bench.photographs.segmentation.plane import PlanePicture
 from cusick_bench.photographs.segmentation.profiles import profiles
@@ -57,11 +58,9 @@ class EdgeModel:
 @lru_cache(maxsize=1)
 def fitted_model() -> EdgeModel:
     """The network that is shipped."""
-    with np.load(WEIGHTS, allow_pickle=False) as kept:
-        count = len(kept.files) // 2
-        return EdgeModel(
-            tuple((kept[f"weights{n}"].astype(float), kept[f"offsets{n}"].astype(float)) for n in range(count))
-        )
+    kept = read_npz(WEIGHTS, remedy="install cusick-bench again")
+    layers = range(len(kept) // 2)
+    return EdgeModel(tuple((kept[f"weights{n}"].astype(float), kept[f"offsets{n}"].astype(float)) for n in layers))
 
 
 def read_outline(picture: PlanePicture, curve: Curve, model: EdgeModel) -> tuple[Curve, Float[ndarray, " points"]]:
