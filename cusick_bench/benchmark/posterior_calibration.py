@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from cusick_bench.sim.setup import Simulators
 
 BINS = 10
-"""Of the histogram of ranks."""
+"""Number of bins of the histogram of the truth's rank among posterior draws."""
 _DENSITIES = (0.06, 0.35)  # [kg/m2] between which cloths are, evenly in the logarithm
 _MOST_TRIALS = 20  # cloths drawn until one drapes
 _INTERVALS = (0.5, 0.9)

@@ -41,12 +41,12 @@ class FabricRow:
 
     Attributes:
         name: Name of the fabric.
-        anchor: Of its section.
+        anchor: HTML id of the fabric's section, to which the line links.
         samples: Number of samples.
         drape_coefficient: Mean and spread.
         folds: Mean and spread.
         stiffness: Bending stiffness of warp, weft and bias, with intervals.
-        verdict: Of the diagnosis.
+        verdict: Verdict of the diagnosis in words; a dash where there is none.
     """
 
     name: str

@@ -442,12 +442,8 @@ class DrapeProblem:
         if gradient and alive:
             total = torch.stack(list(losses.values())).sum() if measure is None else measure(images)
             slopes = torch.autograd.grad(total, parameters)[0].cpu().numpy()
-        settings = self.simulator.settings
-        fall = (
-            0.0
-            if settings.mode == "equilibrium"
-            else pace_of(settings.pace, settings.steps).steps * settings.step_seconds
-        )
+        s = self.simulator.settings
+        fall = 0.0 if s.mode == "equilibrium" else pace_of(s.pace, s.steps).steps * s.step_seconds
         results = [Simulated(failure=failure or "") for failure in batch.failures]
         for member in alive:
             arrays = {"vertices": batch.vertices[member].detach().cpu().numpy()}

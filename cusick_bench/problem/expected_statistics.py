@@ -38,7 +38,7 @@ class ExpectedStatistics:
         mean: Coefficients of the expectation.
         rest: How what moves none of the leading directions changes it.
         log_sd: Coefficients of the logarithm of the standard deviations.
-        correlation: Of the scatter.
+        correlation: Correlation matrix of the statistics between specimens of one cloth.
     """
 
     low: Float[ndarray, " leading"]

@@ -67,9 +67,13 @@ def learning_curve_command(
     For solvers that learn from several samples, such as bdp-field. Repeating the command goes on where it was stopped.
     Exit status 1 if a cell failed.
     """
+    import pandas as pd
+
+    from cusick_bench.files.csv_text import csv_text
     from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
     from cusick_bench.problem import Budget as Limit
     from cusick_bench.runner import ProblemSettings, Source, load_once, plan
+    from cusick_bench.runner.store import write_atomically
     from cusick_bench.sim.engine.settings import DrapeSettings
 
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
@@ -89,25 +93,15 @@ def learning_curve_command(
     ]
     cells = run_planned(source, planned, out, workers=workers, force=force)
     steps = learning_curve(cells)
-    for path in _write(steps, out):
-        tell(f"wrote {path}")
+    path = out / "learning-curve.csv"
+    write_atomically(path, csv_text(pd.DataFrame([_record(step) for step in steps])).encode())
+    tell(f"wrote {path}")
     if as_json:
         print_json({"steps": [asdict(step) for step in steps]})
     else:
         output.print(_table(steps, f"{dataset.name}: {unseen} unseen samples of each cloth, {vertices} vertices"))
     if cells.skipped:
         raise typer.Exit(1)
-
-
-def _write(steps: list[LearningStep], out: Path) -> list[Path]:
-    import pandas as pd
-
-    from cusick_bench.files.csv_text import csv_text
-    from cusick_bench.runner.store import write_atomically
-
-    path = out / "learning-curve.csv"
-    write_atomically(path, csv_text(pd.DataFrame([_record(step) for step in steps])).encode())
-    return [path]
 
 
 def _record(step: LearningStep) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def lasso_without_projection(
         return {}
     columns, names = [], []
     for grid, moved in zip(grids, shifts, strict=True):
-        small = np.abs(grid.hypothesis.severity()) < 2.5
+        small = np.abs(grid.severity()) < 2.5
         leading = np.linalg.eigh(moved[small].T @ moved[small])[1][:, :-3:-1].T
         columns += list(leading)
         names += [grid.hypothesis.name] * len(leading)
