@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS, faces
 from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, inflated
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics
+from cusick_bench.diagnosis.inference.single_effects.evidence import grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.shown_shift import (
@@ -24,6 +25,7 @@ from cusick_bench.withheld.answers.shown_shift import (
     measure_shown_shifts,
     read_shown_shifts,
     shown_shift,
+    unmatched,
 )
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answer
@@ -68,7 +70,7 @@ def scaled(plain: SampleStatistics, residual: Residual, size: float) -> SampleSt
 
 class TestCompare:
     def test_a_case_is_its_own_twin(self, plain: SampleStatistics):
-        assert shown_shift(plain, plain, SHIPPED, ("creep",)) == ShownShift(0.0, "", 0.0)
+        assert shown_shift(plain, plain, SHIPPED, ("creep",)) == ShownShift(0.0, "", 0.0, 0.0)
 
     @pytest.mark.parametrize("size", [4.0, 10.0])
     def test_a_known_shift_has_its_size_and_its_name(self, plain: SampleStatistics, residual: Residual, size: float):
@@ -81,9 +83,23 @@ class TestCompare:
         assert found.unlike < 0.35 * found.multiple
 
     def test_of_several_effects_the_one_counts_that_shows_least(self):
-        pair = ShownShift(8 * NEEDED, "threshold", 0.6, {"creep": 7 * NEEDED, "cut-size": 1.5 * NEEDED})
+        pair = ShownShift(8 * NEEDED, "threshold", 0.6, 6.4 * NEEDED, {"creep": 7 * NEEDED, "cut-size": 1.5 * NEEDED})
         assert pair.multiple == pytest.approx(1.5)
-        assert pair.unlike == pytest.approx(8 * 0.8), "what is left of the whole shift"
+        assert pair.unlike == pytest.approx(6.4), "what is left of the whole shift"
+
+    def test_two_effects_together_may_stand_for_another(self, plain: SampleStatistics, residual: Residual):
+        """Either alone leaves the other's part."""
+        units = {}
+        for name in ("camera-scale", "face-asymmetry"):
+            hypothesis = next(one for one in hypotheses(load_atlas(SHIPPED)[0]) if one.name == name)
+            shift = grid_at(load_atlas(SHIPPED)[0], hypothesis, residual).shift
+            units[name] = shift[-1] / np.linalg.norm(shift[-1])
+        both = 10 * (units["camera-scale"] + units["face-asymmetry"])
+        alone = {name: both - both @ unit * unit for name, unit in units.items()}
+        assert all(np.linalg.norm(one) > 6 for one in alone.values())
+        one_each = {name: unit[None] for name, unit in units.items()}
+        assert unmatched(both, one_each) == pytest.approx(0, abs=1e-9)
+        assert unmatched(-both, one_each) == pytest.approx(both @ both), "no effect acts with the other sign"
 
     def test_what_acts_is_not_compared_with(self, plain: SampleStatistics, residual: Residual):
         found = shown_shift(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
@@ -117,7 +133,7 @@ class TestCommands:
         for case, one in shown.items():
             acting = json.loads(labels.read_text())[case]["effect"]
             assert set(one.each) == (set(acting) if kinds[case] == "pair" else set())
-        strong = {case: ShownShift(3 * NEEDED, "threshold", 0.8) for case in shown}
+        strong = {case: ShownShift(3 * NEEDED, "threshold", 0.8, 1.8 * NEEDED) for case in shown}
         out.write_text(json.dumps({case: asdict(one) for case, one in strong.items()}))
         suite, documents = read_suite(small_suite / "labels" / SUITE), read_label_documents(labels)
         again = measure_shown_shifts(suite, small_suite / "cases", documents, out, SHIPPED)
@@ -135,12 +151,12 @@ class TestCommands:
         assert any("twin" in note for note in found["notes"])
 
     @pytest.mark.parametrize(("shown", "subsets"), [
-        (ShownShift(3 * NEEDED, "threshold", 0.8), {CLEAR, DISTINCT}),
-        (ShownShift(3 * NEEDED, "threshold", 0.99), {CLEAR}),
-        (ShownShift(1.9 * NEEDED, "threshold", 0.1), set()),
+        (ShownShift(3 * NEEDED, "threshold", 0.8, 1.8 * NEEDED), {CLEAR, DISTINCT}),
+        (ShownShift(3 * NEEDED, "threshold", 0.8, 0.4 * NEEDED), {CLEAR}),
+        (ShownShift(1.9 * NEEDED, "threshold", 0.1, 1.9 * NEEDED), set()),
     ])  # fmt: skip
     def test_what_others_make_is_not_distinct(self, shown: ShownShift, subsets: set[str]):
-        """A threefold shift of which a like effect leaves 1.8 or .4, and one that is too weak to be clear."""
+        """A threefold shift of which other effects leave 1.8 or .4, and one that is too weak to be clear."""
         label = Label(("creep",), SINGLE, "history", multiple=0.1)
         said = read_answer({"verdict": "none", "causes": [], "set90": ["none"]}, "answer")
         answered = with_measured_severities(LabelledAnswers({"a": said}, {"a": label}, ()), {"a": shown}, "twins.json")
@@ -166,9 +182,11 @@ class TestCommands:
         with pytest.raises(WithheldError, match="no description of a suite"):
             read_suite(tmp_path / SUITE)
 
-    @pytest.mark.parametrize("wrong", [{"shift": -1}, {"alike": 1.5}, {"shift": "much"}, {"shift": None}])
+    @pytest.mark.parametrize(
+        "wrong", [{"shift": -1}, {"left": -1}, {"left": None}, {"alike": 1.5}, {"shift": "much"}, {"shift": None}]
+    )
     def test_a_broken_file_is_refused(self, tmp_path: Path, wrong: dict[str, Any]):
-        entry = {"shift": 3.0, "nearest": "creep", "alike": 0.5} | wrong
+        entry = {"shift": 3.0, "nearest": "creep", "alike": 0.5, "left": 2.0} | wrong
         (tmp_path / "twins.json").write_text(json.dumps({"case_0001": entry}))
         with pytest.raises(WithheldError, match="case_0001"):
             read_shown_shifts(tmp_path / "twins.json")

@@ -11,9 +11,14 @@ tell how much of d that makes:  noise^2 = |d(first half) - d(second half)|^2 / 4
 
 Where several effects act, each also has a twin that lacks it alone: what each shows beside the others.
 
-No diagnosis of the same statistics can find what does not show, or call an effect unknown if another effect, at the
-strength that fits best, leaves nothing of d. What chance is left in d is that of the very samples that are answered:
-where it helps to find an effect it enlarges d too. Twins need the suite's seed, so they are made after the answers.
+No diagnosis of the same statistics can find what does not show, or call an effect unknown if up to three other effects
+together leave nothing of d at the strengths that fit best (matching pursuit). What chance is left in d is that of the
+very samples that are answered: where it helps to find an effect it enlarges d too. Twins need the suite's seed, so they
+are made after the answers.
+
+References:
+    Pati, Rezaiifar, Krishnaprasad. Orthogonal matching pursuit. Asilomar Conference on Signals, Systems and Computers,
+    1993.
 """
 
 import json
@@ -28,13 +33,14 @@ from jaxtyping import Float
 from numpy import ndarray
 from pydantic import Field, TypeAdapter, model_validator
 from pydantic.dataclasses import dataclass
+from scipy.optimize import nnls
 
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.detectability.power import NEEDED
 from cusick_bench.diagnosis.inference.residuals.noise import scatter_of
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base, feature_vector, inflated
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
-from cusick_bench.diagnosis.inference.single_effects.evidence import grid_at
+from cusick_bench.diagnosis.inference.single_effects.evidence import Grid, grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
@@ -56,19 +62,22 @@ class ShownShift:
         shift: |d|, in standard deviations of noise.
         nearest: The listed effect, not acting here, whose shift points most nearly where d does; "" if there is none.
         alike: The cosine between these, at most 1.
+        left: What is left of |d| by other listed effects together.
         each: Where several effects act, |d| of each beside the others, by its name.
     """
 
     shift: Number
     nearest: str
     alike: Number
+    left: Number
     each: dict[str, Number] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check_ranges(self) -> "ShownShift":
-        if not (min(self.shift, *self.each.values(), 0.0) >= 0 and self.alike <= 1):
+        if not (min(self.shift, self.left, *self.each.values(), 0.0) >= 0 and self.alike <= 1):
             raise broken_rule(
-                f"a shift must be >= 0 and alike <= 1, got {self.shift:g} and {self.alike:g}; make the file anew"
+                f"shift and left must be >= 0 and alike <= 1, got {self.shift:g}, {self.left:g} and {self.alike:g}; "
+                "make the file anew"
             )
         return self
 
@@ -82,10 +91,11 @@ class ShownShift:
 
     @property
     def unlike(self) -> float:
-        """What is left of the shift once `nearest` is taken off at its best strength, in detectable shifts."""
-        return self.shift / NEEDED * float(np.sqrt(max(1 - max(self.alike, 0.0) ** 2, 0.0)))
+        """What is left of the shift once other listed effects are taken off, in detectable shifts."""
+        return self.left / NEEDED
 
 
+_MOST_MIMICS = 3  # listed effects that may stand together for another one
 _SHIFTS = TypeAdapter(dict[str, ShownShift])
 
 
@@ -181,7 +191,7 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
         acting: Effects of the case; no shift is compared with theirs.
 
     Returns:
-        The shift, and the other effect that is most like it.
+        The shift, the other effect that is most like it, and what others leave of it together.
     """
     emulator, calibration = load_atlas(atlas)
     scatter = scatter_of(twin.specimens)
@@ -196,17 +206,40 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
         noise = float(((first - second) ** 2).sum()) / 4
     refitted = float(((refit.white - plain.white) ** 2).sum()) / calibration.inflation**2
     size = float(np.sqrt(max(min(float(shift @ shift), refitted) - noise, 0.0)))
-    nearest, alike = "", 0.0
     others = [one for one in hypotheses(emulator) if one.name not in acting] if size else []
-    for hypothesis in others:
-        grid = grid_at(emulator, hypothesis, residual)
-        moved = grid.shift[np.isfinite(grid.log_prior)]
-        if not len(moved):
-            continue
-        cosine = float((moved @ shift / np.linalg.norm(moved, axis=1)).max()) / size
-        if cosine > alike:
-            nearest, alike = hypothesis.name, min(cosine, 1.0)
-    return ShownShift(shift=size, nearest=nearest, alike=alike)
+    directions = {one.name: _directions(grid_at(emulator, one, residual)) for one in others}
+    cosines = {name: float((unit @ shift).max()) / size for name, unit in directions.items() if len(unit)}
+    nearest = max(cosines, key=cosines.__getitem__, default="")
+    left = float(np.sqrt(max(unmatched(shift, directions) - noise, 0.0)))
+    if not cosines.get(nearest, 0.0) > 0:
+        return ShownShift(shift=size, nearest="", alike=0.0, left=min(left, size))
+    return ShownShift(shift=size, nearest=nearest, alike=min(cosines[nearest], 1.0), left=min(left, size))
+
+
+def _directions(grid: Grid) -> Float[ndarray, "points kept"]:
+    """Unit shifts of an effect, of all parameters that it may have."""
+    moved = grid.shift[np.isfinite(grid.log_prior)]
+    return moved / np.linalg.norm(moved, axis=1, keepdims=True)
+
+
+def unmatched(shift: Float[ndarray, " kept"], directions: Mapping[str, Float[ndarray, "points kept"]]) -> float:
+    """Squares of d that the effects which fit it best, one after the other, leave.
+
+    Args:
+        shift: d.
+        directions: By name of the effect, unit shifts of all parameters that it may have.
+
+    Returns:
+        What up to `_MOST_MIMICS` of them leave, none with a strength below 0.
+    """
+    matched, left = np.zeros((0, len(shift))), shift
+    remaining = {name: unit for name, unit in directions.items() if len(unit)}
+    for _ in range(min(_MOST_MIMICS, len(remaining))):
+        along = {name: unit @ left for name, unit in remaining.items()}
+        name = max(along, key=lambda one: along[one].max())
+        matched = np.vstack([matched, remaining.pop(name)[along[name].argmax()]])
+        left = shift - nnls(matched.T, shift)[0] @ matched
+    return float(left @ left)
 
 
 def _difference(

@@ -135,8 +135,8 @@ class Label:
         location: Where the effect acts; None if nowhere in particular, and for pairs.
         location_kind: `sector`, `ring`, `patch` or "".
         oracle_closure: Share of the gap that the true effect closes; NaN if not known.
-        unlike: What is left of its shift when the other listed effect that is most like it is taken off, in multiples
-            of the detectable one; NaN where that was not measured.
+        unlike: What is left of its shift when the other listed effects that are most like it are taken off, in
+            multiples of the detectable one; NaN where that was not measured.
         hidden: Name of an effect outside the list, if the label has it.
     """
 
