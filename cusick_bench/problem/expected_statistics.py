@@ -1,31 +1,36 @@
 """Statistics that drapes of a cloth are expected to have, learned once: what an inference knows before its first drape.
 
 Of random cloths, one specimen each, the statistics of `cusick_bench.problem.statistics` are regressed on what moves
-them, `field_space.LEADING`: a polynomial of second degree, of third with the level of bending and of fifth in that
-alone; what a cloth is beside, each entry of its tables, counts linearly. The scatter of specimens about it has a
-constant correlation and standard deviations whose logarithm is linear in the same numbers (and quadratic in the level):
-limp cloth varies less than stiff cloth. Beyond the cloths that were draped, the nearest of them counts.
+them, `field_space.LEADING`, to which a specimen's own level of stiffness is added: a polynomial of second degree, of
+third with the level of bending and of fifth in that alone; what a cloth is beside, each entry of its tables, counts
+linearly. The scatter of specimens of one level is that of pairs of specimens of one cloth, so that what the polynomial
+misses is no part of it. It has a constant correlation, and standard deviations whose logarithm is linear in the same
+numbers (and quadratic in the bending level): limp cloth varies less than stiff cloth. What specimens differ in by their
+level comes on top, along the slope. Beyond the cloths that were draped, the nearest of them counts.
 
 References:
     Kennedy, O'Hagan. Bayesian calibration of computer models. JRSS B 63(3), 2001. Davidian, Carroll. Variance function
     estimation. JASA 82, 1987 (the scatter).
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.files import read_npz
-from cusick_bench.problem.field_space import CLOTH, LEADING, Leading
+from cusick_bench.problem.field_space import ALONG_LEVEL, CLOTH, LEADING, Leading, Levels
 
 SHIPPED = Path(__file__).parent / "expected_statistics.npz"
 """Made by `cusick-bench population --law plate --out FOLDER`."""
 _LOG_CHI2 = 1.27  # -E log z^2 of a standard normal z
 _PASSES = 3  # of regression and scatter in turn
+_STEP = 0.3  # of the level, over which its slope is taken [log]
+_FAR = 4.0  # standard deviations: a pair that differs by more, one of which fell into another rest, counts as that
 _LEAST_SHARE = 1e-3  # of the variance: a residual of 0 has a logarithm, too
 
 
@@ -38,7 +43,7 @@ class ExpectedStatistics:
         mean: Coefficients of the expectation.
         rest: How what moves none of the leading directions changes it.
         log_sd: Coefficients of the logarithm of the standard deviations.
-        correlation: Correlation matrix of the statistics between specimens of one cloth.
+        correlation: Correlation matrix of the statistics between specimens of one cloth and level.
     """
 
     low: Float[ndarray, " leading"]
@@ -52,20 +57,35 @@ class ExpectedStatistics:
         """Expected statistics of cloths of these leading directions, else of median ones, one a row."""
         return _terms(self._place(leading)) @ self.mean
 
-    def of(self, leading: Leading, cloths: Float[ndarray, "cloths numbers"]) -> Float[ndarray, "cloths statistics"]:
+    def of(
+        self, leading: Leading, cloths: Float[ndarray, "cloths numbers"], levels: Levels = 0.0
+    ) -> Float[ndarray, "cloths statistics"]:
         """Expected statistics of cloths with tables of their own.
 
         Args:
             leading: Gives their leading directions.
             cloths: theta, one a row.
+            levels: Levels of specimens of them; 0 for the cloths.
 
         Returns:
             One row a cloth.
         """
-        return self(leading(cloths)) + leading.rest(cloths) @ self.rest
+        return self(leading(cloths, levels)) + leading.rest(cloths) @ self.rest
+
+    def slope(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths statistics"]:
+        """Derivative of the expected statistics by the level of specimens.
+
+        Args:
+            leading: Leading directions of their cloths, one a row.
+
+        Returns:
+            One row a cloth.
+        """
+        step = _STEP * ALONG_LEVEL
+        return (self(leading + step) - self(leading - step)) / (2 * _STEP)
 
     def scatter(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths statistics statistics"]:
-        """Covariance of the statistics of specimens.
+        """Covariance of the statistics of specimens of one level.
 
         Args:
             leading: Leading directions of their cloths, one a row.
@@ -100,34 +120,41 @@ def least_cloths() -> int:
 
 
 def learn(
-    leading: Leading, cloths: Float[ndarray, "cloths numbers"], statistics: Float[ndarray, "cloths statistics"]
+    leading: Leading,
+    cloths: Float[ndarray, "cloths numbers"],
+    levels: Float[ndarray, " cloths"],
+    statistics: Float[ndarray, "cloths statistics"],
+    pairs: Int[ndarray, "pairs 2"],
 ) -> ExpectedStatistics:
-    """Regresses statistics of one specimen a cloth.
+    """Regresses statistics of specimens.
 
     Args:
         leading: Gives their leading directions.
         cloths: theta of the cloths; `least_cloths` or more.
-        statistics: Statistics of one specimen each.
+        levels: Levels of the specimens.
+        statistics: Statistics of the specimens.
+        pairs: Rows of which two are specimens of one cloth.
 
     Returns:
         Expectation and scatter.
     """
-    directions = leading(cloths)
+    directions = leading(cloths, levels)
     low, high = directions.min(0), directions.max(0)
     place = _place(directions, low, high)
     terms, few = np.hstack([_terms(place), leading.rest(cloths)]), _few(place)
-    freedom = np.sqrt(len(terms) / max(len(terms) - np.linalg.matrix_rank(terms), 1))
+    of_pairs = few[pairs].mean(1)
     sd = np.ones_like(statistics)
     mean = log_sd = standardised = statistics
     for _ in range(_PASSES):
         columns = [_solved(terms / one[:, None], column / one) for one, column in zip(sd.T, statistics.T, strict=True)]
         mean = np.stack(columns, 1)
-        residual = (statistics - terms @ mean) * freedom
-        floor = _LEAST_SHARE * (residual**2).mean(0)
-        log_sd = _solved(few, 0.5 * (np.log(residual**2 + floor) + _LOG_CHI2))
-        log_sd[0] += np.log((residual / np.exp(few @ log_sd)).std(0))
+        first, second = np.moveaxis((statistics - terms @ mean)[pairs], 1, 0)
+        apart = (first - second) / math.sqrt(2)
+        floor = _LEAST_SHARE * (apart**2).mean(0)
+        log_sd = _solved(of_pairs, 0.5 * (np.log(apart**2 + floor) + _LOG_CHI2))
+        standardised = np.clip(apart / np.exp(of_pairs @ log_sd), -_FAR, _FAR)
+        log_sd[0] += np.log(standardised.std(0))
         sd = np.exp(few @ log_sd)
-        standardised = residual / sd
     own = terms.shape[1] - cloths.shape[1]
     return ExpectedStatistics(low, high, mean[:own], mean[own:], log_sd, np.corrcoef(standardised.T))
 

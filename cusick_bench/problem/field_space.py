@@ -83,11 +83,11 @@ TRAITS = {
     "curl": Trait(0.0, 4.0),  # [1/m] curvature of the rest shape, the same all over; > 0 where it rises to its face
 }
 
-# From there too: the correlation length of the laid shape. The others are assumed: undulations of 1 mm in the laid one
-# (.3 to 3 mm move no statistic that is inferred from by more than a fifth of a specimen's scatter), of a third of that
-# in the rest shape, stiffness uneven by 15 %, and .14 between samples.
+# From there too: the correlation length of the laid shape, and how much samples of one cloth differ in stiffness. The
+# others are assumed: undulations of 1 mm in the laid one (.3 to 3 mm move no statistic that is inferred from by more
+# than a fifth of a specimen's scatter), of a third of that in the rest shape, and stiffness uneven by 15 %.
 FIELDS = {
-    "stiffness": FieldPrior(0.15, 0.02, level=0.14),  # [log]
+    "stiffness": FieldPrior(0.15, 0.02, level=0.12),  # [log]
     "laying": FieldPrior(1.0e-3, 0.0135, length_sd=0.5),  # [m]
     "rest": FieldPrior(0.3e-3, 0.03),  # [m]
 }
@@ -110,6 +110,9 @@ LEADING = ("bending", "bias", "grain", "stretch", "shear", "hardening", "curl", 
 """What moves the expected statistics of a cloth: logarithms of the bending stiffness of warp and weft (mean over
 curvatures and both), of that of the bias and of the warp over the weft beside it, of the stretch stiffness at rest and
 of the shear stiffness beside it; rise with curvature; curl; logarithm of the laid shape's correlation length."""
+ALONG_LEVEL = np.isin(LEADING, ("bending", "stretch")).astype(np.float64)
+"""How these move with a specimen's level: its stiffness field multiplies all bending and stretch stiffnesses alike."""
+Levels = Float[np.ndarray, " cloths"] | float
 _AT_REST = {"c11": 0, "c22": 1, "c33": 2}  # entries of the first strain sample among the diagonal ones
 
 
@@ -125,9 +128,19 @@ class Leading:
     rows: Float[np.ndarray, "leading cloth"]
     origin: Float[np.ndarray, " leading"]
 
-    def __call__(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths leading"]:
-        """Leading directions x of cloths theta, one a row."""
-        return self.origin + cloths @ self.rows.T
+    def __call__(
+        self, cloths: Float[np.ndarray, "cloths numbers"], levels: Levels = 0.0
+    ) -> Float[np.ndarray, "cloths leading"]:
+        """Leading directions x of cloths theta, or of specimens of them.
+
+        Args:
+            cloths: theta, one a row.
+            levels: Log stiffness of each specimen beside its cloth's (`FieldSpace.levels`); 0 for the cloths.
+
+        Returns:
+            One row a cloth.
+        """
+        return self.origin + self._moved(cloths, levels)
 
     def rest(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths numbers"]:
         """What of cloths moves none of the leading directions.
@@ -140,16 +153,29 @@ class Leading:
         """
         return cloths - (cloths @ self.rows.T) @ np.linalg.pinv(self.rows).T
 
-    def scaled(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths leading"]:
+    def scaled(
+        self, cloths: Float[np.ndarray, "cloths numbers"], levels: Levels = 0.0
+    ) -> Float[np.ndarray, "cloths leading"]:
         """Leading directions about those of the median cloth, in standard deviations of the prior.
 
         Args:
             cloths: theta, one a row.
+            levels: Log stiffness of each specimen beside its cloth's; 0 for the cloths.
 
         Returns:
             One row a cloth.
         """
-        return cloths @ (self.rows / np.linalg.norm(self.rows, axis=1, keepdims=True)).T
+        return self._moved(cloths, levels) / np.linalg.norm(self.rows, axis=1)
+
+    @property
+    def scaled_level(self) -> Float[np.ndarray, " leading"]:
+        """How `scaled` moves with a specimen's level."""
+        return ALONG_LEVEL / np.linalg.norm(self.rows, axis=1)
+
+    def _moved(
+        self, cloths: Float[np.ndarray, "cloths numbers"], levels: Levels
+    ) -> Float[np.ndarray, "cloths leading"]:
+        return cloths @ self.rows.T + np.multiply.outer(levels, ALONG_LEVEL)
 
 
 def _trait(cloths: Float[Tensor, "*batch numbers"], name: str) -> Float[Tensor, "*batch"]:
@@ -291,6 +317,33 @@ class FieldSpace(ParameterSpace):
         uniform[0] = prior.level * modes.radius * math.sqrt(math.pi)  # the first mode is constant, of unit norm
         return (matern_root(modes, amplitude, length).square() + uniform.square()).sqrt()
 
+    def levels(self, taus: Float[np.ndarray, "members dimension"]) -> Float[np.ndarray, " members"]:
+        """Level of specimens: mean of their stiffness field over the overhang [log].
+
+        Args:
+            taus: Parameter vectors in the unconstrained, scaled space, one a row.
+
+        Returns:
+            One a specimen.
+        """
+        weights = taus[:, self.weights("stiffness")]
+        return np.array([own @ self._level_shares(tau) for own, tau in zip(weights, taus, strict=True)])
+
+    def level_sd(self, cloth: Float[np.ndarray, " numbers"]) -> float:
+        """Standard deviation of the level between specimens of a cloth [log].
+
+        Args:
+            cloth: theta.
+
+        Returns:
+            That of `levels`.
+        """
+        return float(np.linalg.norm(self._level_shares(cloth)))
+
+    def _level_shares(self, cloth: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " modes"]:
+        """How each weight of the stiffness field moves the level."""
+        return self._overhang_mean * self.root(torch.as_tensor(cloth), "stiffness").numpy()
+
     def trait(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, ""]:
         """Value of a trait of the cloth.
 
@@ -378,6 +431,12 @@ class FieldSpace(ParameterSpace):
         points = {"stiffness": hinge_centres(mesh), "faces": face_centres(mesh), "laying": mesh.material}
         basis = {name: torch.from_numpy(modes(where)) for name, where in points.items()}
         return basis | {"rest": basis["laying"]}
+
+    @cached_property
+    def _overhang_mean(self) -> Float[np.ndarray, " modes"]:
+        """Mean of every mode over the hinges outside of the plate."""
+        outside = np.hypot(*hinge_centres(self.mesh).T) > self.plate_radius
+        return self._basis["stiffness"].numpy()[outside].mean(0)
 
     def _raised(self, height: Float[Tensor, " vertices"]) -> Float[Tensor, "vertices 3"]:
         """The flat cloth with its overhang at a height; on the plate it is flat."""

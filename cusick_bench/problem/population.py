@@ -3,14 +3,14 @@
 `derive_population` (`cusick-bench population`) repeats it on the public release, with fabrics that no table of results
 predicts, for one material law. What differs is taken apart by levels:
 
-1. Random cloths of the prior, of all levels of bending, are draped, one specimen each, and the statistics of their
-   silhouettes are regressed on what moves them (`expected_statistics`).
+1. Random cloths of the prior, of all levels of bending, are draped, one specimen each, two of every second cloth, and
+   the statistics of their silhouettes are regressed on what moves them (`expected_statistics`).
 2. Fabrics. Each gets the cloth of highest posterior density, given the means of its samples and their scatter, both
    faces at once: face down a cloth's curl has the other sign. Traits and length of the laid shape have their mean and
    standard deviation over fabrics; so has, as a root mean square, what even the best cloth misses.
-3. Samples. Where those of a fabric and face differ more in area than specimens of its cloth, the rest is put down to
-   the level of stiffness of a sample: the median over fabrics and faces of (variance of samples - variance of
-   specimens) / slope^2 is added to the square of the level that specimens were drawn with.
+3. Samples. Where those of a fabric and face differ more in area than specimens of its cloth of one level, the rest is
+   put down to the level of stiffness of a sample: its variance is the median over fabrics and faces of (variance of
+   samples - variance of specimens) / slope^2.
 4. Faces and repeats are looked at, not fitted (`compare_levels`).
 
 The weight of these fabrics is not published. What matters is stiffness over weight, and the level is free, so all are
@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.optimize import minimize
 
@@ -36,7 +36,7 @@ from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.expected_statistics import ExpectedStatistics, learn, least_cloths
-from cusick_bench.problem.field_space import FIELDS, LEADING, TRAITS, FieldSpace
+from cusick_bench.problem.field_space import CLOTH, LEADING, TRAITS, FieldSpace
 from cusick_bench.problem.priors import DENSITY_REFERENCE, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.resolution import cloth_mesh
@@ -82,7 +82,7 @@ class PopulationPlan:
     Attributes:
         law: Material law.
         vertices: Number of vertices of the mesh.
-        cloths: Number of cloths that are draped for the regression.
+        cloths: Number of cloths that are draped for the regression, every second one twice.
 
     Raises:
         ProblemError: Fewer cloths than the regression needs.
@@ -108,7 +108,8 @@ class Population:
         traits: Mean and standard deviation between fabrics of each leading direction.
         discrepancy: Root mean square, over fabrics, of what their cloths miss of the mean statistics.
         level: Standard deviation of log stiffness between samples.
-        area_spreads: Fabric, whether turned, standard deviation of `area_log_odds` of its samples, and of specimens.
+        area_spreads: Fabric, whether turned, standard deviation of `area_log_odds` of its samples, and of specimens of
+            one level.
     """
 
     expected: ExpectedStatistics
@@ -127,13 +128,14 @@ def derive_population(
     Args:
         groups: Samples of fabrics, see `population_samples`.
         plan: How much to drape, by which law.
-        done: Called with the number of drapes made, `cloths` in all.
+        done: Called with the number of drapes made, half as many again as `cloths` in all.
 
     Returns:
         The population.
     """
     problem = population_problem(plan)
-    expected = learn(field_space_of(problem).leading, *drape_population(problem, plan.cloths, done))
+    draped = drape_population(problem, plan.cloths, done)
+    expected = learn(field_space_of(problem).leading, draped.cloths, draped.levels, draped.statistics, draped.pairs)
     names = sorted({group.fabric for group in groups})
     own = {name: [group for group in groups if group.fabric == name] for name in names}
     places = {name: nearest_cloth(problem, expected, own[name]) for name in names}
@@ -144,7 +146,7 @@ def derive_population(
         specimens = math.sqrt(float(expected.scatter(cloth[None])[0, AREA, AREA]))
         samples = float(group.statistics[:, AREA].std(ddof=1))
         spreads.append((group.fabric, group.turned, samples, specimens))
-        excess.append((samples**2 - specimens**2) / _slope(expected, cloth) ** 2)
+        excess.append((samples**2 - specimens**2) / float(expected.slope(cloth[None])[0, AREA]) ** 2)
     found = np.stack(list(places.values()))
     spread = found.std(0, ddof=1)
     spread[CURL] = math.sqrt(float((found[:, CURL] ** 2).mean()))  # which face is the first is nobody's choice
@@ -153,7 +155,7 @@ def derive_population(
         places,
         {name: (float(found[:, i].mean()), float(spread[i])) for i, name in enumerate(LEADING)},
         {name: float(one) for name, one in zip(STATISTICS, np.sqrt((missed**2).mean(0)), strict=True)},
-        math.sqrt(max(FIELDS["stiffness"].level ** 2 + float(np.median(excess)), 0.0)),
+        math.sqrt(max(float(np.median(excess)), 0.0)),
         spreads,
     )
 
@@ -213,7 +215,8 @@ def nearest_cloth(
     Returns:
         Leading directions of the cloth.
     """
-    leading, chosen = field_space_of(problem).leading, [STATISTICS.index(name) for name in MATCHED]
+    space, chosen = field_space_of(problem), [STATISTICS.index(name) for name in MATCHED]
+    leading, level = space.leading, space.level_sd(np.zeros(CLOTH))
     origin, spread = leading.origin, WIDER * np.linalg.norm(leading.rows, axis=1)
     weight = np.where(np.arange(len(LEADING)) == BENDING, 0.0, 1 / spread**2)
 
@@ -221,17 +224,18 @@ def nearest_cloth(
         total = float(weight @ (place - origin) ** 2)
         for group in groups:
             cloth = _turned(place, group.turned)[None]
-            scatter, count = expected.scatter(cloth)[0][np.ix_(chosen, chosen)], len(group.statistics)
+            slope, count = level * expected.slope(cloth)[0, chosen], len(group.statistics)
+            scatter = expected.scatter(cloth)[0][np.ix_(chosen, chosen)] + np.outer(slope, slope)
             gap = group.statistics[:, chosen].mean(0) - expected(cloth)[0, chosen]
             between = scatter / count + MISSED**2 * np.eye(len(chosen))
             total += float(gap @ np.linalg.solve(between, gap) + np.linalg.slogdet(between)[1])
         return total
 
     fits = []
-    for level in np.linspace(*LEVELS, 5):
+    for bending in np.linspace(*LEVELS, 5):
         for curl in (-0.5, 0.5):
             start = origin.copy()
-            start[BENDING], start[CURL] = level, origin[CURL] + curl * spread[CURL]
+            start[BENDING], start[CURL] = bending, origin[CURL] + curl * spread[CURL]
             fits.append(
                 minimize(cost, start, method="L-BFGS-B", bounds=list(zip(expected.low, expected.high, strict=True)))
             )
@@ -247,13 +251,6 @@ def _turned(place: Float[ndarray, " leading"], turned: bool) -> Float[ndarray, "
 
 def _missed(expected: ExpectedStatistics, place: ndarray, group: Samples) -> Float[ndarray, " statistics"]:
     return group.statistics.mean(0) - expected(_turned(place, group.turned)[None])[0]
-
-
-def _slope(expected: ExpectedStatistics, cloth: Float[ndarray, " leading"], step: float = 0.3) -> float:
-    """Derivative of the statistic `area` by the log level."""
-    along = np.zeros(len(LEADING))
-    along[BENDING] = step
-    return float(np.diff(expected(np.stack([cloth - along, cloth + along]))[:, AREA])[0]) / (2 * step)
 
 
 def population_problem(plan: PopulationPlan) -> DrapeProblem:
@@ -328,10 +325,25 @@ def random_cloths(problem: DrapeProblem, count: int, seed: int) -> Float[ndarray
     return taus
 
 
-def drape_population(
-    problem: DrapeProblem, count: int, done: Callable[[int], None] = lambda drapes: None
-) -> tuple[Float[ndarray, "rest numbers"], Float[ndarray, "rest statistics"]]:
-    """Drapes random cloths of all levels of bending.
+@dataclass(frozen=True)
+class Draped:
+    """Specimens of random cloths that came to rest.
+
+    Attributes:
+        cloths: theta of their cloths.
+        levels: Their levels of stiffness.
+        statistics: Their statistics.
+        pairs: Rows of which two are specimens of one cloth.
+    """
+
+    cloths: Float[ndarray, "rest numbers"]
+    levels: Float[ndarray, " rest"]
+    statistics: Float[ndarray, "rest statistics"]
+    pairs: Int[ndarray, "pairs 2"]
+
+
+def drape_population(problem: DrapeProblem, count: int, done: Callable[[int], None] = lambda drapes: None) -> Draped:
+    """Drapes specimens of random cloths of all levels of bending, two of every second cloth.
 
     Args:
         problem: See `population_problem`.
@@ -339,11 +351,18 @@ def drape_population(
         done: Called with the number of drapes made.
 
     Returns:
-        theta and statistics of those that come to rest.
+        What comes to rest.
     """
-    taus, numbers = random_cloths(problem, count, 0), field_space_of(problem).leading.rows.shape[1]
+    taus, twice = random_cloths(problem, count, 0), np.arange(0, count, 2)
+    seconds = taus[twice]
+    specimen = problem.space.specimen_level
+    seconds[:, specimen] = np.random.default_rng(1).standard_normal(seconds[:, specimen].shape)
+    taus, cloth = np.vstack([taus, seconds]), np.concatenate([np.arange(count), twice])
     rest, statistics = drape_statistics_of(problem, taus, done)
-    return taus[rest, :numbers], statistics
+    rows = {(int(cloth[index]), index >= count): row for row, index in enumerate(rest)}
+    pairs = [(rows[one, False], rows[one, True]) for one in twice.tolist() if {(one, False), (one, True)} <= set(rows)]
+    levels = field_space_of(problem).levels(taus[rest])
+    return Draped(taus[rest, :CLOTH], levels, statistics, np.array(pairs).reshape(-1, 2))
 
 
 def drape_statistics_of(

@@ -47,6 +47,7 @@ class ClothInference:
     cloths: Float[np.ndarray, "cloths numbers"] = field(init=False)
     seen: Incumbent = field(init=False)
     _draped: list[np.ndarray] = field(default_factory=list)
+    _levels: list[float] = field(default_factory=list)
     _statistics: list[np.ndarray] = field(default_factory=list)
     _tried: int = 0
     _correction: LinearCorrection | None = None
@@ -79,7 +80,7 @@ class ClothInference:
         Args:
             count: Number of specimens.
         """
-        cloths: list[np.ndarray] = []
+        specimens: list[np.ndarray] = []
         statistics: list[np.ndarray] = []
         try:
             end = self._tried + count
@@ -90,22 +91,23 @@ class ClothInference:
                 for tau, seen in zip(taus, drapes, strict=False):  # fewer drapes where the budget ends
                     if seen is not None:
                         statistics.append(self._measured(seen.image))
-                        cloths.append(tau[: self.cloths.shape[1]])
+                        specimens.append(tau)
         finally:
-            self.take(cloths, statistics)
+            self.take(specimens, statistics)
 
     def _drawn(self, index: int) -> Float[np.ndarray, " dimension"]:
         noise = standard_normal(self.seed, INFERENCE, index, self.problem.dimension)
         return drawn_specimen(self.cloths, index, noise)
 
-    def take(self, cloths: list[np.ndarray], statistics: list[np.ndarray]) -> None:
+    def take(self, specimens: list[np.ndarray], statistics: list[np.ndarray]) -> None:
         """Learns from drapes, and from all before.
 
         Args:
-            cloths: Parameters of the cloths.
-            statistics: Statistics of their specimens.
+            specimens: Parameter vectors of specimens.
+            statistics: Their statistics.
         """
-        self._draped += cloths
+        self._draped += [one[: self.cloths.shape[1]] for one in specimens]
+        self._levels += [float(self._space.levels(one[None])[0]) for one in specimens]
         self._statistics += statistics
         self._learn()
 
@@ -125,17 +127,21 @@ class ClothInference:
         """Learns how far the drapes are from what was expected, and samples the posterior that it gives."""
         leading, expected = self._space.leading, shipped()
         observed, count = self.observed.mean(0), len(self.observed)
-        correction, scatter = None, expected.scatter(leading(self.middle[None]))[0]
+        middle = leading(self.middle[None])
+        correction, scatter, slope = None, expected.scatter(middle)[0], expected.slope(middle)[0]
         least = PAIRS * len(leading.rows)
         if len(self._draped) >= least:
-            draped, statistics = np.stack(self._draped), np.stack(self._statistics)
-            guess, before = expected.of(leading, draped), self._correction
-            gap = guess - observed if before is None else guess + before(leading.scaled(draped))[0] - observed
+            draped, levels, statistics = (np.stack(each) for each in (self._draped, self._levels, self._statistics))
+            guess, before = expected.of(leading, draped, levels), self._correction
+            places = leading.scaled(draped, levels)
+            gap = guess - observed if before is None else guess + before(places)[0] - observed
             weights = nearness(gap, scatter if before is None else before.scatter, least)
-            correction = linear_correction(leading.scaled(draped), statistics - guess, weights)
+            correction = linear_correction(places, statistics - guess, weights)
             scatter = (KNOWN * scatter + correction.pairs * correction.scatter) / (KNOWN + correction.pairs)
+            slope = slope + leading.scaled_level @ correction.slope
             self._correction = correction
-        fixed = np.diag(DISCREPANT**2) + scatter / count
+        by_level = self._space.level_sd(self.middle) * slope
+        fixed = np.diag(DISCREPANT**2) + (scatter + np.outer(by_level, by_level)) / count
 
         def log_likelihood(cloths: Float[np.ndarray, "chains numbers"]) -> Float[np.ndarray, " chains"]:
             left, doubt = (

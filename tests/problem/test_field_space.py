@@ -147,6 +147,25 @@ class TestSpace:
         means = torch.stack([space.field(tau, "stiffness").mean() for tau in draws])
         assert FIELDS["stiffness"].level == pytest.approx(means.std().item(), rel=0.25)
 
+    def test_level_of_a_specimen_is_its_mean_stiffness_outside_of_the_plate(self, space):
+        draws = np.random.default_rng(6).standard_normal((300, space.dimension))
+        outside = np.hypot(*hinge_centres(space.mesh).T) > space.plate_radius
+        found = space.levels(draws)
+        means = [space.field(torch.from_numpy(tau), "stiffness")[outside].mean().item() for tau in draws[:5]]
+        assert found[:5] == pytest.approx(means)
+        draws[:, : space.specimen_level.start] = draws[0, : space.specimen_level.start]
+        cloth = draws[0, : space.specimen_level.start]
+        assert space.levels(draws).std() == pytest.approx(space.level_sd(cloth), rel=0.15)
+
+    def test_a_stiffer_specimen_has_the_leading_directions_of_a_stiffer_cloth(self, space):
+        cloth, level = np.zeros((1, space.specimen_level.start)), np.array([0.4])
+        stiffer = cloth.copy()
+        stiffer[0, space.trait_entry("bending")] = 0.4 / TRAITS["bending"].sd
+        stiffer[0, space.trait_entry("stretch")] = 0.4 / TRAITS["stretch"].sd
+        assert space.leading(cloth, level) == pytest.approx(space.leading(stiffer))
+        assert space.leading.scaled(cloth, level) == pytest.approx(space.leading.scaled(stiffer))
+        assert space.leading.scaled_level * level == pytest.approx(space.leading.scaled(stiffer)[0])
+
     def test_fields_have_their_prior_amplitudes(self, space):
         generator = np.random.default_rng(0)
         draws = torch.from_numpy(generator.standard_normal((200, space.dimension)))
@@ -186,7 +205,7 @@ class TestSpace:
         tau, direction = (generator.standard_normal(problem.dimension) for _ in range(2))
         tau = 0.5 * tau + problem.space.bending_level(3.0)  # a limp cloth's folds would run away on so coarse a mesh
         _, gradient = problem.evaluate_and_gradient(tau)
-        step = 1e-7
+        step = 1e-8  # the loss is steep here: a tenfold step is off by 1e-4
         rise = problem.evaluate(tau + step * direction) - problem.evaluate(tau - step * direction)
         assert gradient @ direction == pytest.approx(rise / (2 * step), rel=1e-4)
 

@@ -29,17 +29,24 @@ def problem():
     return population_problem(PopulationPlan(vertices=97))
 
 
+PAIRS = np.arange(1800).reshape(2, 900).T
+
+
+def _twice(cloths):
+    return np.vstack([cloths, cloths])
+
+
 @pytest.fixture(scope="module")
 def world(problem):
-    """Statistics linear in the leading directions, the first more scattered where stiff."""
+    """Two specimens of 900 cloths: statistics linear in leading directions, the first more scattered where stiff."""
     generator = np.random.default_rng(6)
     leading = problem.space.leading
     slope = generator.standard_normal((len(LEADING), len(STATISTICS))) / np.linalg.norm(leading.rows, axis=1)[:, None]
-    cloths = generator.standard_normal((900, CLOTH))
-    x = leading(cloths)
-    noise = 0.05 * generator.standard_normal((900, len(STATISTICS)))
+    cloths, levels = _twice(generator.standard_normal((900, CLOTH))), 0.3 * generator.standard_normal(1800)
+    x = leading(cloths, levels)
+    noise = 0.05 * generator.standard_normal((1800, len(STATISTICS)))
     noise[:, 0] *= np.exp(0.3 * (x[:, 0] - x[:, 0].mean()))
-    return slope, x, learn(leading, cloths, x @ slope + noise)
+    return slope, x, learn(leading, cloths, levels, x @ slope + noise, PAIRS)
 
 
 class TestExpected:
@@ -54,11 +61,28 @@ class TestExpected:
 
     def test_what_moves_no_leading_direction_counts_by_itself(self, problem):
         generator, leading = np.random.default_rng(1), problem.space.leading
-        cloths = generator.standard_normal((900, CLOTH))
+        cloths = _twice(generator.standard_normal((900, CLOTH)))
         hidden = leading.rest(cloths)[:, :1] * np.ones(len(STATISTICS))
-        expected = learn(leading, cloths, hidden + 0.01 * generator.standard_normal(hidden.shape))
+        noisy = hidden + 0.01 * generator.standard_normal(hidden.shape)
+        expected = learn(leading, cloths, np.zeros(len(cloths)), noisy, PAIRS)
         fresh = generator.standard_normal((50, CLOTH))
         assert np.abs(expected.of(leading, fresh) - leading.rest(fresh)[:, :1]).max() < 0.05
+
+    def test_what_is_not_explained_of_cloths_is_no_scatter_of_specimens(self, problem):
+        """Cloths wiggle in bending as no polynomial does; their specimens differ by noise, and one fell elsewhere."""
+        generator, leading = np.random.default_rng(3), problem.space.leading
+        cloths = _twice(generator.standard_normal((900, CLOTH)))
+        wiggle = 0.5 * np.sin(9 * leading(cloths)[:, :1]) * np.ones(len(STATISTICS))
+        statistics = wiggle + 0.05 * generator.standard_normal(wiggle.shape)
+        statistics[5] += 8.0
+        expected = learn(leading, cloths, np.zeros(len(cloths)), statistics, PAIRS)
+        sd = np.sqrt(np.diagonal(expected.scatter(leading(cloths[:50])), axis1=1, axis2=2))
+        assert np.median(sd) == pytest.approx(0.05, rel=0.1)
+
+    def test_slope_by_level_is_that_of_bending_and_stretch_together(self, problem, world):
+        slope, x, expected = world
+        bending, stretch = LEADING.index("bending"), LEADING.index("stretch")
+        assert expected.slope(x.mean(0)[None])[0] == pytest.approx(slope[bending] + slope[stretch], abs=0.05)
 
     def test_file_is_what_was_saved(self, world, tmp_path):
         from cusick_bench.files import read_npz
@@ -96,10 +120,14 @@ class TestPopulation:
         assert problem.space.leading(tau[None, :CLOTH])[0] == pytest.approx(place)
 
     def test_cloths_of_all_levels_are_draped(self, problem):
-        cloths, statistics = drape_population(problem, 6)
-        levels = problem.space.leading(cloths)[:, 0]
-        assert len(statistics) == len(cloths) >= 5
-        assert np.ptp(levels) > 4
+        draped = drape_population(problem, 6)
+        bending = problem.space.leading(draped.cloths)[:, 0]
+        assert len(draped.statistics) == len(draped.cloths) == len(draped.levels) >= 8
+        assert np.ptp(bending) > 4
+        first, second = draped.pairs.T
+        assert len(first) >= 2
+        assert (draped.cloths[first] == draped.cloths[second]).all()
+        assert (draped.levels[first] != draped.levels[second]).all()
 
     @pytest.mark.parametrize("law", ["plate", "paper"])
     def test_cloths_are_drawn_by_the_law_that_is_asked_for_on_its_mesh(self, law):

@@ -120,11 +120,12 @@ class TestInference:
             inference = self._inference()
             leading = inference.problem.space.leading
             generator = np.random.default_rng(4)
-            cloths = generator.standard_normal((300, inference.cloths.shape[1]))
+            specimens = generator.standard_normal((300, inference.problem.dimension))
+            cloths, levels = specimens[:, : inference.cloths.shape[1]], inference.problem.space.levels(specimens)
             noise = 0.05 * generator.standard_normal((300, len(STATISTICS)))
-            statistics = shipped().of(leading, cloths) + beyond * axis + noise
+            statistics = shipped().of(leading, cloths, levels) + beyond * axis + noise
             inference.observed = shipped()(leading.origin[None]) + beyond * axis
-            inference.take(list(cloths), list(statistics))
+            inference.take(list(specimens), list(statistics))
             found[beyond] = leading(inference.cloths)[:, LEADING.index("bending")].mean()
         assert found[0.8] == pytest.approx(found[0.0], abs=0.2)
 

@@ -24,8 +24,9 @@ def population(
     law: Law = LAW,
     vertices: Vertices = VERTICES_OF_POPULATION,
     cloths: Annotated[
-        int, simulation_option(min=1, max=MOST_CASES, help="Cloths that are draped for the regression.")
-    ] = 1536,
+        int,
+        simulation_option(min=1, max=MOST_CASES, help="Cloths for the regression, every second one draped twice."),
+    ] = 2048,
     specimens: Annotated[
         int, simulation_option(min=2, max=MOST_CASES, help="Specimens that are draped of every fabric and face.")
     ] = 16,
@@ -36,7 +37,7 @@ def population(
 ) -> None:
     """Derive the priors of `bdp-field` anew: in what cloths differ, and by how much samples of one cloth do.
 
-    Some 1800 drapes. The numbers that `bdp-field` uses stand in `cusick_bench.problem.field_space`.
+    Some 3500 drapes. The numbers that `bdp-field` uses stand in `cusick_bench.problem.field_space`.
     """
     from cusick_bench.problem.population import (
         PopulationPlan,
