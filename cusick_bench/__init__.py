@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count, profile_from_image
     from cusick_bench.metrics.hausdorff_distance import hausdorff
     from cusick_bench.metrics.image import iou, mse
-    from cusick_bench.problem.budget import Budget
     from cusick_bench.problem.drape_problem import DrapeProblem
     from cusick_bench.problem.errors import BudgetExceeded
+    from cusick_bench.problem.metering.budget import Budget
     from cusick_bench.sim.cloth.material import Material, project_admissible, uniform_material
     from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
     from cusick_bench.sim.cloth.resolution import cloth_mesh
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cusick_bench.sim.render.silhouette import render
 
 _MODULES = {
-    "Budget": "problem.budget",
+    "Budget": "problem.metering.budget",
     "BudgetExceeded": "problem.errors",
     "DataError": "datasets.errors",
     "Drape": "sim.drape",

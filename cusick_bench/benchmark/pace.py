@@ -19,7 +19,7 @@ from numpy import ndarray
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
 from cusick_bench.problem import DrapeProblem
-from cusick_bench.problem.population import PopulationPlan, population_problem, random_cloths
+from cusick_bench.problem.population.derivation import PopulationPlan, population_problem, random_cloths
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.drape import DrapeSimulator
 

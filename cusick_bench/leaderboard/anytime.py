@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.leaderboard.board import variants
-from cusick_bench.problem.journal import read_trace
+from cusick_bench.problem.metering.journal import read_trace
 
 COSTS = {"forward_equivalents": "drapes", "wall_seconds": "seconds"}
 POINTS = 60  # of a curve

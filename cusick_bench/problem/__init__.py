@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cusick_bench.problem.budget import Budget, Evaluation, Meter
     from cusick_bench.problem.drape_problem import DrapeProblem, Observation
     from cusick_bench.problem.errors import BudgetExceeded, ProblemError, StaleJournal
     from cusick_bench.problem.field_space import FieldSpace
-    from cusick_bench.problem.journal import Checkpoint, Journal
     from cusick_bench.problem.laying import laid_like
     from cusick_bench.problem.losses import LOSSES
+    from cusick_bench.problem.metering.budget import Budget, Evaluation, Meter
+    from cusick_bench.problem.metering.journal import Checkpoint, Journal
     from cusick_bench.problem.priors import StiffnessPrior
     from cusick_bench.problem.scene import Scene, canonical, parse_causes
     from cusick_bench.problem.space import HeterogeneousSpace, HomogeneousSpace, ParameterSpace, Specimen
@@ -49,17 +49,17 @@ __all__ = [
 __getattr__ = lazy_names(
     __name__,
     {
-        "Budget": "budget",
+        "Budget": "metering.budget",
         "BudgetExceeded": "errors",
-        "Checkpoint": "journal",
+        "Checkpoint": "metering.journal",
         "DrapeProblem": "drape_problem",
-        "Evaluation": "budget",
+        "Evaluation": "metering.budget",
         "FieldSpace": "field_space",
         "HeterogeneousSpace": "space",
         "HomogeneousSpace": "space",
-        "Journal": "journal",
+        "Journal": "metering.journal",
         "LOSSES": "losses",
-        "Meter": "budget",
+        "Meter": "metering.budget",
         "Observation": "drape_problem",
         "ParameterSpace": "space",
         "ProblemError": "errors",

@@ -22,12 +22,12 @@ from torch import Tensor
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import camera_of
-from cusick_bench.problem.bookkeeping import Simulated, metered
-from cusick_bench.problem.budget import GRADIENTS, Meter
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.followed_branch import FollowedBranch
-from cusick_bench.problem.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.losses import LOSSES
+from cusick_bench.problem.metering.bookkeeping import Simulated, metered
+from cusick_bench.problem.metering.budget import GRADIENTS, Meter
+from cusick_bench.problem.metering.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
 from cusick_bench.problem.train_mesh import TrainMesh

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from cusick_bench.problem.journal import Entry
+from cusick_bench.problem.metering.journal import Entry
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.engine.statics.branch import follow
 

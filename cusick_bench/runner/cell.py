@@ -34,7 +34,7 @@ from cusick_bench.problem import (
     laid_like,
     parse_causes,
 )
-from cusick_bench.problem.journal import forget
+from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Float
 
 from cusick_bench.problem import DrapeProblem
-from cusick_bench.problem.expected_statistics import shipped
 from cusick_bench.problem.field_space import DISCREPANCY, FieldSpace
+from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, standard_normal

@@ -1,7 +1,7 @@
 """By how much the drapes of one problem differ from what was expected of them, as a linear function of the cloth.
 
-What is expected of a cloth (`cusick_bench.problem.expected_statistics`) was learned for one law, one mesh and the
-standard's plate, and knows a cloth by a few numbers u. What the drapes of another problem have beyond that,
+What is expected of a cloth (`cusick_bench.problem.population.expected_statistics`) was learned for one law, one mesh
+and the standard's plate, and knows a cloth by a few numbers u. What the drapes of another problem have beyond that,
 
     s - expected(theta) = B u + b + e,    e ~ N(0, V),
 

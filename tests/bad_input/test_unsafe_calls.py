@@ -67,10 +67,10 @@ def test_files_of_others_have_one_reader_each():
     own = {
         "json.loads": {"cusick_bench/cli/data/synthetic.py", "cusick_bench/leaderboard/board.py"}
         | {"cusick_bench/leaderboard/verification/submit.py", "cusick_bench/files/json_file.py"}
-        | {"cusick_bench/problem/journal.py", "cusick_bench/runner/grid.py"}
+        | {"cusick_bench/problem/metering/journal.py", "cusick_bench/runner/grid.py"}
         | {"cusick_bench/leaderboard/verification/tracks.py"},
         "json.load": set(),
-        "np.load": {"datasets/files/measure.py", "cusick_bench/problem/journal.py"},
+        "np.load": {"datasets/files/measure.py", "cusick_bench/problem/metering/journal.py"},
         "csv.reader": {"cusick_bench/files/csv_file.py"},
     }
     for call, places in own.items():

@@ -5,9 +5,8 @@ import pytest
 
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.expected_statistics import learn, shipped
 from cusick_bench.problem.field_space import CLOTH, LEADING
-from cusick_bench.problem.population import (
+from cusick_bench.problem.population.derivation import (
     FABRICS,
     PopulationPlan,
     Samples,
@@ -16,6 +15,7 @@ from cusick_bench.problem.population import (
     placed_at,
     population_problem,
 )
+from cusick_bench.problem.population.expected_statistics import learn, shipped
 from cusick_bench.problem.statistics import STATISTICS
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 

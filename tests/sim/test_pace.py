@@ -9,7 +9,7 @@ from numba import get_num_threads, set_num_threads
 
 from cusick_bench.benchmark.robustness import specimen
 from cusick_bench.problem import DrapeProblem
-from cusick_bench.problem.population import PopulationPlan, population_problem
+from cusick_bench.problem.population.derivation import PopulationPlan, population_problem
 from cusick_bench.runner.grid import ProblemSettings
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh

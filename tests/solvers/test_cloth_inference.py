@@ -5,8 +5,8 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
-from cusick_bench.problem.expected_statistics import shipped
 from cusick_bench.problem.field_space import LEADING
+from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.variational.cloth_inference import ClothInference
 from cusick_bench.solvers.variational.linear_correction import linear_correction, nearness

@@ -220,7 +220,7 @@ class TestFit:
 
     def test_a_run_killed_between_rounds_ends_with_the_same_numbers(self, tmp_path, monkeypatch):
         """With gradients that are too long to be kept: only the saved state can bring it back."""
-        monkeypatch.setattr("cusick_bench.problem.journal.LONGEST", 1000)
+        monkeypatch.setattr("cusick_bench.problem.metering.journal.LONGEST", 1000)
         budget, options = Budget(50), {"steps": 20}
         whole = toy_problem(space="heter", budget=budget, sample=1, folder=tmp_path / "whole")
         expected = _solve(whole, **options)

@@ -8,10 +8,10 @@ import torch
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import camera_of, profile_of
-from cusick_bench.problem.budget import Budget, Meter
 from cusick_bench.problem.drape_problem import DrapeProblem
-from cusick_bench.problem.journal import Checkpoint, Journal
 from cusick_bench.problem.laying import laid_like
+from cusick_bench.problem.metering.budget import Budget, Meter
+from cusick_bench.problem.metering.journal import Checkpoint, Journal
 from cusick_bench.problem.priors import StiffnessPrior
 from cusick_bench.problem.space import HomogeneousSpace
 from cusick_bench.problem.spaces import SPACES

@@ -39,13 +39,13 @@ def population(
 
     Some 3500 drapes. The numbers that `bdp-field` uses stand in `cusick_bench.problem.field_space`.
     """
-    from cusick_bench.problem.population import (
+    from cusick_bench.problem.population.derivation import (
         PopulationPlan,
         derive_population,
         population_problem,
         population_samples,
     )
-    from cusick_bench.problem.population_levels import compare_levels
+    from cusick_bench.problem.population.levels import compare_levels
 
     plan = PopulationPlan(law.value, vertices, cloths)
     groups = population_samples(data)

@@ -25,8 +25,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from cusick_bench.problem.budget import GRADIENTS, Evaluation
 from cusick_bench.problem.errors import StaleJournal
+from cusick_bench.problem.metering.budget import GRADIENTS, Evaluation
 
 _log = logging.getLogger(__name__)
 

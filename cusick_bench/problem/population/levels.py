@@ -17,7 +17,7 @@ from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.field_space import FieldSpace
-from cusick_bench.problem.population import Population, Samples, field_space_of, placed_at
+from cusick_bench.problem.population.derivation import Population, Samples, field_space_of, placed_at
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.folds import ring_folds
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from cusick_bench.problem.budget import COST, Evaluation, Meter
-from cusick_bench.problem.journal import Entry, Journal
+from cusick_bench.problem.metering.budget import COST, Evaluation, Meter
+from cusick_bench.problem.metering.journal import Entry, Journal
 
 
 @dataclass(frozen=True)

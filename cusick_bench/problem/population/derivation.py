@@ -35,8 +35,8 @@ from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.expected_statistics import ExpectedStatistics, learn, least_cloths
 from cusick_bench.problem.field_space import CLOTH, LEADING, TRAITS, FieldSpace
+from cusick_bench.problem.population.expected_statistics import ExpectedStatistics, learn, least_cloths
 from cusick_bench.problem.priors import DENSITY_REFERENCE, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.resolution import cloth_mesh
