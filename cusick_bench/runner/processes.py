@@ -18,6 +18,7 @@ from typing import Any
 
 import numba
 import torch
+from threadpoolctl import threadpool_limits
 
 from cusick_bench.sim.threads import thread_pool
 
@@ -57,7 +58,8 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(1)
     numba.set_num_threads(1)
     try:
-        yield
+        with threadpool_limits(limits=1, user_api="blas"):
+            yield
     finally:
         torch.set_num_threads(before[0])
         numba.set_num_threads(before[1])

@@ -5,6 +5,7 @@ import os
 import numba
 import pytest
 import torch
+from threadpoolctl import threadpool_info
 
 from cusick_bench.runner.processes import one_thread, process_pool
 
@@ -40,7 +41,12 @@ def test_number_of_threads_is_that_of_the_pool() -> None:
 
 
 def test_one_thread_for_a_while() -> None:
-    before = numba.get_num_threads(), torch.get_num_threads()
+    def threads() -> tuple[int, ...]:
+        blas = [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
+        return numba.get_num_threads(), torch.get_num_threads(), *blas
+
+    before = threads()
+    assert len(before) > 2
     with one_thread():
-        assert (numba.get_num_threads(), torch.get_num_threads()) == (1, 1)
-    assert (numba.get_num_threads(), torch.get_num_threads()) == before
+        assert set(threads()) == {1}
+    assert threads() == before
