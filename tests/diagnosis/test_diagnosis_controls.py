@@ -44,10 +44,18 @@ from cusick_bench.diagnosis.controls.planted_data import (
 )
 from cusick_bench.diagnosis.controls.reading import REFUSED, Estimate, Reading, refused
 from cusick_bench.diagnosis.controls.run import controlled, fabric_under_control, fabrics_to_control
-from cusick_bench.diagnosis.controls.table import control_lines, document, markdown, rows, share_lines
+from cusick_bench.diagnosis.controls.table import (
+    control_lines,
+    document,
+    markdown,
+    read_judgements,
+    rows,
+    share_lines,
+)
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.files.csv_text import csv_text
 
 CLOTH = "fabric_2"
 
@@ -363,8 +371,38 @@ class TestTables:
         assert len(written["controls"]) == len(made)
         assert all(len(line) == len(lines[0]) for lines in (share_lines(shares), control_lines(made)) for line in lines)
 
+    def test_a_table_is_read_as_it_was_written(self, tmp_path):
+        made, facts, path = some_judgements(), {"command": "a", "code": "1"}, tmp_path / "controls.csv"
+        path.write_text(csv_text(rows(made, figures(made), facts), float_format="%.4g"))
+        assert list(map(repr, read_judgements(path, facts))) == list(map(repr, made))
+        assert read_judgements(path, {**facts, "code": "2"}) == []
+        assert read_judgements(tmp_path / "none.csv", facts) == []
+        path.write_text("row,command,code\ncontrol,a,1\n")
+        with pytest.raises(DiagnosisError, match="no table of controls"):
+            read_judgements(path, facts)
+
 
 class TestCommand:
+    def test_fabrics_that_a_table_has_are_not_done_again(self, tmp_path, monkeypatch):
+        """Stopped at the second fabric, and begun again."""
+        done, out = [], tmp_path / "controls.csv"
+
+        def controlled(under, *args, **options):
+            if under.name == "fabric_2" and not done.count("fabric_2"):
+                done.append("fabric_2")
+                raise KeyboardInterrupt
+            done.append(under.name)
+            return [replace(one, fabric=under.name) for one in some_judgements()]
+
+        monkeypatch.setattr(run, "controlled", controlled)
+        asked = ["diagnose-controls", "synthetic", "--fabric", "fabric_1", "--fabric", "fabric_2", "--out", str(out)]
+        assert CliRunner().invoke(app, asked).exit_code != 0
+        again = CliRunner().invoke(app, [*asked, "--json"])
+        assert again.exit_code == 0, again.output
+        assert done == ["fabric_1", "fabric_2", "fabric_2"]
+        fabrics = [one["fabric"] for one in json.loads(again.stdout)["controls"]]
+        assert fabrics == ["fabric_1"] * len(some_judgements()) + ["fabric_2"] * len(some_judgements())
+
     @pytest.mark.slow
     def test_a_shift_of_one_fabric_from_end_to_end(self, tmp_path):
         out = tmp_path / "controls.csv"

@@ -59,13 +59,14 @@ def diagnose_controls(
     """Tries the diagnosis on real cloth: plants known effects in its pictures, and looks for what it is known to show.
 
     Pictures are shifted, scaled, turned, cut at another grey level, seen by a near camera, mirrored and shuffled, at
-    two strengths; halves of one face are called its two faces. Each is diagnosed with and without (no simulations), a
-    minute or two for each fabric.
+    two strengths; halves of one face are called its two faces. Each is diagnosed with and without (no simulations),
+    some minutes for each fabric. Repeating the command goes on with the fabrics that the table lacks.
     """
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.controls.known_answers import CONTROLS
     from cusick_bench.diagnosis.controls.run import controlled, fabric_under_control, fabrics_to_control
+    from cusick_bench.diagnosis.controls.table import read_judgements
     from cusick_bench.sim.effects import effect
 
     if out.suffix != ".csv":
@@ -84,11 +85,17 @@ def diagnose_controls(
     words += ["--halves", str(halves), *repeated_option("--without-effect", options.without)]
     words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
     words += ["--seed", str(seed), *(["--force"] if force else [])]
-    facts, judgements = _facts(shlex.join(words)), []
+    facts = _facts(shlex.join(words))
+    judgements = read_judgements(out, facts)
+    over = {one.fabric for one in judgements}
+    if over:
+        tell(f"going on with {out}, which has {', '.join(sorted(over))}")
     out.parent.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     kept = interruptible(lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written")
     with progress_bar("reading data", len(chosen)) as bar, kept:
         for number, name in enumerate(chosen):
+            if name in over:
+                continue
             under = fabric_under_control(dataset, name, halves=halves, seed=seed, force=force)
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:

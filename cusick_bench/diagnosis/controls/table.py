@@ -1,14 +1,16 @@
 """Judgements and figures as rows of a CSV file, as a page of Markdown, and as one JSON document."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from cusick_bench.diagnosis.controls.figures import ControlFigure
 from cusick_bench.diagnosis.controls.judgement import Judgement
+from cusick_bench.diagnosis.errors import DiagnosisError
 
 _TITLE = "Controls of the diagnosis"
 _MEANING = (
@@ -31,6 +33,39 @@ def rows(judgements: Sequence[Judgement], shares: Sequence[ControlFigure], facts
     lines = [{"row": "control", **asdict(one)} for one in judgements]
     lines += [{"row": "share", **figure.record()} for figure in shares]
     return pd.DataFrame([{**line, **facts} for line in lines])
+
+
+def read_judgements(path: Path, facts: Mapping[str, Any]) -> list[Judgement]:
+    """Judgements of a table that was begun.
+
+    Args:
+        path: CSV file of `rows`; it may be missing.
+        facts: Provenance that its rows must carry.
+
+    Returns:
+        Its judgements; none of a table with another provenance.
+
+    Raises:
+        DiagnosisError: Not such a table.
+    """
+    if not path.exists():
+        return []
+    try:
+        table = pd.read_csv(path, dtype=str, keep_default_na=False)
+        controls = table[table["row"] == "control"]
+        if any((table[name] != str(value)).any() for name, value in facts.items()):
+            return []
+        return [_judgement(dict(zip(controls, row, strict=True))) for row in controls.to_numpy()]
+    except (ValueError, KeyError) as error:
+        raise DiagnosisError(
+            f"{path} is no table of controls ({error!r}); move it away or give another --out"
+        ) from error
+
+
+def _judgement(row: Mapping[str, str]) -> Judgement:
+    """A judgement from its row of text; an empty number is NaN."""
+    read = {float: lambda text: float(text or "nan"), bool: {"True": True, "False": False}.__getitem__, str: str}
+    return Judgement(**{field.name: read[field.type](row[field.name]) for field in fields(Judgement)})
 
 
 def document(
