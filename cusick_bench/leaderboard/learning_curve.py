@@ -1,6 +1,7 @@
 """What a solver gains from more samples of a cloth: fits of one, two, four, ... of them, on the same unseen ones.
 
 The last samples of every cloth are unseen, whatever is fitted; of the others the first ones train, one silhouette each.
+All that train show one face, since a fit learns from one: samples of the other face come last.
 """
 
 from collections.abc import Sequence
@@ -64,14 +65,17 @@ def learning_splits(
     """
     found: dict[int, list[Split]] = {count: [] for count in sorted(set(samples))}
     for split in dataset.split("paper", cloths):
-        rows = (split.train[0], *split.test)  # one silhouette a sample
-        if max(found) + unseen > len(rows):
+        one_a_sample = [split.train[0], *split.test]
+        side = dict(zip(one_a_sample, dataset.index.loc[one_a_sample, "side"].astype(str), strict=True))
+        alike = [row for row in one_a_sample if side[row] == side[split.train[0]]]
+        rows = [*alike, *(row for row in one_a_sample if row not in alike)]
+        if max(found) + unseen > len(rows) or max(found) > len(alike):
             raise LeaderboardError(
-                f"{split.cloth} has {len(rows)} samples, too few for {max(found)} to learn from and {unseen} unseen; "
-                "give smaller numbers of samples or fewer unseen ones"
+                f"{split.cloth} has {len(rows)} samples, {len(alike)} of the face that is fitted, too few for "
+                f"{max(found)} to learn from and {unseen} unseen; give smaller numbers of samples or fewer unseen ones"
             )
         for count, splits in found.items():
-            splits.append(Split(split.cloth, rows[:count], rows[len(rows) - unseen :]))
+            splits.append(Split(split.cloth, tuple(rows[:count]), tuple(rows[len(rows) - unseen :])))
     return found
 
 

@@ -141,7 +141,8 @@ class ClothInference:
             slope = slope + leading.scaled_level @ correction.slope
             self._correction = correction
         by_level = self._space.level_sd(self.middle) * slope
-        fixed = np.diag(DISCREPANT**2) + (scatter + np.outer(by_level, by_level)) / count
+        share = share_of_specimens(scatter, expected.scatter(middle)[0])
+        fixed = np.diag(DISCREPANT**2) + (1 - share + share / count) * scatter + np.outer(by_level, by_level) / count
 
         def log_likelihood(cloths: Float[np.ndarray, "chains numbers"]) -> Float[np.ndarray, " chains"]:
             left, doubt = (
@@ -154,6 +155,23 @@ class ClothInference:
 
         generator = np.random.default_rng([self.seed, _CHAINS, 1 + len(self._draped)])
         self.cloths = slice_sample(log_likelihood, self.cloths, STEPS, generator)
+
+
+def share_of_specimens(
+    found: Float[np.ndarray, "statistics statistics"], known: Float[np.ndarray, "statistics statistics"]
+) -> float:
+    """How much of the scatter about a regression is of specimens, and so averages out over samples.
+
+    The rest is what the regression misses of cloths.
+
+    Args:
+        found: Covariance about the regression.
+        known: That of specimens of one cloth and level.
+
+    Returns:
+        The share of variance, mean over statistics.
+    """
+    return float(np.minimum(np.diag(known) / np.diag(found), 1.0).mean())
 
 
 def drawn_specimen(

@@ -1,6 +1,7 @@
 """What more samples of a cloth are worth: nested training samples, the same unseen ones, one row a number."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,23 @@ def test_training_samples_are_nested_and_unseen_ones_stay_the_same() -> None:
 
 
 def test_too_few_samples_are_refused() -> None:
-    with pytest.raises(LeaderboardError, match="fabric_1 has 12 samples, too few for 8 to learn from and 5 unseen"):
+    message = "fabric_1 has 12 samples, 12 of the face that is fitted, too few for 8 to learn from and 5 unseen"
+    with pytest.raises(LeaderboardError, match=message):
         learning_splits(load("synthetic"), ["fabric_1"], [1, 8], 5)
+
+
+def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cloth whose second sample was photographed on its other face only."""
+    dataset = load("synthetic")
+    (before,) = learning_splits(dataset, ["fabric_1"], [8], 4)[8]
+    table = dataset.table.copy()
+    table.loc[before.train[1], "side"] = "down" if table.loc[before.train[0], "side"] == "up" else "up"
+    turned = replace(dataset, table=table)
+    (after,) = learning_splits(turned, ["fabric_1"], [8], 4)[8]
+    assert after.test[-1] == before.train[1]
+    assert turned.index.loc[list(after.train), "side"].nunique() == 1
+    with pytest.raises(LeaderboardError, match="11 of the face"):
+        learning_splits(turned, ["fabric_1"], [12], 0)
 
 
 def cells_of(rows: list[dict[str, Any]]) -> Cells:

@@ -8,7 +8,7 @@ from toy_problem import toy_problem
 from cusick_bench.problem.field_space import LEADING
 from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
-from cusick_bench.solvers.variational.cloth_inference import ClothInference
+from cusick_bench.solvers.variational.cloth_inference import ClothInference, share_of_specimens
 from cusick_bench.solvers.variational.linear_correction import linear_correction, nearness
 from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
@@ -128,6 +128,13 @@ class TestInference:
             inference.take(list(specimens), list(statistics))
             found[beyond] = leading(inference.cloths)[:, LEADING.index("bending")].mean()
         assert found[0.8] == pytest.approx(found[0.0], abs=0.2)
+
+
+def test_what_a_regression_misses_is_no_scatter_of_specimens():
+    """One statistic scatters twice as far about it as specimens do, the other half as far."""
+    found, known = np.array([[4.0, 0.5], [0.5, 0.25]]), np.diag([1.0, 1.0])
+    assert share_of_specimens(found, known) == pytest.approx((0.25 + 1) / 2)
+    assert share_of_specimens(found, found) == 1
 
 
 def test_what_one_chain_accepts_changes_no_other_chain():
