@@ -142,7 +142,7 @@ class ClothInference:
             self._correction = correction
         by_level = self._space.level_sd(self.middle) * slope
         share = share_of_specimens(scatter, expected.scatter(middle)[0])
-        fixed = np.diag(DISCREPANT**2) + (1 - share + share / count) * scatter + np.outer(by_level, by_level) / count
+        fixed = np.diag(DISCREPANT**2) + (1 + share * (1 / count - 1)) * scatter + np.outer(by_level, by_level) / count
 
         def log_likelihood(cloths: Float[np.ndarray, "chains numbers"]) -> Float[np.ndarray, " chains"]:
             left, doubt = (
