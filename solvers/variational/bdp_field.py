@@ -8,16 +8,16 @@ out. What is left to learn from is what samples of one cloth have in common, the
 
     p(theta | s_1 .. s_n) ~ N(theta; 0, I) N(mean of s_i; m(theta), V / n + L + D + doubt of m)
 
-Rounds of drapes of cloths drawn from what is known so far, each of a specimen of its own, tell by how much m and V differ
-from what is expected (`linear_correction`), and elliptical slices sample the posterior. A Gaussian about a linear m, which
-this solver had before, spread three times too far: statistics are alike along a curved ridge (softer in bending and
-stiffer in stretch, or the other way round), and a straight one leaves it.
+Rounds of drapes of cloths drawn from what is known so far, each of a specimen of its own, tell by how much m and V
+differ from what is expected (`linear_correction`), and elliptical slices sample the posterior. A Gaussian about a
+linear m, which this solver had before, spread three times too far: statistics are alike along a curved ridge (softer in
+bending and stiffer in stretch, or the other way round), and a straight one leaves it.
 
 V, the scatter of specimens, is that of pairs of one cloth and level, and what their level of stiffness adds along the
-slope of m. No noise of measurement is added: fields and level have been given the spread that photographs of samples have.
-L is what the regression misses of cloths near the observation, D the mean square by which fabrics miss the nearest
-simulated cloth. A new sample is predicted by a new cloth with new weights; its drape coefficient has up to 1 + 1/n times
-the variance between samples, once for its own, once for what n samples leave unknown of the cloth.
+slope of m. No noise of measurement is added: fields and level have been given the spread that photographs of samples
+have. L is what the regression misses of cloths near the observation, D the mean square by which fabrics miss the
+nearest simulated cloth. A new sample is predicted by a new cloth with new weights; its drape coefficient has up to 1 +
+1/n times the variance between samples, once for its own, once for what n samples leave unknown of the cloth.
 
 References:
     Wood. Statistical inference for noisy nonlinear ecological dynamic systems. Nature 466, 2010. Ong, Nott, Tran,
