@@ -101,6 +101,23 @@ class TestCompare:
         assert unmatched(both, one_each) == pytest.approx(0, abs=1e-9)
         assert unmatched(-both, one_each) == pytest.approx(both @ both), "no effect acts with the other sign"
 
+    def test_an_effect_is_compared_in_each_of_its_frames(self, plain: SampleStatistics, residual: Residual):
+        """A turn with the cloth and one with the camera are one effect, two hypotheses."""
+        emulator = load_atlas(SHIPPED)[0]
+        names = [one.name for one in hypotheses(emulator)]
+        twice = next(one for one in hypotheses(emulator) if names.count(one.name) > 1)
+        for hypothesis in (one for one in hypotheses(emulator) if one.name == twice.name):
+            grid = grid_at(emulator, hypothesis, residual)
+            number = int(np.linalg.norm(grid.shift, axis=1).argmax())
+            value = {name: np.array([column[number]]) for name, column in grid.values.items()}
+            row = shifts(emulator, hypothesis, residual.theta, residual.sd, plain.later, value).features
+            row[:, MEANS.stop :] = 0.0
+            row *= 12 / np.linalg.norm(residual.whiten(row))
+            case = SampleStatistics(plain.specimens + faces_of(row[0]) * residual.sd, plain.drift, plain.later)
+            found = shown_shift(case, plain, SHIPPED, ())
+            assert found.alike > 0.9
+            assert found.left < 0.5 * found.shift
+
     def test_what_acts_is_not_compared_with(self, plain: SampleStatistics, residual: Residual):
         found = shown_shift(scaled(plain, residual, 10.0), plain, SHIPPED, tuple(SIZES))
         assert found.nearest not in SIZES

@@ -207,7 +207,9 @@ def shown_shift(case: SampleStatistics, twin: SampleStatistics, atlas: Path, act
     refitted = float(((refit.white - plain.white) ** 2).sum()) / calibration.inflation**2
     size = float(np.sqrt(max(min(float(shift @ shift), refitted) - noise, 0.0)))
     others = [one for one in hypotheses(emulator) if one.name not in acting] if size else []
-    directions = {one.name: _directions(grid_at(emulator, one, residual)) for one in others}
+    directions = {name: np.zeros((0, len(shift))) for name in {one.name: None for one in others}}
+    for one in others:  # of some effects there are several, one for each frame
+        directions[one.name] = np.vstack([directions[one.name], _directions(grid_at(emulator, one, residual))])
     cosines = {name: float((unit @ shift).max()) / size for name, unit in directions.items() if len(unit)}
     nearest = max(cosines, key=cosines.__getitem__, default="")
     left = float(np.sqrt(max(unmatched(shift, directions) - noise, 0.0)))
