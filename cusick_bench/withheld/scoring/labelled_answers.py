@@ -112,7 +112,7 @@ def with_oracle_closures(answered: LabelledAnswers, closures: OracleClosures) ->
 
 _MEASURED = (
     "Severities are measured: the shift of the case against its twin without the effect, in detectable shifts. "
-    f"`{DISTINCT}`: at least one of these is left when the other effect that is most like it is taken off."
+    f"`{DISTINCT}`: at least one of these is left when the other effects that are most like it are taken off."
 )
 _FACTS = ("code_version", "time", "frozen")
 
