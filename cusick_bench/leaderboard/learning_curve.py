@@ -1,7 +1,8 @@
 """What a solver gains from more samples of a cloth: fits of one, two, four, ... of them, on the same unseen ones.
 
-The last samples of every cloth are unseen, whatever is fitted; of the others the first ones train, one silhouette each.
-All that train show one face, since a fit learns from one: samples of the other face come last.
+Unseen are samples spread evenly over those of a cloth, whatever is fitted: the last ones alone may be another piece of
+cloth, or another day. Of the others the first ones train, one silhouette each. All that train show one face, since a
+fit learns from one: samples of which the other face alone is known are unseen first.
 """
 
 from collections.abc import Sequence
@@ -54,7 +55,7 @@ def learning_splits(
         dataset: Data.
         cloths: Cloths; None for those of the split `paper`.
         samples: Numbers of training samples.
-        unseen: Number of samples that no fit sees, the last ones of every cloth.
+        unseen: Number of samples that no fit sees.
 
     Returns:
         A split a cloth for each number.
@@ -65,18 +66,27 @@ def learning_splits(
     """
     found: dict[int, list[Split]] = {count: [] for count in sorted(set(samples))}
     for split in dataset.split("paper", cloths):
-        one_a_sample = [split.train[0], *split.test]
-        side = dict(zip(one_a_sample, dataset.index.loc[one_a_sample, "side"].astype(str), strict=True))
-        alike = [row for row in one_a_sample if side[row] == side[split.train[0]]]
-        rows = [*alike, *(row for row in one_a_sample if row not in alike)]
-        if max(found) + unseen > len(rows) or max(found) > len(alike):
+        rows = (split.train[0], *split.test)  # one silhouette a sample
+        train, test = _dealt(dataset.index.loc[list(rows), "side"].astype(str).tolist(), unseen)
+        if max(found) > len(train):
             raise LeaderboardError(
-                f"{split.cloth} has {len(rows)} samples, {len(alike)} of the face that is fitted, too few for "
-                f"{max(found)} to learn from and {unseen} unseen; give smaller numbers of samples or fewer unseen ones"
+                f"{split.cloth} has {len(rows)} samples, of which {len(train)} show the face that is fitted and are "
+                f"none of the {unseen} unseen, too few to learn from {max(found)}; give smaller numbers of samples or fewer "
+                "unseen ones"
             )
         for count, splits in found.items():
-            splits.append(Split(split.cloth, tuple(rows[:count]), tuple(rows[len(rows) - unseen :])))
+            splits.append(Split(split.cloth, tuple(rows[i] for i in train[:count]), tuple(rows[i] for i in test)))
     return found
+
+
+def _dealt(sides: Sequence[str], unseen: int) -> tuple[list[int], list[int]]:
+    """Which samples may train, the first one first, and which are unseen."""
+    alike = [number for number, side in enumerate(sides) if side == sides[0]]
+    turned = [number for number in range(len(sides)) if number not in alike][:unseen]
+    count = unseen - len(turned)
+    steps = (np.arange(count) + 0.5) * (len(alike) - 1) / max(count, 1)
+    held = {alike[1 + int(step)] for step in steps if len(alike) > 1}
+    return [number for number in alike if number not in held], sorted({*held, *turned})
 
 
 def learning_curve(cells: Cells, *, seed: int = 0) -> list[LearningStep]:

@@ -32,10 +32,16 @@ def test_training_samples_are_nested_and_unseen_ones_stay_the_same() -> None:
         assert len(splits[0].test) == 3
         rows = dataset.index.loc[[*splits[-1].train, *splits[-1].test]]
         assert rows["sample"].is_unique, "one silhouette a sample, and none is both"
+        (whole,) = dataset.split("paper", [splits[0].cloth])
+        assert splits[0].train == whole.train[:1]
+        order = (*whole.train, *whole.test)
+        assert np.diff([order.index(row) for row in splits[0].test]).tolist() == [4, 4], (
+            "spread over the cloth's samples"
+        )
 
 
 def test_too_few_samples_are_refused() -> None:
-    message = "fabric_1 has 12 samples, 12 of the face that is fitted, too few for 8 to learn from and 5 unseen"
+    message = "fabric_1 has 12 samples, of which 7 show the face that is fitted and are none of the 5 unseen"
     with pytest.raises(LeaderboardError, match=message):
         learning_splits(load("synthetic"), ["fabric_1"], [1, 8], 5)
 
@@ -48,10 +54,11 @@ def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -
     table.loc[before.train[1], "side"] = "down" if table.loc[before.train[0], "side"] == "up" else "up"
     turned = replace(dataset, table=table)
     (after,) = learning_splits(turned, ["fabric_1"], [8], 4)[8]
-    assert after.test[-1] == before.train[1]
+    assert before.train[1] in after.test
+    assert len(after.test) == 4
     assert turned.index.loc[list(after.train), "side"].nunique() == 1
-    with pytest.raises(LeaderboardError, match="11 of the face"):
-        learning_splits(turned, ["fabric_1"], [12], 0)
+    with pytest.raises(LeaderboardError, match="of which 8 show the face"):
+        learning_splits(turned, ["fabric_1"], [9], 4)
 
 
 def cells_of(rows: list[dict[str, Any]]) -> Cells:

@@ -52,7 +52,7 @@ def learning_curve_command(
         data_option(min=1, max=MOST_CASES, help="Training samples of a fit; repeatable; by default 1, 2, 4, 8."),
     ] = None,
     unseen: Annotated[
-        int, data_option(min=2, max=MOST_CASES, help="Samples that no fit sees, the last ones of every cloth.")
+        int, data_option(min=2, max=MOST_CASES, help="Samples that no fit sees, spread over those of every cloth.")
     ] = 4,
     solver: Solvers = None,
     seeds: Seeds = 1,
