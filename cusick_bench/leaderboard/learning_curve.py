@@ -71,8 +71,8 @@ def learning_splits(
         if max(found) > len(train):
             raise LeaderboardError(
                 f"{split.cloth} has {len(rows)} samples, of which {len(train)} show the face that is fitted and are "
-                f"none of the {unseen} unseen, too few to learn from {max(found)}; give smaller numbers of samples or fewer "
-                "unseen ones"
+                f"none of the {unseen} unseen, too few to learn from {max(found)}; give smaller numbers of samples or "
+                "fewer unseen ones"
             )
         for count, splits in found.items():
             splits.append(Split(split.cloth, tuple(rows[i] for i in train[:count]), tuple(rows[i] for i in test)))
