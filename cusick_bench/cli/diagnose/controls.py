@@ -125,7 +125,7 @@ def _write(out: Path, judgements: list[Judgement], facts: dict[str, Any]) -> Non
     from cusick_bench.files.csv_text import csv_text
 
     shares = figures(judgements)
-    write_atomically(out, csv_text(rows(judgements, shares, facts), float_format="%.4g").encode())
+    write_atomically(out, csv_text(rows(judgements, shares, facts)).encode())
     write_atomically(out.with_suffix(".md"), markdown(judgements, shares, facts).encode())
 
 

@@ -39,7 +39,7 @@ _TOLERANCE = 0.5  # share of what was planted by which its estimate may be off
 
 @dataclass(frozen=True)
 class Judgement:
-    """A control and what the diagnosis made of it; numbers have four digits, as in the table that a run goes on from.
+    """A control and what the diagnosis made of it.
 
     Attributes:
         fabric, control, level, strength, kind: As in `Control`.
@@ -102,11 +102,10 @@ def judge(control: Control, before: Reading, after: Reading, largest_shift: floa
         control.fabric, control.name, control.level, control.strength, control.kind, _words(control.effects), hit,
         alarm, "" if is_reference else before.verdict, after.verdict,
         "" if is_reference else _words(before.named), _words(after.named), "" if is_reference else _words(new),
-        nan if is_reference else _short(_probability(before, control.effects)),
-        _short(_probability(after, control.effects)),
-        nan if amount is None else _short(amount.severity), _short(_along(amount, before, after)),
-        _estimate_right(control, before, after), _short(largest_shift),
-        nan if after.p is None else _short(after.p),
+        nan if is_reference else _probability(before, control.effects), _probability(after, control.effects),
+        nan if amount is None else amount.severity, _along(amount, before, after),
+        _estimate_right(control, before, after), largest_shift,
+        nan if after.p is None else after.p,
         "; ".join(after.notes) if after.verdict == REFUSED else "",
     )  # fmt: skip
 
@@ -191,10 +190,6 @@ def _vector(estimate: Estimate) -> complex:
 
 def _probability(reading: Reading, effects: Set[str]) -> float:
     return nan if reading.verdict == REFUSED or not effects else reading.probability(effects)
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.4g}")
 
 
 def _words(names: Set[str]) -> str:

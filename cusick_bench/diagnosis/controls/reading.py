@@ -51,7 +51,7 @@ class Reading:
         Returns:
             The probability.
         """
-        return sum(share for acting, share in self.posterior.items() if acting & effects)
+        return sum((share for acting, share in self.posterior.items() if acting & effects), start=0.0)
 
 
 def read(diagnosis: Diagnosis) -> Reading:
