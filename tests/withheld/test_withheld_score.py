@@ -41,6 +41,29 @@ class TestKnownScores:
         assert found.value("pointing hit", CLEAR) == found.value("angular IoU", CLEAR) == 1
         assert found.value("falsely localised") == 0
 
+    @pytest.mark.parametrize(
+        ("named", "groups", "both", "told"),
+        [
+            (["creep"], [], 0.0, 0.0),
+            (["creep"], [["camera-scale", "threshold"]], 1.0, 1.0),
+            (["creep"], [["threshold", "camera-scale"]], 0.0, 1.0),
+            (["creep"], [["plate-tilt", "camera-offset"]], 0.0, 0.0),
+            (["creep", "camera-scale"], [], 1.0, 1.0),
+            ([], [["camera-scale", "threshold"]], 1.0, 1.0),
+        ],
+    )
+    def test_a_group_of_look_alikes_stands_behind_the_named_set(self, named, groups, both, told):
+        """What looks like the first effect, here friction, is no second one."""
+        causes = [("creep", 0.7), ("bending-friction", 0.3), ("camera-scale", 1e-6), ("threshold", 1e-6)]
+        said = read_answer(answer("several", *causes, effects=named, groups=groups), "a")
+        found = judgement_of("a", said, read_label(label(["creep", "camera-scale"]), "a"))
+        assert (found.both, found.told) == (both, told)
+
+    def test_groups_count_only_where_something_is_named(self):
+        said = answer("unknown", ("unknown", 0.9), ("creep", 0.1), groups=[["creep", "camera-scale"]])
+        found = judgement_of("a", read_answer(said, "a"), read_label(label(["creep", "camera-scale"]), "a"))
+        assert (found.both, found.told) == (0.0, 0.0)
+
     def test_always_none_is_never_wrong_on_nulls_and_sees_nothing(self, tmp_path):
         labels = suite()
         found = scored(tmp_path, labels, {case: answer("none", ("none", 1.0)) for case in labels})

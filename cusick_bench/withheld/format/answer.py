@@ -121,6 +121,7 @@ class BaselineAnswer(Document):
         verdict: One of `VERDICTS`; where none is given, `effect` if any cause is named, else `none`.
         gap: The gap between data and simulation.
         named: The set of effects that act together, where it is stated.
+        groups: Look-alikes of which one acts beside the named set, the likeliest of each first.
         stated: The causes as they stand in the document.
         stated_set: Names of the 90 % set as they stand there.
         where: Where the gap lies.
@@ -134,6 +135,7 @@ class BaselineAnswer(Document):
     named: Annotated[tuple[OutcomeName, ...], BeforeValidator(lambda found: found or ())] = Field(
         default=(), alias="effects"
     )
+    groups: Annotated[tuple[tuple[OutcomeName, ...], ...], BeforeValidator(lambda found: found or ())] = ()
     stated: Annotated[tuple[StatedCause, ...], BeforeValidator(lambda found: found or ())] = Field(
         default=(), alias="causes"
     )
@@ -214,10 +216,12 @@ class BaselineAnswer(Document):
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects, those of the named set first, each part in the order of its probability."""
+        """Effects: the named set (or the likeliest), the likeliest of each group beside it, then all by probability."""
         likely = [name for name, _ in self.causes if name not in (causes.NONE, causes.UNKNOWN)]
         first = sorted(self.named, key=lambda name: likely.index(name) if name in likely else len(likely))
-        return tuple(dict.fromkeys((*first, *likely)))
+        first = first or likely[:1]
+        beside = [group[0] for group in self.groups if group and not {*group} & {*first}]
+        return tuple(dict.fromkeys((*first, *beside, *likely)))
 
     @property
     def leading(self) -> str:

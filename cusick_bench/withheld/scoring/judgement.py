@@ -36,7 +36,8 @@ class Judgement:
         covered, set_size: Whether the 90 % set holds the truth, and its size.
         abstained: Whether the answer to an effect of the list is `unknown`.
         recalled: Whether the answer to an effect outside the list is `unknown`.
-        top_two, both: Share of a pair's effects among the first two causes, and whether both are.
+        top_two, both: Share of a pair's effects in the first two places, and whether both are.
+        told: Whether each of a pair's effects is in these places or in a group of look-alikes of which one acts.
         confidence, right: Largest probability, and whether it went to the truth.
         brier, surprise: Brier score and logarithmic score [nat].
         pointing, overlap: Whether a local effect was pointed at, and the angular intersection over union.
@@ -70,6 +71,7 @@ class Judgement:
     recalled: float = nan
     top_two: float = nan
     both: float = nan
+    told: float = nan
     confidence: float = nan
     right: float = nan
     brier: float = nan
@@ -149,9 +151,11 @@ def _of_single(answer: BaselineAnswer, label: Label, equivalent: bool) -> dict[s
 
 
 def _of_pair(answer: BaselineAnswer, label: Label) -> dict[str, float]:
-    first = answer.effects[: len(label.effects)] if answer.verdict in _NAMING else ()
+    naming = answer.verdict in _NAMING
+    first = answer.effects[: len(label.effects)] if naming else ()
     share = sum(name in first for name in label.effects) / len(label.effects)
-    return {"top_two": share, "both": float(share == 1)}
+    told = {*first, *(name for group in answer.groups for name in group if naming)}
+    return {"top_two": share, "both": float(share == 1), "told": float(told.issuperset(label.effects))}
 
 
 def _of_probabilities(answer: BaselineAnswer, label: Label) -> dict[str, float]:

@@ -210,7 +210,8 @@ MEASURES = (
         "pairs: top-2 recall",
         "top_two",
         (PAIR,),
-        "share of a pair's effects in the first two places",
+        "share of a pair's effects in the first two places: those of the named set, the likeliest of each group of "
+        "look-alikes that acts beside it, what is likeliest else",
         {},
         is_share=False,
     ),
@@ -221,5 +222,12 @@ MEASURES = (
         "pairs whose effects hold the first two places; where shifts were measured, a pair's severity is that of the "
         "effect which shows least beside the other",
         {CLEAR: Goal(low=0.5)},
+    ),
+    Measure(
+        "pairs: both told",
+        "told",
+        (PAIR,),
+        "pairs each of whose effects is in these places or in such a group",
+        {},
     ),
 )
