@@ -7,13 +7,14 @@ captured again, the same sample turned over, another sample, another fabric.
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import nan, sqrt
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
+from scipy.stats import spearmanr
 
 from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import BadImage
@@ -23,6 +24,7 @@ from cusick_bench.datasets.profile import amplitude_spectrum
 from cusick_bench.datasets.published import CLOTHS
 
 SPECTRUM_MODES = 16
+_LEAST_FOR_TREND = 5  # samples; of fewer no order is significant at 1 %
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,42 @@ class Difference:
 
 
 @dataclass(frozen=True)
+class Trend:
+    """Spearman's rank correlation of a number with the samples' numbers.
+
+    Samples are drawn from one population only if there is none: another piece of cloth, or another day, shows here.
+
+    Attributes:
+        correlation: Between -1 and 1; NaN for fewer than five samples, or where the number is constant.
+        p: p-value against no order.
+        count: Number of samples.
+    """
+
+    correlation: float = nan
+    p: float = nan
+    count: int = 0
+
+    @classmethod
+    def of(cls, values: dict[int, float]) -> "Trend":
+        """Correlation of values with their keys.
+
+        Args:
+            values: Sample's number -> value.
+
+        Returns:
+            The trend.
+        """
+        if len(values) < _LEAST_FOR_TREND or len(set(values.values())) == 1:
+            return cls(count=len(values))
+        correlation, p = np.asarray(spearmanr(list(values), list(values.values())))
+        return cls(float(correlation), float(p), len(values))
+
+    def document(self) -> dict[str, float]:
+        """Plain numbers."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
 class ClothStatistics:
     """One cloth.
 
@@ -78,6 +116,7 @@ class ClothStatistics:
         mse_repeat, mse_flip, mse_other_sample, mse_other_fabric: Mean image differences; NaN without such pairs.
         down_minus_up: Difference of the drape coefficient between the faces, paired by sample.
         drift: Observation of a series -> change of the drape coefficient since the first, paired by sample.
+        order: Of the drape coefficient, beside the mean of its face, with the sample's number.
     """
 
     cloth: str
@@ -96,12 +135,14 @@ class ClothStatistics:
     mse_other_fabric: float
     down_minus_up: Difference
     drift: dict[int, Difference]
+    order: Trend
 
     def document(self) -> dict[str, Any]:
         """Plain numbers, as printed by `data stats --json`."""
         plain = {name: getattr(self, name) for name in self.__dataclass_fields__}
         drift = {str(observation): change.document() for observation, change in self.drift.items()}
-        return plain | {"down_minus_up": self.down_minus_up.document(), "drift": drift}
+        paired = {"down_minus_up": self.down_minus_up.document(), "drift": drift}
+        return plain | paired | {"order": self.order.document()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +262,7 @@ def _describe(dataset: DrapeDataset, cloth: str, read: _Cloth, other_fabric: flo
         mse_other_fabric=scale * other_fabric,
         down_minus_up=_down_minus_up(coefficients),
         drift=_drift(read),
+        order=Trend.of(_beside_faces(coefficients)),
     )
 
 
@@ -269,6 +311,17 @@ def _down_minus_up(coefficients: dict[tuple[int, str], float]) -> Difference:
     samples = dict.fromkeys(sample for sample, _ in coefficients)
     both = [sample for sample in samples if {(sample, "up"), (sample, "down")} <= coefficients.keys()]
     return Difference.of([coefficients[sample, "down"] - coefficients[sample, "up"] for sample in both])
+
+
+def _beside_faces(coefficients: dict[tuple[int, str], float]) -> dict[int, float]:
+    """Mean of each sample's values, each less the mean of its face, so that an unpaired face makes no order."""
+    faces, beside = defaultdict(list), defaultdict(list)
+    for (_, side), value in coefficients.items():
+        faces[side].append(value)
+    for (sample, side), value in coefficients.items():
+        if len(faces[side]) > 1:  # else nothing to compare with
+            beside[sample].append(value - float(np.mean(faces[side])))
+    return {sample: float(np.mean(values)) for sample, values in sorted(beside.items())}
 
 
 def _drift(read: _Cloth) -> dict[int, Difference]:

@@ -1,7 +1,7 @@
 """Statistics per cloth against direct computation and planted effects; the `info` and `stats` commands."""
 
 import json
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli.data.data import app
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count
-from cusick_bench.datasets.stats import Difference, statistics
+from cusick_bench.datasets.stats import Difference, Trend, statistics
 
 
 @pytest.fixture(autouse=True)
@@ -102,6 +102,30 @@ def test_planted_drift_over_time(tmp_path):
     assert np.isnan(found.mse_repeat)
 
 
+def test_planted_order_of_samples(tmp_path):
+    """Samples of which later ones drape less; the second face, known of the last one alone, is far off."""
+    root = write_toy(tmp_path, samples=6, meshes=False)
+    folder = root / "data/Fabric 7/silhouettes"
+    for sample, capture in product(range(1, 7), range(1, 5)):
+        path = folder / f"Fabric_7_Sample_{sample}_Capture_{capture}.png"
+        growth = 2e-4 * sample if capture < 3 else 0.02
+        write_image(path, draw(Profile(toy_profile(7, 1, 1).radii + growth)))
+        if capture > 2 and sample < 6:
+            path.unlink()
+    (found,) = statistics(load(root))
+    assert found.order.correlation == pytest.approx(1.0)
+    assert (found.order.p < 1e-3, found.order.count) == (True, 6)
+    assert found.document()["order"]["count"] == 6
+
+
+def test_trend():
+    """Spearman's rho without ties: 1 - 6 sum d^2 / (n (n^2 - 1))."""
+    found = Trend.of({1: 0.1, 2: 0.5, 3: 0.2, 4: 0.4, 5: 0.3})
+    assert found.correlation == pytest.approx(1 - 6 * (0 + 9 + 1 + 0 + 4) / (5 * 24))
+    assert np.isnan(Trend.of(dict.fromkeys(range(9), 1.0)).p)
+    assert np.isnan(Trend.of({1: 0.1, 2: 0.2, 3: 0.3, 4: 0.4}).correlation)
+
+
 def test_bad_images_are_counted_not_hidden(toy):
     (toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png").write_bytes(b"junk")
     found = statistics(load(toy), ["fabric_7"])
@@ -181,3 +205,6 @@ def test_real_figures(real_data):
             assert item.unusable == 1  # the shrunken image
             assert item.drift[2].mean == pytest.approx(-0.047, abs=0.006)
             assert item.drift[5].mean == pytest.approx(-0.066, abs=0.007)
+        if item.cloth == "viscose_white":
+            assert item.order.correlation == pytest.approx(-0.80, abs=0.01)
+            assert item.order.p == pytest.approx(0.002, abs=0.001)

@@ -182,10 +182,11 @@ def stats_command(
 
 
 def _stats_table(found: list[ClothStatistics]) -> Table:
-    heads = ("units", "DC", "folds", "repeat", "flip", "sample", "fabric", "down - up", "drift")
+    heads = ("units", "DC", "folds", "repeat", "flip", "sample", "fabric", "down - up", "drift", "order")
     caption = (
         "DC: drape coefficient, mean ± sd over units (sample x face); repeat ... fabric: MSE between images of the "
-        "same drape, the other face, another sample, another fabric; down - up, drift over time: of DC ± standard error"
+        "same drape, the other face, another sample, another fabric; down - up, drift over time: of DC ± standard "
+        "error; order: rank correlation of DC with the sample's number (p)"
     )
     table = Table(Column("cloth", no_wrap=True), *heads, caption=caption)
     for item in found:
@@ -201,6 +202,7 @@ def _stats_table(found: list[ClothStatistics]) -> Table:
             ),
             _spread(item.down_minus_up.mean, item.down_minus_up.error, "+.3f"),
             _spread(drift[-1].mean, drift[-1].error, "+.3f") if drift else "",
+            f"{item.order.correlation:+.2f} ({item.order.p:.2g})" if isfinite(item.order.p) else "",
         )
     return table
 
