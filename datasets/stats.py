@@ -318,10 +318,11 @@ def _beside_faces(coefficients: dict[tuple[int, str], float]) -> dict[int, float
     faces, beside = defaultdict(list), defaultdict(list)
     for (_, side), value in coefficients.items():
         faces[side].append(value)
+    means = {side: _centre(values) for side, values in faces.items() if len(values) > 1}  # else nothing to compare with
     for (sample, side), value in coefficients.items():
-        if len(faces[side]) > 1:  # else nothing to compare with
-            beside[sample].append(value - float(np.mean(faces[side])))
-    return {sample: float(np.mean(values)) for sample, values in sorted(beside.items())}
+        if side in means:
+            beside[sample].append(value - means[side])
+    return {sample: _centre(values) for sample, values in beside.items()}
 
 
 def _drift(read: _Cloth) -> dict[int, Difference]:

@@ -44,6 +44,10 @@ def _empty_for_null(value: Any) -> Any:
     return {} if value is None else value
 
 
+def _empty_tuple_for_null(value: Any) -> Any:
+    return value or ()
+
+
 def _listed(value: Any) -> Any:
     """One measurement is a list of one."""
     if isinstance(value, str | dict):
@@ -132,11 +136,11 @@ class BaselineAnswer(Document):
 
     verdict: Verdict
     gap: Annotated[Gap, BeforeValidator(_empty_for_null)] = Gap()
-    named: Annotated[tuple[OutcomeName, ...], BeforeValidator(lambda found: found or ())] = Field(
+    named: Annotated[tuple[OutcomeName, ...], BeforeValidator(_empty_tuple_for_null)] = Field(
         default=(), alias="effects"
     )
-    groups: Annotated[tuple[tuple[OutcomeName, ...], ...], BeforeValidator(lambda found: found or ())] = ()
-    stated: Annotated[tuple[StatedCause, ...], BeforeValidator(lambda found: found or ())] = Field(
+    groups: Annotated[tuple[tuple[OutcomeName, ...], ...], BeforeValidator(_empty_tuple_for_null)] = ()
+    stated: Annotated[tuple[StatedCause, ...], BeforeValidator(_empty_tuple_for_null)] = Field(
         default=(), alias="causes"
     )
     stated_set: tuple[SetMemberName, ...] | None = Field(default=None, alias="set90")

@@ -151,10 +151,11 @@ def _of_single(answer: BaselineAnswer, label: Label, equivalent: bool) -> dict[s
 
 
 def _of_pair(answer: BaselineAnswer, label: Label) -> dict[str, float]:
-    naming = answer.verdict in _NAMING
-    first = answer.effects[: len(label.effects)] if naming else ()
+    if answer.verdict not in _NAMING:
+        return {"top_two": 0.0, "both": 0.0, "told": 0.0}
+    first = answer.effects[: len(label.effects)]
     share = sum(name in first for name in label.effects) / len(label.effects)
-    told = {*first, *(name for group in answer.groups for name in group if naming)}
+    told = {*first}.union(*answer.groups)
     return {"top_two": share, "both": float(share == 1), "told": float(told.issuperset(label.effects))}
 
 
