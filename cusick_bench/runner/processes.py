@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import TracebackType
 from typing import Any
@@ -80,6 +81,9 @@ class _Pool(ProcessPoolExecutor):
         if kind is not None:
             self.shutdown(wait=False, cancel_futures=True)
             self._context.end()
+        else:
+            self.shutdown(wait=False)  # the processes end when they have done what they were given
+            self._context.join()
         return super().__exit__(kind, error, trace)
 
 
@@ -99,6 +103,20 @@ class _Context(SpawnContext):
         for process in self._started:
             if process.pid is not None:
                 process.terminate()
+
+    def join(self) -> None:
+        """Waits until all processes that it started have ended; where one was killed, it ends the others.
+
+        A process may be killed while it holds the lock of the queue that all of them read, and a pool that is shutting
+        down, its work done, no longer looks whether its processes live.
+        """
+        left = [process for process in self._started if process.pid is not None]
+        while left:
+            wait([process.sentinel for process in left])
+            ended = [process for process in left if process.exitcode is not None]
+            if any(process.exitcode for process in ended):
+                self.end()
+            left = [process for process in left if process not in ended]
 
 
 class _Process(SpawnProcess):

@@ -1,6 +1,9 @@
 """A pool's processes are on a number of threads; the process that asks for them keeps its own."""
 
 import os
+import signal
+import threading
+import time
 
 import numba
 import pytest
@@ -50,3 +53,31 @@ def test_one_thread_for_a_while() -> None:
     with one_thread():
         assert set(threads()) == {1}
     assert threads() == before
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs signals that stop a process")
+def test_a_worker_killed_with_the_lock_while_its_pool_shuts_down_keeps_nobody_waiting() -> None:
+    """Of idle workers one waits for a task, with the lock of the queue, and the other for the lock."""
+    with process_pool(2) as pool:
+        list(pool.map(time.sleep, [0.1, 0.1]))
+        workers = set(pool._processes)
+        assert len(workers) == 2
+        time.sleep(3.0)  # both have started, and wait
+        waiting = pool.submit(os.getpid).result()  # it took a task, and the other one the lock
+        (holding,) = workers - {waiting}
+        time.sleep(0.5)
+        for worker in workers:
+            os.kill(worker, signal.SIGSTOP)
+        at_last = threading.Timer(30.0, _end, [waiting])
+        for timer in (threading.Timer(1.0, _end, [holding, waiting]), at_last):
+            timer.start()
+        begin = time.monotonic()
+    took = time.monotonic() - begin
+    at_last.cancel()
+    assert took < 20
+
+
+def _end(killed: int, going_on: int | None = None) -> None:
+    os.kill(killed, signal.SIGKILL)
+    if going_on is not None:
+        os.kill(going_on, signal.SIGCONT)
