@@ -6,8 +6,13 @@ carried positions g = x + h w one linear solve gives the rest of the motion, for
     ((1 + h c) M + h^2 K(g)) u = M (v - w) + h (F(g) - c M w),    v' = w + u,    x' = g + h u,
 
 with c the drag of still air. Without drag it is the step of `cusick_bench.sim.engine.dynamics.drop` where the waist is
-still, and it strains no cloth that moves along with the waist. Folds do not touch each other: they may pass through one
-another, as in the Cusick drapes of the paper.
+still, and it strains no cloth that moves along with the waist. A step in which a vertex would pass its neighbours is
+made in parts: forces are linear over a step, and cloth that flies past itself in one crumples, or blows up.
+
+A skirt comes to rest out of a twirl: seen from the waist, the acceleration W^2 r outwards bears the cloth up, and fades
+as the turning slows down (the cloth's turning against the waist is left out). It sinks taut from waist to hem, and folds
+run from one to the other. Cloth that is dropped from flat instead falls on itself, and stays tucked under and crumpled.
+Folds do not touch each other: they may pass through one another, as in the Cusick drapes of the paper.
 
 References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
@@ -15,6 +20,7 @@ References:
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -35,6 +41,9 @@ Progress = Callable[[int, int], None]  # told the steps done, and of how many
 
 AT_REST = 0.003  # [m/s] root-mean-square speed below which a skirt counts as at rest
 AIR = 4.0  # [1/s] drag; cloth of 0.2 kg/m2 sinks flat at some 2.5 m/s, its weight balanced
+TWIRL = 12.0  # [rad/s] about the waist when the skirt begins to sink; at the hem of a circular skirt nearly 7 g
+TWIRL_SECONDS = 4.0  # until the turning, which slows down evenly, has stopped
+_MOST_PARTS = 8  # of a step
 _STEPS_BETWEEN_CHECKS = 10  # of whether all skirts are at rest
 _DEEPEST_START = 0.005  # [m] most that the start may lie inside the body
 _FAR = 20.0  # a skirt that moves farther than so many times its size has blown up
@@ -123,7 +132,42 @@ class Fitting:
         """
         return State(laid, np.zeros_like(laid))
 
-    def step(self, state: State, motion: WaistMotion, h: float, old: Factor | None = None) -> tuple[State, Factor]:
+    @cached_property
+    def _spacing(self) -> float:
+        """Median distance of neighbouring vertices [m]."""
+        corners = self.skirt.mesh.corners[:, [0, 1, 2, 0]]
+        return float(np.median(np.linalg.norm(np.diff(corners, axis=1), axis=-1)))
+
+    def advance(
+        self, state: State, motion: WaistMotion, seconds: float, old: Factor | None = None, *, twirl: float = 0.0
+    ) -> tuple[State, Factor]:  # fmt: skip
+        """Makes a time step, in parts where cloth moves by more than the distance of its vertices.
+
+        Args:
+            state: State before the step.
+            motion: Motion of the waist.
+            seconds: Step [s].
+            old: A factor whose storage is used again.
+            twirl: Turning whose outward acceleration is felt [rad/s].
+
+        Returns:
+            State after the step, and the factor of its last matrix.
+
+        Raises:
+            DrapeDiverged: A skirt flies apart.
+        """
+        carried = _placed(_taken_back(state.positions, motion.pose(state.time)), motion.pose(state.time + seconds))
+        moved = seconds * state.velocities - (carried - state.positions)  # beside what moves along with the waist
+        farthest = np.sqrt((moved**2).sum(-1).max())
+        parts = int(np.clip(np.ceil(farthest / self._spacing), 1, _MOST_PARTS))
+        for _ in range(parts):
+            state, old = self.step(state, motion, seconds / parts, old, twirl=twirl)
+        assert old is not None
+        return state, old
+
+    def step(
+        self, state: State, motion: WaistMotion, h: float, old: Factor | None = None, *, twirl: float = 0.0
+    ) -> tuple[State, Factor]:  # fmt: skip
         """Makes one time step.
 
         Args:
@@ -131,6 +175,7 @@ class Fitting:
             motion: Motion of the waist.
             h: Step [s].
             old: A factor whose storage is used again.
+            twirl: Turning whose outward acceleration is felt [rad/s].
 
         Returns:
             State after the step, and the factor of its matrix.
@@ -146,6 +191,7 @@ class Fitting:
         found = system.evaluate(carried, carried, p, exact=False)
         right = np.empty((len(x), len(free), 3))
         force = found.force() - self.drag * p.mass[..., None] * w
+        force[..., :2] += twirl**2 * p.mass[..., None] * carried[..., :2]
         right_hand_side(free, p.mass, h, v - w, force, right)
         blocks = found.matrix(scale=h * h, diagonal=(1 + h * self.drag) * p.mass)
         if self.body is not None:
@@ -202,12 +248,12 @@ def hang(
     fitting: Fitting, laid: Float[ndarray, "members vertices 3"], *, seconds: float = 12.0, step_seconds: float = 0.02,
     progress: Progress = _unwatched,
 ) -> tuple[State, Bool[ndarray, "members"]]:  # fmt: skip
-    """Lets skirts fall until they rest.
+    """Lets skirts sink out of a twirl until they rest.
 
     Args:
         fitting: The skirts.
         laid: How they are put on [m].
-        seconds: Longest fall [s].
+        seconds: Longest time [s].
         step_seconds: Step [s].
         progress: Called with the steps done and the most that there can be.
 
@@ -220,9 +266,10 @@ def hang(
     state, factor = fitting.start(laid), None
     steps = max(round(seconds / step_seconds), 1)
     for step in range(steps):
-        state, factor = fitting.step(state, STILL, step_seconds, factor)
+        twirl = TWIRL * max(1 - step * step_seconds / TWIRL_SECONDS, 0.0)
+        state, factor = fitting.advance(state, STILL, step_seconds, factor, twirl=twirl)
         progress(step + 1, steps)
-        if (step + 1) % _STEPS_BETWEEN_CHECKS == 0 and (state.speeds() < AT_REST).all():
+        if not twirl and (step + 1) % _STEPS_BETWEEN_CHECKS == 0 and (state.speeds() < AT_REST).all():
             break
     return State(state.positions, state.velocities), state.speeds() < AT_REST
 
@@ -252,7 +299,7 @@ def walk(
     times, frames = [0.0], [state.positions]
     steps = round((motion.seconds + settle) / step_seconds)
     for step in range(steps):
-        state, factor = fitting.step(state, motion, step_seconds, factor)
+        state, factor = fitting.advance(state, motion, step_seconds, factor)
         progress(step + 1, steps)
         if (step + 1) % every == 0:
             times.append(state.time)

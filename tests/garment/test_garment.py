@@ -265,6 +265,44 @@ def test_the_normal_of_the_body_is_the_gradient_of_its_depth():
         np.testing.assert_allclose(slope, -normal[:, axis], atol=1e-6)
 
 
+def test_a_twirl_pulls_every_vertex_outwards_by_its_radius():
+    skirt = circular_skirt(SIZE, 180)
+    fitting, laid, h = _fitting(skirt), _laid(skirt, 1), 1e-6
+    still, twirled = (fitting.step(fitting.start(laid), STILL, h, twirl=twirl)[0].velocities for twirl in (0.0, 5.0))
+    expected = np.where(skirt.waist[:, None], 0.0, h * 5.0**2 * laid[0] * [1, 1, 0])
+    np.testing.assert_allclose((twirled - still)[0], expected, atol=1e-3 * h)
+
+
+def test_a_step_in_which_cloth_flies_past_itself_is_made_in_parts():
+    skirt = circular_skirt(SIZE, 180)
+    fitting, laid = _fitting(skirt), _laid(skirt, 1)
+    slow, fast = (State(laid, np.where(skirt.waist[:, None], 0.0, [0, 0, -v]) * np.ones_like(laid)) for v in (0.1, 40))
+    np.testing.assert_array_equal(
+        fitting.advance(slow, STILL, 0.02)[0].positions, fitting.step(slow, STILL, 0.02)[0].positions
+    )
+    parts = fast
+    for _ in range(8):
+        parts, _ = fitting.step(parts, STILL, 0.02 / 8)
+    np.testing.assert_array_equal(fitting.advance(fast, STILL, 0.02)[0].positions, parts.positions)
+
+
+def test_a_limp_skirt_comes_to_rest_lower_and_with_no_hem_tucked_under(monkeypatch: pytest.MonkeyPatch):
+    skirt, cloth = circular_skirt(SIZE, 700), _cloth(1e-6)
+    fitting, laid = _fitting(skirt, cloth, draws=2), _laid(skirt, 2)
+    rest, resting = hang(fitting, laid)
+    monkeypatch.setattr("cusick_bench.garment.fitting.TWIRL", 0.0)
+    dropped, _ = hang(fitting, laid)
+    assert resting.all()
+
+    def energy(x: ndarray) -> ndarray:
+        return fitting.system.evaluate(x, x, fitting.parameters, exact=False).energy()
+
+    assert (energy(rest.positions) < energy(dropped.positions)).all()
+    highest = rest.positions[:, skirt.hem, 2].max(1)  # of the hem
+    assert (highest < -0.7 * SIZE.length).all()
+    assert (dropped.positions[:, skirt.hem, 2].max(1) > highest).all()
+
+
 def test_the_waist_follows_its_motion_and_the_hem_trails_behind():
     skirt = a_line_skirt(SIZE, 180)
     fitting = _fitting(skirt, body=Body(hip=0.13))
