@@ -10,7 +10,10 @@ Where tables come from, in this order:
   fit, since the disc's places have no counterpart on a skirt;
 - `spread`: a homogeneous cloth, every entry times exp(sd N(0, 1)) with a given sd.
 
-Tables are aligned with warp and weft, so they are the same numbers on any pattern.
+Tables are aligned with warp and weft, so they are the same numbers on any pattern. Of a fit's six samples of stretch
+stiffness only the one at rest is taken, at every strain: a drape strains cloth by a few per cent and tells nothing of
+the others, which are a sixth away. What its prior draws for them may soften so much that the cloth loses its stability
+where a skirt pulls at the waist, and never comes to rest.
 
 References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Section 5.1.
@@ -184,6 +187,7 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     elif any(len(table) > 1 for table in tables.values()):
         source = "elements"
         _check_elements(arrays, tables, folder)
+    tables["stretch"] = np.repeat(tables["stretch"][:, :1], SHAPES["stretch"][0], axis=1)
     cloth = Cloth(
         name,
         source,

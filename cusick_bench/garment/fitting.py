@@ -10,9 +10,9 @@ still, and it strains no cloth that moves along with the waist. A step in which 
 made in parts: forces are linear over a step, and cloth that flies past itself in one crumples, or blows up.
 
 A skirt comes to rest out of a twirl: seen from the waist, the acceleration W^2 r outwards bears the cloth up, and fades
-as the turning slows down (the cloth's turning against the waist is left out). It sinks taut from waist to hem, and folds
-run from one to the other. Cloth that is dropped from flat instead falls on itself, and stays tucked under and crumpled.
-Folds do not touch each other: they may pass through one another, as in the Cusick drapes of the paper.
+as the turning slows down (the cloth's turning against the waist is left out). It sinks taut, and folds run from waist
+to hem. Cloth that is dropped from flat instead falls on itself, and stays tucked under and crumpled. Folds do not touch
+each other: they may pass through one another, as in the Cusick drapes of the paper.
 
 References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
@@ -245,7 +245,7 @@ def _placed(x: ndarray, pose: tuple[ndarray, ndarray]) -> ndarray:
 
 
 def hang(
-    fitting: Fitting, laid: Float[ndarray, "members vertices 3"], *, seconds: float = 12.0, step_seconds: float = 0.02,
+    fitting: Fitting, laid: Float[ndarray, "members vertices 3"], *, seconds: float = 16.0, step_seconds: float = 0.02,
     progress: Progress = _unwatched,
 ) -> tuple[State, Bool[ndarray, "members"]]:  # fmt: skip
     """Lets skirts sink out of a twirl until they rest.

@@ -485,6 +485,15 @@ def test_tables_per_element_are_dealt_out_at_random(tmp_path: Path):
     assert (np.abs(share - 0.25) < 0.06).all()
 
 
+def test_a_strained_garment_has_the_stretch_stiffness_that_the_fit_has_at_rest(tmp_path: Path):
+    fits = {"one": {"stretch": np.arange(1.0, 25.0).reshape(6, 4)}, "posterior": _posterior()}
+    fits["cloths"] = {"posterior_cloths": np.random.default_rng(0).normal(size=(3, CLOTH))}
+    for name, arrays in fits.items():
+        stretch = cloth_of_cell(_cell(tmp_path / name, **arrays)).stretch
+        np.testing.assert_array_equal(stretch, np.broadcast_to(stretch[:, :1], stretch.shape))
+        assert name != "one" or stretch[0, 0].tolist() == [1, 2, 3, 4]
+
+
 BAD_CELLS = {
     "no stretch, bending": {"stretch": None, "bending": None},
     "posterior is of another problem": _posterior(posterior_scale=np.ones(15)),
