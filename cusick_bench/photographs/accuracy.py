@@ -24,6 +24,7 @@ from cusick_bench.photographs.studio.trouble import TROUBLES, troubled
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 TOLERANCE_MM = 0.5
+LEVEL_DEG = 3.0  # a camera this close to the plate's axis is as level as the guide asks for
 SHOTS = 5  # photographs of a laboratory
 
 
@@ -35,6 +36,7 @@ class Measured:
         laboratory, shot: Its numbers.
         calibration: What the camera was calibrated with.
         trouble: What was done to it, empty if nothing.
+        beside_deg: Angle at the plate between its axis and the camera [degrees].
         rms_mm: Root-mean-square error of the radii [mm].
         bias_mm: Their mean error [mm].
         largest_mm: Their largest error [mm].
@@ -46,6 +48,7 @@ class Measured:
     shot: int
     calibration: str
     trouble: str
+    beside_deg: float
     rms_mm: float
     bias_mm: float
     largest_mm: float
@@ -70,6 +73,8 @@ class Accuracy:
     Attributes:
         photographs: Their number.
         within: Share whose root-mean-square error is at most `TOLERANCE_MM`.
+        level: Number of photographs from at most `LEVEL_DEG` beside the axis.
+        level_within: The same share among them.
         median_mm, most_mm: Median and 95 % quantile of that error [mm].
         accepted: Share that is accepted.
         accepted_within: The same share among the accepted.
@@ -79,6 +84,8 @@ class Accuracy:
 
     photographs: int
     within: float
+    level: int
+    level_within: float
     median_mm: float
     most_mm: float
     accepted: float
@@ -98,10 +105,13 @@ def accuracy(measured: Sequence[Measured]) -> Accuracy:
     """
     errors = np.array([one.rms_mm for one in measured])
     accepted = np.array([one.accepted for one in measured], bool)
+    level = np.array([one.beside_deg <= LEVEL_DEG for one in measured], bool)
     wrong = errors > TOLERANCE_MM
     return Accuracy(
         len(errors),
         float((~wrong).mean()),
+        int(level.sum()),
+        float((~wrong[level]).mean()) if level.any() else math.nan,
         float(np.median(errors)),
         float(np.percentile(errors, 95)),
         float(accepted.mean()),
@@ -153,6 +163,7 @@ def _measured(laboratory: Laboratory, view: PlateView, shot: int, trouble: str) 
         shot,
         laboratory.calibration,
         trouble,
+        float(np.degrees(np.arctan2(np.hypot(*laboratory.camera.eye[:2]), laboratory.camera.eye[2]))),
         float(np.sqrt((error**2).mean())),
         float(error.mean()),
         float(np.abs(error).max()),

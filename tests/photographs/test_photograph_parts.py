@@ -262,11 +262,13 @@ def test_errors_that_are_small_each_add_up():
 
 def test_accuracy_counts_wrong_ones_and_those_that_are_known():
     rows = [
-        Measured(0, n, "", "", rms, 0, 0, sure, {}) for n, (rms, sure) in enumerate([(0.1, 0.9), (2, 0.1), (3, 0.9)])
+        Measured(0, n, "", "", beside, rms, 0, 0, sure, {})
+        for n, (beside, rms, sure) in enumerate([(2.9, 0.1, 0.9), (3.1, 2, 0.1), (0, 3, 0.9)])
     ]
     found = accuracy(rows)
     assert (found.photographs, found.wrong) == (3, 2)
     assert found.within == pytest.approx(1 / 3)
+    assert (found.level, found.level_within) == (2, 0.5)
     assert found.recognised == pytest.approx(0.5)
     assert found.accepted_within == pytest.approx(0.5)
 

@@ -204,7 +204,7 @@ def photograph_errors(
     """Measure errors of outlines on synthetic photographs, and whether confidence knows them; exit status 1 if not."""
     from dataclasses import asdict
 
-    from cusick_bench.photographs.accuracy import accuracy, document, measure
+    from cusick_bench.photographs.accuracy import LEVEL_DEG, accuracy, document, measure
 
     measured: list[Measured] = []
     with progress_bar("photographs", count) as bar:
@@ -221,7 +221,9 @@ def photograph_errors(
             table.add_row(str(one.laboratory), str(one.shot), one.calibration, one.trouble, *numbers)
         output.print(table)
         output.print(
-            f"{100 * found.within:.1f} % of {found.photographs} photographs within .5 mm "
+            f"{100 * found.within:.1f} % of {found.photographs} photographs within .5 mm, "
+            f"{100 * found.level_within:.1f} % of the {found.level} whose camera is at most "
+            f"{LEVEL_DEG:.0f} degrees beside the axis "
             f"(median {found.median_mm:.2f}, 95 % below {found.most_mm:.2f} mm); {100 * found.accepted:.1f} % "
             f"accepted, of these {100 * found.accepted_within:.1f} % within .5 mm; {100 * found.recognised:.1f} % of "
             f"{found.wrong} wrong ones recognised"
