@@ -1,0 +1,83 @@
+"""The command `garment skirt`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.sim.cloth.obj import read_obj
+from tests.support.worn_skirts import learned_posterior, skirt_cell
+
+NUMBERS = ["--density", "0.2", "--bending", "1e-5"]
+SMALL = ["--vertices", "160", "--length", "0.3", "--hem", "0.2", "--hip", "0.13"]
+
+
+def _run(*arguments: str):
+    return CliRunner().invoke(app, ["garment", "skirt", *arguments])
+
+
+def test_command_writes_meshes_pictures_motion_and_numbers(tmp_path: Path):
+    result = _run(
+        *NUMBERS, *SMALL, "--kind", "a-line", "--draws", "2", "--dynamic", "--duration", "0.4", "--out",
+        str(tmp_path / "out"), "--json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    folder = tmp_path / "out"
+    assert json.loads((folder / "summary.json").read_text())["spread"] == document["spread"]
+    assert [draw["draw"] for draw in document["draws"]] == [0, 1]
+    assert 0.1 < document["spread"]["mean"]["hem_radius_m"] < 0.2
+    assert document["spread"]["vertex_sd_rms_m"] > 0
+    positions, faces = read_obj(folder / "draw_0001.obj")
+    assert len(positions) == document["vertices"]
+    assert len(faces) == document["faces"]
+    with np.load(folder / "motion.npz") as motion:
+        assert motion["positions"].shape == (document["motion"]["frames"], 2, document["vertices"], 3)
+        np.testing.assert_allclose(motion["positions"][0, 1], positions, atol=1e-5)
+    for name in ("draw_0000.png", "draw_0000_above.png", "draw_0000_front.png", "turntable.png", "motion.png"):
+        with Image.open(folder / name) as picture:
+            assert np.asarray(picture.convert("L")).min() < 200  # not empty
+    with Image.open(folder / "turntable.gif") as animation:
+        assert sum(1 for _ in ImageSequence.Iterator(animation)) == 18
+
+
+def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another(tmp_path: Path):
+    cell = str(skirt_cell(tmp_path / "a", **learned_posterior()))
+    same, again, other = (
+        json.loads(_run("--from", cell, *SMALL, "--draws", "2", "--seed", seed, "--json").stdout)
+        for seed in ("3", "3", "4")
+    )
+    assert same["draws"] == again["draws"] != other["draws"]
+    assert same["draws"][0] != dict(same["draws"][1], draw=0)
+    assert same["stiffness_from"] == "posterior"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "give either --from RESULT"),
+        (["--from", "nowhere", *NUMBERS], "give either --from RESULT"),
+        (["--from", "nowhere"], "no result at nowhere"),
+        (["--density", "0.2"], "both --density and --bending"),
+        (["--density", "-1", "--bending", "1e-5"], "areal density must be from 0.005 to 5.0 kg/m2, got -1"),
+        (["--density", "0.2", "--bending", "1,2"], "one number or three"),
+        ([*NUMBERS, "--law", "plate"], "skirts hang by law paper"),
+        ([*NUMBERS, "--law", "published"], "tables are for law paper"),
+        ([*NUMBERS, "--draws", "0"], "number of draws must be at least 1"),
+        ([*NUMBERS, "--waist", "0.3"], "wider than its waist"),
+        ([*NUMBERS, "--length", "-1"], "length must be > 0"),
+        ([*NUMBERS, "--kind", "a-line", "--hip", "0.4"], "must fit into the skirt"),
+        ([*NUMBERS, "--hip", "0.05"], "waist <= hip"),
+        ([*NUMBERS, "--vertices", "20"], "at least 150 vertices"),
+        ([*NUMBERS, "--heterogeneity", "-0.1"], "spread of log stiffness"),
+        ([*NUMBERS, "--dynamic", "--period", "0"], "period and duration > 0"),
+    ],
+)
+def test_command_refuses_bad_input(arguments: list[str], message: str):
+    result = _run(*arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.split())
