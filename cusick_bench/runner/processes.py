@@ -82,8 +82,7 @@ class _Pool(ProcessPoolExecutor):
             self.shutdown(wait=False, cancel_futures=True)
             self._context.end()
         else:
-            self.shutdown(wait=False)  # the processes end when they have done what they were given
-            self._context.join()
+            threading.Thread(target=self._context.end_with_a_killed_one, daemon=True).start()
         return super().__exit__(kind, error, trace)
 
 
@@ -104,7 +103,7 @@ class _Context(SpawnContext):
             if process.pid is not None:
                 process.terminate()
 
-    def join(self) -> None:
+    def end_with_a_killed_one(self) -> None:
         """Waits until all processes that it started have ended; where one was killed, it ends the others.
 
         A process may be killed while it holds the lock of the queue that all of them read, and a pool that is shutting
