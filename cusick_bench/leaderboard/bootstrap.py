@@ -2,8 +2,9 @@
 
 Seeds are resampled within each cloth (stratified): the statement is about these cloths. Where a cloth has only one
 seed, or seeds change nothing, that would say nothing, so each cloth counts by its mean over seeds and the cloths are
-resampled. Two solvers are compared on the same resampled cells: what a cloth does to both cancels. SciPy resamples the
-strata; which units they hold is decided here.
+resampled. Where samples are left out in turn, a cloth has a cell for each of them, and these count as seeds do. Two
+solvers are compared on the same resampled cells: what a cloth does to both cancels. SciPy resamples the strata; which
+units they hold is decided here.
 
 References:
     R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare. Deep reinforcement learning at the
@@ -25,7 +26,7 @@ RESAMPLES = 4000
 LEVEL = 0.95
 MINIMUM_UNITS = 3  # fewer resampled units give no interval that means anything
 
-Values = Mapping[tuple[str, int], float]  # (cloth, seed) -> value
+Values = Mapping[tuple[str, int], float]  # (cloth, seed or number of the split and seed) -> value
 Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"] | float]
 
 
@@ -81,20 +82,32 @@ class Estimate:
         return self.low > 0 or self.high < 0
 
 
+def repeats(table: pd.DataFrame) -> list[int]:
+    """Number of each cell among those of its method and cloth.
+
+    Args:
+        table: A row a cell, with `repeat` (`load_cells`), or else with `seed`.
+
+    Returns:
+        The numbers.
+    """
+    return [int(number) for number in table["repeat" if "repeat" in table else "seed"]]
+
+
 def cell_values(table: pd.DataFrame, name: str) -> dict[tuple[str, int], float]:
     """A column of a table of cells, without what is not finite.
 
     Args:
-        table: A row a cell, with columns `cloth` and `seed`.
+        table: A row a cell, with columns `cloth` and `repeat` or `seed`.
         name: The column.
 
     Returns:
-        Values by (cloth, seed); none where there is no such column.
+        Values by cloth and number (`repeats`); none where there is no such column.
     """
     if name not in table:
         return {}
-    cells = zip(table["cloth"], table["seed"], table[name].astype(float), strict=True)
-    return {(str(cloth), int(seed)): float(value) for cloth, seed, value in cells if isfinite(value)}
+    cells = zip(table["cloth"], repeats(table), table[name].astype(float), strict=True)
+    return {(str(cloth), number): float(value) for cloth, number, value in cells if isfinite(value)}
 
 
 def estimate(values: Values, statistic: Statistic, generator: np.random.Generator) -> Estimate:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
@@ -55,7 +56,8 @@ class Cells:
         run: Contents of `run.json`, empty where there is none.
         table: One row a finished cell: solver, kind, cloth, seed, what identifies the problem, `code_version` (versions
             of the numerics; of cells of before they had any, a fingerprint of the source), `commit`, `test` (index rows
-            of the unseen samples), `spent_*`, all metrics, `stiffness` (a `FoundStiffness`, or None), and `folder`.
+            of the unseen samples), `spent_*`, all metrics, `stiffness` (a `FoundStiffness`, or None), `folder`, and
+            `repeat`, the cell's number among those of its method and cloth.
         skipped: The other cells.
     """
 
@@ -108,7 +110,23 @@ def load_cells(folder: Path | str) -> Cells:
             f"repeat the `cusick-bench run` command to go on\n{reasons}"
         )
     table = pd.DataFrame(rows).sort_values(["solver", "cloth", "seed"], ignore_index=True)
+    table["repeat"] = _repeats(table)
     return Cells(folder, _read_run(folder), table, tuple(skipped))
+
+
+def _repeats(table: pd.DataFrame) -> list[int]:
+    """Number of each cell among those of its method and cloth: its seed, and where samples are left out in turn, those.
+
+    The same problem has the same number for all methods.
+    """
+    numbers = table["seed"].to_numpy(copy=True)
+    stride = numbers.max() + 1
+    for _, rows in table.groupby(["dataset_hash", "protocol", "cloth"]).indices.items():
+        seeds, left_out = table["seed"].iloc[rows].tolist(), table["test"].iloc[rows].tolist()
+        if len(set(zip(seeds, left_out, strict=True))) > len(set(seeds)):
+            rank = {test: place for place, test in enumerate(sorted(set(left_out)))}
+            numbers[rows] += stride * np.array([rank[test] for test in left_out])
+    return numbers.tolist()
 
 
 def _read_cell(folder: Path) -> dict[str, Any] | Skipped:

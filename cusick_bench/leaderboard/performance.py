@@ -27,13 +27,13 @@ from numpy import ndarray
 
 from cusick_bench.leaderboard.anytime import Steps, method_label, steps_of
 from cusick_bench.leaderboard.board import VARIANT, variants
-from cusick_bench.leaderboard.bootstrap import cell_values
+from cusick_bench.leaderboard.bootstrap import cell_values, repeats
 from cusick_bench.leaderboard.cells import Skipped
 
 NEAR = 0.1
 """A loss counts as reached within this relative distance of the lowest one."""
 
-Problem = tuple[str, int]  # cloth, seed
+Problem = tuple[str, int]  # cloth, seed or number of the split and seed
 _SEARCHING = "solver"  # kind of cells that compete; rows without physics, and oracles, are no solvers
 _OF_METHOD = [*VARIANT, "dataset_hash", "protocol"]  # columns by which a failed cell is known for a method's own
 
@@ -170,7 +170,7 @@ def _methods(table: pd.DataFrame, skipped: Sequence[Skipped]) -> list[_Method]:
 def _problems(group: pd.DataFrame, failed: Sequence[Skipped]) -> frozenset[Problem]:
     """Problems of finished cells, and of those failed ones whose settings and code are theirs."""
     own = list(dict.fromkeys(group[_OF_METHOD].itertuples(index=False, name=None)))
-    problems = {(str(cloth), int(seed)) for cloth, seed in zip(group["cloth"], group["seed"], strict=True)}
+    problems = {(str(cloth), number) for cloth, number in zip(group["cloth"], repeats(group), strict=True)}
     for cell in failed:
         if cell.seed is not None and tuple(cell.columns.get(name) for name in _OF_METHOD) in own:
             problems.add((cell.cloth, cell.seed))
@@ -178,8 +178,8 @@ def _problems(group: pd.DataFrame, failed: Sequence[Skipped]) -> frozenset[Probl
 
 
 def _traces(group: pd.DataFrame, cost: str) -> dict[Problem, Steps]:
-    cells = zip(group["cloth"], group["seed"], group["folder"], strict=True)
-    found = {(str(cloth), int(seed)): steps_of(folder, cost) for cloth, seed, folder in cells}
+    cells = zip(group["cloth"], repeats(group), group["folder"], strict=True)
+    found = {(str(cloth), number): steps_of(folder, cost) for cloth, number, folder in cells}
     return {problem: steps for problem, steps in found.items() if len(steps.cost)}
 
 

@@ -16,7 +16,7 @@ import pandas as pd
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import variants
-from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean
+from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean, repeats
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity
@@ -213,8 +213,8 @@ def _found(part: pd.DataFrame) -> Found:
     """By cloth and seed; cells without a stiffness are left out."""
     if "stiffness" not in part:
         return {}
-    cells = zip(part["cloth"], part["seed"], part["stiffness"], strict=True)
-    return {(str(cloth), int(seed)): one for cloth, seed, one in cells if isinstance(one, FoundStiffness)}
+    cells = zip(part["cloth"], repeats(part), part["stiffness"], strict=True)
+    return {(str(cloth), number): one for cloth, number, one in cells if isinstance(one, FoundStiffness)}
 
 
 def _row(label: str, dataset: str, cloth: str, found: Found, generator: np.random.Generator) -> StiffnessRow:

@@ -23,7 +23,7 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
-from cusick_bench.leaderboard.bootstrap import mean
+from cusick_bench.leaderboard.bootstrap import cell_values, mean
 
 app = typer.Typer()
 app.command()(leaderboard)
@@ -220,6 +220,28 @@ def test_mean_and_interquartile_mean_differ_by_an_outlier(tmp_path):
     write_solver(tmp_path, "homo", lambda cloth, seed: 1.0 if (cloth, seed) == ("red", 0) else 0.05)
     assert only(tmp_path).rows[-1].value("test_mse") == pytest.approx(0.05 + 0.95 / 20)
     assert only(tmp_path, statistic="iqm").rows[-1].value("test_mse") == pytest.approx(0.05)
+
+
+def _leave_out(folder: Path, solver: str, seed: int, test_mse: dict[int, float]) -> None:
+    """Cells of one cloth and seed, one for each sample that is left out."""
+    for sample, value in test_mse.items():
+        cell = write_cell(folder, solver, "red", 100 * sample + seed, test_mse=value)
+        result = json.loads((cell / "result.json").read_text()) | {"seed": seed, "test": [sample]}
+        (cell / "result.json").write_text(json.dumps(result))
+
+
+def test_every_sample_that_is_left_out_in_turn_counts(tmp_path):
+    for seed in (0, 1):
+        _leave_out(tmp_path, "homo", seed, {4: 0.03, 5: 0.05, 7: 0.1})
+    _leave_out(tmp_path, "heter", 0, {5: 0.06, 7: 0.11})
+    (board,) = leaderboards(load_cells(tmp_path))
+    assert {row.label: row.value("test_mse") for row in board.rows if row.label in ("homo", "heter")} == {
+        "homo": pytest.approx(0.06), "heter": pytest.approx(0.085)
+    }  # fmt: skip
+    table = load_cells(tmp_path).table
+    homo, heter = (cell_values(table[table["solver"] == solver], "test_mse") for solver in ("homo", "heter"))
+    assert len(homo) == 6
+    assert [homo[cell] - value for cell, value in heter.items()] == pytest.approx([-0.01, -0.01])  # of the same samples
 
 
 def test_the_same_seed_gives_the_same_board(tmp_path, noise):
