@@ -156,7 +156,7 @@ class Fitting:
         Raises:
             DrapeDiverged: A skirt flies apart.
         """
-        carried = _placed(_taken_back(state.positions, motion.pose(state.time)), motion.pose(state.time + seconds))
+        carried = _carried(state.positions, motion.pose(state.time), motion.pose(state.time + seconds))
         moved = seconds * state.velocities - (carried - state.positions)  # beside what moves along with the waist
         farthest = np.sqrt((moved**2).sum(-1).max())
         parts = int(np.clip(np.ceil(farthest / self._spacing), 1, _MOST_PARTS))
@@ -186,7 +186,7 @@ class Fitting:
         system, p, free = self.system, self.parameters, self.system.free
         x, v = state.positions, state.velocities
         after = motion.pose(state.time + h)
-        carried = _placed(_taken_back(x, motion.pose(state.time)), after)
+        carried = _carried(x, motion.pose(state.time), after)
         w = (carried - x) / h
         found = system.evaluate(carried, carried, p, exact=False)
         right = np.empty((len(x), len(free), 3))
@@ -242,6 +242,11 @@ def _placed(x: ndarray, pose: tuple[ndarray, ndarray]) -> ndarray:
     """Positions in space of what is given in the waist's frame."""
     rotation, shift = pose
     return x @ rotation.T + shift
+
+
+def _carried(x: ndarray, before: tuple[ndarray, ndarray], after: tuple[ndarray, ndarray]) -> ndarray:
+    """Positions after they have moved rigidly along with the waist."""
+    return _placed(_taken_back(x, before), after)
 
 
 def hang(

@@ -210,7 +210,7 @@ Found = dict[tuple[str, int], FoundStiffness]
 
 
 def _found(part: pd.DataFrame) -> Found:
-    """By cloth and seed; cells without a stiffness are left out."""
+    """By cloth and number (`repeats`); cells without a stiffness are left out."""
     if "stiffness" not in part:
         return {}
     cells = zip(part["cloth"], repeats(part), part["stiffness"], strict=True)
