@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import CusickError
@@ -52,6 +52,8 @@ class Prediction:
         vertices: Drape behind `train_image` [m].
         faces: Triangles of `vertices` and `draw_vertices`.
         draw_vertices: Drapes behind `draws` [m].
+        draw_turned: Which draws lie with the other face up than the training sample, each offered for unseen samples
+            that lie as it does; as many of one face as of the other. None where all are offered for all samples.
         paired: Draw i was made for held-out image i (oracles), rather than all draws for all images.
         finished: Whether the solver ended by itself rather than by its budget.
         notes: What else it found out, as it goes into the result's JSON.
@@ -64,6 +66,7 @@ class Prediction:
     vertices: Float[np.ndarray, "vertices 3"] | None = None
     faces: Int[np.ndarray, "faces 3"] | None = None
     draw_vertices: Float[np.ndarray, "images vertices 3"] | None = None
+    draw_turned: Bool[np.ndarray, " images"] | None = None
     paired: bool = False
     finished: bool = True
     notes: dict[str, Any] = field(default_factory=dict)
@@ -78,6 +81,13 @@ class Prediction:
                 f"draws must be at least one image of {size[0]} x {size[1]} pixels, as train_image, "
                 f"got {np.shape(self.draws)}"
             )
+        if self.draw_turned is not None:
+            turned = int(np.count_nonzero(self.draw_turned))
+            if self.paired or len(self.draw_turned) != len(self.draws) or 2 * turned != len(self.draws):
+                raise SolverError(
+                    f"draws that are not paired must be as many of one face as of the other, got {len(self.draws)} "
+                    f"draws, {turned} of {len(self.draw_turned)} turned over"
+                )
         for name in ("train_image", "draws"):
             image = getattr(self, name)
             if not (np.isfinite(image).all() and image.min() >= -1e-9 and image.max() <= 1 + 1e-9):

@@ -3,8 +3,8 @@
 The energy distance is taken between vectors of statistics, each in its unit (see `statistics.py`): 0 for draws from
 the cloth's own distribution, about 0.1 for one shifted by a third of the spread between its samples. Energy score and
 variogram score are of the radius profile as it lies, the CRPS and all that concerns calibration of the drape
-coefficient. Draws of a `paired` prediction are made for one sample each, and are scored against it as single draws;
-the comparisons of whole sets, energy distance and fold test, take them together.
+coefficient. Draws made for some samples only (an oracle's for one each, those of one face for samples that lie as they
+do) are scored against these; the comparisons of whole sets, energy distance and fold test, take all together.
 
 Held-out samples count as independent, as those of the paper's split are.
 """
@@ -12,6 +12,7 @@ Held-out samples count as independent, as those of the paper's split are.
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Int
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import Protocol
@@ -19,6 +20,9 @@ from cusick_bench.metrics.calibration import coverage, fold_test, ranks
 from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
 from cusick_bench.metrics.shape import Shape
 from cusick_bench.metrics.statistics import LOCKED, PHASE_FREE, STATISTICS, drape_statistics, standardised
+
+Groups = Sequence[tuple[Int[ndarray, " draws"], Int[ndarray, " samples"]]]
+"""Draws, and the samples that they were made for: places in both lists; each sample is in one group."""
 
 LEVELS = (50, 90)  # [per cent] of the intervals
 _SCORE_STRIDE = 4  # profile samples from one angle of the energy score to the next: 2 deg
@@ -38,13 +42,15 @@ DISTRIBUTION_METRICS = (
 )
 
 
-def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paired: bool = False) -> dict[str, float]:
+def distribution_scores(
+    draws: Sequence[Shape], tests: Sequence[Shape], *, groups: Groups | None = None
+) -> dict[str, float]:
     """Scores the distribution of draws against unseen samples.
 
     Args:
         draws: Drapes offered, at least one.
         tests: Unseen samples, at least one.
-        paired: Draw i was made for sample i.
+        groups: Which draws were made for which samples; all for all by default.
 
     Returns:
         Smaller is better, but for `test_dc_cover_*` and `test_fold_p`:
@@ -66,10 +72,11 @@ def distribution_scores(draws: Sequence[Shape], tests: Sequence[Shape], *, paire
         "test_energy_distance_locked": _distance(drawn, seen, LOCKED, tests[0].protocol),
         "test_fold_p": fold_test(drawn[:, folds], seen[:, folds], np.random.default_rng(_SEED)),
     }
-    pairs = [(slice(i, i + 1), slice(i, i + 1)) for i in range(len(tests))] if paired else [(slice(None), slice(None))]
-    parts = [_sample_scores(radii[own], targets[at], drawn[own, dc], seen[at, dc]) for own, at in pairs]
-    ranked = np.concatenate([ranks(drawn[own, dc], seen[at, dc]) for own, at in pairs])
-    scores |= {name: float(np.mean([part[name] for part in parts])) for name in parts[0]}
+    groups = [(np.arange(len(draws)), np.arange(len(tests)))] if groups is None else groups
+    parts = [_sample_scores(radii[own], targets[at], drawn[own, dc], seen[at, dc]) for own, at in groups]
+    ranked = np.concatenate([ranks(drawn[own, dc], seen[at, dc]) for own, at in groups])
+    sizes = [len(at) for _, at in groups]
+    scores |= {name: float(np.average([part[name] for part in parts], weights=sizes)) for name in parts[0]}
     scores["test_dc_rank_bias"] = float(abs(ranked.mean() - 0.5))
     return {name: scores[name] for name in DISTRIBUTION_METRICS}
 

@@ -1,9 +1,10 @@
 """All metrics of one prediction: against its training sample, and against samples it has not seen.
 
 A prediction offers one or many silhouettes (draws) for the unseen samples. Every draw is compared with every
-unseen sample; a `paired` prediction (an oracle's) offers draw i for sample i only. Scores of many draws come
-twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that fits it best.
-The latter rewards N whatever the draws are, so it must be read beside random draws of equal number:
+unseen sample; a `paired` prediction (an oracle's) offers draw i for sample i only, and one that knows both faces offers
+some draws for samples that lie as the training sample does and as many for samples that lie the other way up. Scores of
+many draws come twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that fits it
+best. The latter rewards N whatever the draws are, so it must be read beside random draws of equal number:
 `test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average, and
 `test_hausdorff_best_of_<n>_m` the same from fewer tries, since it costs more: n of 20 draws, or ten sets of n.
 Whether draws are distributed as the samples are is told by the scores of `distribution.py`, whatever their number.
@@ -93,7 +94,7 @@ def score(
     repeats = [mse(Shape(first).pixels, Shape(second).pixels, protocol) for first, second in repeat_pairs]
     return {
         **_train_scores(prediction, train_sample, protocol),
-        **_test_scores(prediction, test_samples, protocol),
+        **_test_scores(prediction, train_sample, test_samples, protocol),
         "floor_mse": float(np.mean(repeats)) if repeats else nan,
     }
 
@@ -167,21 +168,46 @@ def _train_scores(prediction: Prediction, sample: DrapeSample, protocol: Protoco
     }
 
 
-def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample], protocol: Protocol) -> dict[str, float]:
+def _test_scores(
+    prediction: Prediction, train_sample: DrapeSample, samples: Sequence[DrapeSample], protocol: Protocol
+) -> dict[str, float]:
+    turned = prediction.draw_turned
     if not samples:
-        return dict.fromkeys(TEST_METRICS, nan) | {"draws": float(len(prediction.draws))}
+        count = len(prediction.draws) if turned is None else np.count_nonzero(turned)
+        return dict.fromkeys(TEST_METRICS, nan) | {"draws": float(count)}
     draws, tests = _draw_shapes(prediction, protocol), [_sample_shape(sample, protocol) for sample in samples]
-    paired = prediction.paired
-    if paired and len(draws) != len(tests):
-        raise MetricError(f"a paired prediction needs a draw for each of {len(tests)} samples, got {len(draws)}")
-    images, targets = np.asarray(prediction.draws), np.stack([test.pixels for test in tests])
-    squared = _paired(mse_pairs(images, targets, protocol), paired)
+    images = np.asarray(prediction.draws)
+    if prediction.paired:
+        if len(draws) != len(tests):
+            raise MetricError(f"a paired prediction needs a draw for each of {len(tests)} samples, got {len(draws)}")
+        groups = [(np.array([i]), np.array([i])) for i in range(len(tests))]
+        scores = _distances(images, draws, tests, paired=True) | distribution_scores(draws, tests, groups=groups)
+    elif turned is None:
+        scores = _distances(images, draws, tests) | distribution_scores(draws, tests)
+    else:
+        lying = np.array([sample.row["side"] != train_sample.row["side"] for sample in samples])
+        faces = [(np.flatnonzero(turned == face), np.flatnonzero(lying == face)) for face in np.unique(lying)]
+        parts = [_distances(images[own], [draws[i] for i in own], [tests[i] for i in at]) for own, at in faces]
+        sizes = [len(at) for _, at in faces]
+        scores = {name: np.average([part[name] for part in parts], weights=sizes) for name in parts[0]}
+        offered = np.sort(np.concatenate([own for own, _ in faces]))  # without a face that none of the samples shows
+        groups = [(np.searchsorted(offered, own), at) for own, at in faces]
+        scores |= distribution_scores([draws[i] for i in offered], tests, groups=groups)
+    return {name: float(value) for name, value in scores.items()}
+
+
+def _distances(
+    images: ndarray, draws: Sequence[Shape], tests: Sequence[Shape], *, paired: bool = False
+) -> dict[str, float]:
+    """Scores that compare each draw, of which an image is given, with each sample, or draw i with sample i."""
+    targets = np.stack([test.pixels for test in tests])
+    squared = _paired(mse_pairs(images, targets, tests[0].protocol), paired)
     few = draws if paired else _thinned(draws)
 
     def mean(distance: Distance) -> float:
         return float(_table(few, tests, distance, paired).mean())
 
-    scores = {
+    return {
         "draws": len(squared),
         "test_mse": squared.mean(),
         "test_mse_best": squared.min(0).mean(),
@@ -194,9 +220,7 @@ def _test_scores(prediction: Prediction, samples: Sequence[DrapeSample], protoco
         "test_spectrum_m": mean(_radial(spectrum_distance)),
         "test_dc_error": _mean_difference(draws, tests, lambda shape: shape.drape_coefficient),
         "test_folds_error": _mean_difference(draws, tests, lambda shape: shape.folds),
-        **distribution_scores(draws, tests, paired=paired),
     }
-    return {name: float(value) for name, value in scores.items()}
 
 
 def _sample_shape(sample: DrapeSample, protocol: Protocol) -> Shape:
@@ -215,7 +239,7 @@ def _draw_shapes(prediction: Prediction, protocol: Protocol) -> list[Shape]:
     ]
 
 
-def _thinned(draws: list[Shape]) -> list[Shape]:
+def _thinned(draws: Sequence[Shape]) -> Sequence[Shape]:
     """At most `_MEAN_DRAWS` of the draws, evenly spaced: draws may be in order, as rotations are."""
     return [draws[i] for i in np.unique(np.linspace(0, len(draws) - 1, _MEAN_DRAWS).astype(int))]
 

@@ -75,6 +75,8 @@ class DrapeProblem:
         checkpoint: Place for a solver's own state.
         further_images: Silhouettes of other training samples of the same cloth and face, for methods that learn from
             several; the loss knows nothing of them.
+        other_face_images: Silhouettes of training samples that lie the other way up, for methods that learn from both
+            faces; the loss knows nothing of them either.
         train_mesh: The training drape in three dimensions, where its shape is known and the solver asks for it.
         scene: What the base model leaves out, if anything; the simulator is that of its mesh and settings.
     """
@@ -93,6 +95,7 @@ class DrapeProblem:
     journal: Journal = field(default_factory=Journal)
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
     further_images: tuple[Float[np.ndarray, "size size"], ...] = ()
+    other_face_images: tuple[Float[np.ndarray, "size size"], ...] = ()
     train_mesh: TrainMesh | None = None
     scene: Scene | None = None
     _branch: FollowedBranch = field(default_factory=FollowedBranch, repr=False)
@@ -101,7 +104,8 @@ class DrapeProblem:
         if self.loss not in LOSSES:
             raise ProblemError(f"unknown loss {self.loss!r}; use one of {', '.join(LOSSES)}")
         size = self.protocol.image_size_px
-        wrong = [np.shape(image) for image in self.train_images if np.shape(image) != (size, size)]
+        given = (*self.train_images, *self.other_face_images)
+        wrong = [np.shape(image) for image in given if np.shape(image) != (size, size)]
         if wrong:
             raise ProblemError(
                 f"a training image has {size} x {size} pixels as its protocol says, got {wrong[0]}; "
@@ -110,7 +114,7 @@ class DrapeProblem:
 
     @property
     def train_images(self) -> tuple[Float[np.ndarray, "size size"], ...]:
-        """Silhouettes of all training samples, the one that is fitted first."""
+        """Silhouettes of all training samples of the fitted face, the one that is fitted first."""
         return (self.train_image, *self.further_images)
 
     @property

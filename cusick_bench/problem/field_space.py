@@ -344,6 +344,23 @@ class FieldSpace(ParameterSpace):
         """How each weight of the stiffness field moves the level."""
         return self._overhang_mean * self.root(torch.as_tensor(cloth), "stiffness").numpy()
 
+    def turned(self, cloths: Float[np.ndarray, "*batch numbers"]) -> Float[np.ndarray, "*batch numbers"]:
+        """Cloths or specimens that lie the other way up: their rest shape curves and undulates the other way.
+
+        What is stiff stays so: tables that are symmetric in the grain are those of their mirror image. A specimen's
+        stiffness field ought to be mirrored; its statistics are the same without.
+
+        Args:
+            cloths: theta or parameter vectors, in the last axis.
+
+        Returns:
+            Those of the other face.
+        """
+        turned, curl = cloths.copy(), TRAITS["curl"]
+        turned[..., self.trait_entry("curl")] = -cloths[..., self.trait_entry("curl")] - 2 * curl.mean / curl.sd
+        turned[..., self.weights("rest")] *= -1  # nothing where there are no weights
+        return turned
+
     def trait(self, tau: Float[Tensor, " dimension"], name: str) -> Float[Tensor, ""]:
         """Value of a trait of the cloth.
 

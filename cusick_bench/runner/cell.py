@@ -38,7 +38,7 @@ from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.samples import read_image, read_repeats, read_sample
+from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
@@ -113,9 +113,11 @@ def build_problem(
     prior, plate_radius = StiffnessPrior(drape.law, float(known["areal_density"])), simulator.settings.plate_radius
     radii = sample.profile.radii if scene is None else scene.profile(sample.profile.radii)
     laid = laid_like(radii, simulator.mesh, plate_radius=plate_radius)
+    own, other = training_rows(dataset, cell.train)
     return DrapeProblem(
         train_image=read_image(dataset, cell.train[0]),
-        further_images=tuple(read_image(dataset, row) for row in _further_samples(dataset, cell)),
+        further_images=tuple(read_image(dataset, row) for row in own[1:]),
+        other_face_images=tuple(read_image(dataset, row) for row in other),
         simulator=simulator,
         space=SPACES[settings.space](simulator.mesh, prior, plate_radius, protocol.cloth_radius_m),
         thickness=float(known["thickness"]),
@@ -130,14 +132,6 @@ def build_problem(
         train_mesh=_train_mesh(sample, simulator.mesh, protocol) if make_solver(cell.solver).needs_mesh else None,
         scene=scene,
     )
-
-
-def _further_samples(dataset: DrapeDataset, cell: Cell) -> list[int]:
-    """First captures of the other training samples, of the face that is fitted: captures repeat each other."""
-    table = dataset.index.loc[list(cell.train)]
-    face = table["side"].astype(str) == str(table["side"].iloc[0])
-    first = table[face & (table["sample"] != table["sample"].iloc[0])].groupby("sample", sort=False).head(1)
-    return [int(row) for row in first.index]
 
 
 def _train_mesh(sample: DrapeSample, model: Mesh, protocol: Protocol) -> TrainMesh | None:
@@ -321,7 +315,7 @@ def _write_prediction(
         "train_target": np.asarray(problem.train_image, dtype=np.float32),
         "draws": to_levels(prediction.draws),
     }
-    for name in ("tau", "vertices", "faces", "draw_vertices"):
+    for name in ("tau", "vertices", "faces", "draw_vertices", "draw_turned"):
         value = getattr(prediction, name)
         if value is not None:
             arrays[name] = np.asarray(value)

@@ -15,6 +15,7 @@ from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled
 from cusick_bench.runner.numerics import LAWS, cell_numerics
+from cusick_bench.runner.samples import training_rows
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
@@ -204,24 +205,27 @@ def plan(
             f"{meshed[0]} balances forces of faces and hinges at vertices, and law plate has none there; run it with "
             "--law paper, whose tables mean the same stiffness"
         )
-    cells = [
-        Cell(
-            solver=text,
-            cloth=split.cloth,
-            seed=seed,
-            train=tuple(split.train),
-            test=tuple(split.test),
-            settings=posed[text],
-            dataset=dataset.name,
-            dataset_hash=dataset.content_hash,
-            protocol=protocol,
-            numerics=tuple(cell_numerics(made[text], posed[text].drape, posed[text].causes).items()),
-            nominal=json.dumps(unlike, sort_keys=True) if unlike else "",
-        )
-        for split in (dataset.split(protocol, cloths) if splits is None else splits)
-        for text in made
-        for seed in seeds or [0]
-    ]
+    cells = []
+    for split in dataset.split(protocol, cloths) if splits is None else splits:
+        both_faces = bool(training_rows(dataset, split.train)[1])
+        for text, solver in made.items():
+            numerics = cell_numerics(solver, posed[text].drape, posed[text].causes, both_faces=both_faces)
+            cells += [
+                Cell(
+                    solver=text,
+                    cloth=split.cloth,
+                    seed=seed,
+                    train=tuple(split.train),
+                    test=tuple(split.test),
+                    settings=posed[text],
+                    dataset=dataset.name,
+                    dataset_hash=dataset.content_hash,
+                    protocol=protocol,
+                    numerics=tuple(numerics.items()),
+                    nominal=json.dumps(unlike, sort_keys=True) if unlike else "",
+                )
+                for seed in seeds or [0]
+            ]
     for cell in cells:
         if made[cell.solver].kind == "solver":
             dataset.require_density(cell.train[0])

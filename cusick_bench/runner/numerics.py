@@ -38,13 +38,20 @@ def drape_numerics(law: str, *, with_contact: bool = False, with_effects: bool =
     return versions
 
 
-def cell_numerics(solver: Solver, drape: DrapeSettings, causes: tuple[str, ...] = ()) -> dict[str, int]:
+BOTH_FACES = 1
+"""Version of what cells do that train on both faces of a cloth."""
+
+
+def cell_numerics(
+    solver: Solver, drape: DrapeSettings, causes: tuple[str, ...] = (), *, both_faces: bool = False
+) -> dict[str, int]:
     """Versions of what decides a cell's numbers.
 
     Args:
         solver: Who answers; one without physics does not depend on the simulator.
         drape: How the problem's drapes are simulated.
         causes: What is simulated that the base model leaves out.
+        both_faces: Whether samples of both faces train.
 
     Returns:
         Version of each part, by name.
@@ -58,6 +65,8 @@ def cell_numerics(solver: Solver, drape: DrapeSettings, causes: tuple[str, ...] 
         with_contact, with_effects = drape.self_contact > 0, bool(causes)
         versions |= drape_numerics(drape.law, with_contact=with_contact, with_effects=with_effects)
         versions["problem"] = problem.NUMERICS_VERSION
+    if both_faces:
+        versions["both faces"] = BOTH_FACES
     return dict(sorted(versions.items()))
 
 

@@ -6,6 +6,7 @@ bytes, so that memory grows neither with the grid nor with the width of the silh
 """
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -89,6 +90,23 @@ def read_image(dataset: DrapeDataset, row: int) -> Silhouette:
         Coverage in [0, 1], an array of the caller's own.
     """
     return read_sample(dataset, row).image.numpy().astype(np.float64)
+
+
+def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """First captures of a cloth's training samples, by the face that is up: captures repeat each other.
+
+    Args:
+        dataset: Data.
+        train: Rows of its index that train; the first one is fitted.
+
+    Returns:
+        Rows that show the face of the first one, that one first, and rows known to show the other face; one a sample.
+    """
+    table = dataset.index.loc[list(train)]
+    sides = table["side"].astype(str)
+    fitted, turned = sides.iloc[0], {"up": "down", "down": "up"}.get(sides.iloc[0])
+    own, other = (table[sides == side].drop_duplicates("sample") for side in (fitted, turned))
+    return tuple(int(row) for row in own.index), tuple(int(row) for row in other.index)
 
 
 @lru_cache(maxsize=1)

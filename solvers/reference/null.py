@@ -7,24 +7,48 @@ N. `null:rotation` and `null:random-phase` offer many draws; their best-of-N row
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, profile_of
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError
+from cusick_bench.solvers.base import Images, Prediction, Progress, Solver, SolverError
 from cusick_bench.solvers.reference.silhouettes import Canvas, silhouette
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
 
 
+Image = Float[np.ndarray, "size size"]
+
+
 @dataclass(frozen=True)
 class Null(Solver):
-    """A predictor that runs no simulation."""
+    """A predictor that runs no simulation. Where a training sample shows the other face, it predicts that from it."""
 
     kind: ClassVar[str] = "null"
+
+    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+        faces = [problem.train_image, *problem.other_face_images[:1]]
+        offered = [self._silhouettes(problem, image, generator, progress) for image in faces]
+        fit = self._fit(problem, offered[0])
+        if len(offered) == 1:
+            return Prediction(fit, offered[0])
+        draws = np.stack(offered, 1).reshape(-1, *fit.shape)  # the faces in turn
+        return Prediction(fit, draws, draw_turned=np.arange(len(draws)) % 2 == 1)
+
+    @abstractmethod
+    def _silhouettes(
+        self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
+    ) -> Images:
+        """What it offers for unseen samples that lie as the one of an image does; as many of either face."""
+
+    def _fit(self, problem: DrapeProblem, offered: Images) -> Image:
+        """Its fit of the training image."""
+        return problem.train_image
 
 
 @dataclass(frozen=True)
@@ -34,15 +58,19 @@ class NullDisc(Null):
     name: ClassVar[str] = "null:disc"
     summary: ClassVar[str] = "disc with the training image's area"
 
-    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
+    def _silhouettes(
+        self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
+    ) -> Images:
         protocol = problem.protocol
         if protocol.projection == "parallel":
-            radius = np.sqrt(problem.train_image.sum() / np.pi) / protocol.px_per_m
+            radius = np.sqrt(image.sum() / np.pi) / protocol.px_per_m
         else:
             inner, outer = protocol.plate_radius_m**2, protocol.cloth_radius_m**2
-            radius = np.sqrt(inner + drape_coefficient_of(problem.train_image, protocol) * (outer - inner))
-        disc = silhouette(np.full(4, radius), protocol)
-        return Prediction(train_image=disc, draws=disc[None])
+            radius = np.sqrt(inner + drape_coefficient_of(image, protocol) * (outer - inner))
+        return silhouette(np.full(4, radius), protocol)[None]
+
+    def _fit(self, problem: DrapeProblem, offered: Images) -> Image:
+        return offered[0]
 
 
 @dataclass(frozen=True)
@@ -52,8 +80,10 @@ class NullCopy(Null):
     name: ClassVar[str] = "null:copy"
     summary: ClassVar[str] = "the training image, copied"
 
-    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        return Prediction(train_image=problem.train_image, draws=problem.train_image[None])
+    def _silhouettes(
+        self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
+    ) -> Images:
+        return image[None]
 
 
 @dataclass(frozen=True)
@@ -68,12 +98,14 @@ class NullRotation(Null):
     name: ClassVar[str] = "null:rotation"
     summary: ClassVar[str] = "the training image turned through 360 degrees; its best draw is oracle-assisted"
 
-    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        profile = profile_of(problem.train_image, problem.protocol)
+    def _silhouettes(
+        self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
+    ) -> Images:
+        profile = profile_of(image, problem.protocol)
         angles = np.arange(_positive(self.draws)) * (360 / self.draws)
         canvas = Canvas.of(len(profile.radii), problem.protocol)
         turned = (canvas.silhouette(profile.rotated(angle).radii) for angle in angles)
-        return Prediction(problem.train_image, _stack(turned, self.draws, problem, progress))
+        return _stack(turned, self.draws, problem, progress)
 
 
 @dataclass(frozen=True)
@@ -88,15 +120,17 @@ class NullRandomPhase(Null):
     name: ClassVar[str] = "null:random-phase"
     summary: ClassVar[str] = "the training profile's Fourier amplitudes with random phases"
 
-    def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        radii = profile_of(problem.train_image, problem.protocol).radii
+    def _silhouettes(
+        self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
+    ) -> Images:
+        radii = profile_of(image, problem.protocol).radii
         amplitude = np.abs(np.fft.rfft(radii))
         phase = generator.uniform(0, 2 * np.pi, (_positive(self.draws), len(amplitude)))
         phase[:, 0] = 0  # the mean radius stays
         profiles = np.fft.irfft(amplitude * np.exp(1j * phase), len(radii))
         canvas = Canvas.of(len(radii), problem.protocol)
         images = (canvas.silhouette(profile) for profile in profiles)
-        return Prediction(problem.train_image, _stack(images, self.draws, problem, progress))
+        return _stack(images, self.draws, problem, progress)
 
 
 _MOST_DRAWS = 100_000

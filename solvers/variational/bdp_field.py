@@ -53,7 +53,7 @@ class BdpField(Solver):
     """Level search, inference of the cloth, fit of the training specimen, predictive draws.
 
     Attributes:
-        draws: Posterior-predictive drapes, outside the budget.
+        draws: Posterior-predictive drapes, outside the budget; of each face where both are learned from.
         first: Cloths drawn from the prior and draped, once the level of bending has been found.
         rounds: Rounds of the inference after these.
         cloths: Cloths drawn from what is known and draped in each.
@@ -122,17 +122,43 @@ class BdpField(Solver):
         nearest = min(incumbent, inference.seen, key=lambda one: one.loss)  # a draw, where the fit found no time
         best = prediction_at(problem, nearest.tau, finished=finished)
         posterior = {"cloths": inference.cloths, "seed": np.array(seed)}
-        seen = predictive_draws(paced, lambda index: self.redraw(problem, posterior, index), self.draws, progress)
-        return with_draws(best, seen, posterior)
+        if len(inference.faces) == 1:
+            seen = predictive_draws(paced, lambda index: self.redraw(problem, posterior, index), self.draws, progress)
+            return with_draws(best, seen, posterior)
+        return self._draws_of_both(paced, best, posterior, progress)
+
+    def _draws_of_both(
+        self, problem: DrapeProblem, best: Prediction, posterior: dict[str, np.ndarray], progress: Progress
+    ) -> Prediction:
+        """Draws of either face, in turn: even numbers lie as the training sample does, odd ones the other way up."""
+        posterior = posterior | {"faces": np.array(2)}
+        of_face = [
+            predictive_draws(
+                problem,
+                lambda i, face=face: self.redraw(problem, posterior, 2 * i + face),
+                self.draws,
+                lambda what, share, face=face: progress(f"face {face + 1}: {what}", (face + share) / 2),
+            )
+            for face in (0, 1)
+        ]
+        pairs = zip(*(face.items() for face in of_face), strict=False)  # as many of either, where drapes have failed
+        seen = {2 * i + face: one for pair in pairs for face, (i, one) in enumerate(pair)}
+        return with_draws(best, seen, posterior, np.array(list(seen)) % 2 == 1)
 
     def redraw(
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
-        """Draws a cloth, and the fields of a specimen of it."""
+        """Draws a cloth, and the fields of a specimen of it; of both faces odd numbers lie the other way up."""
+        from cusick_bench.problem import FieldSpace
         from cusick_bench.solvers.variational.cloth_inference import drawn_specimen
 
         noise = standard_normal(int(posterior["seed"]), PREDICTION, index, problem.dimension)
-        return drawn_specimen(posterior["cloths"], index, noise)
+        number, face = divmod(index, int(posterior.get("faces", 1)))
+        specimen = drawn_specimen(posterior["cloths"], number, noise)
+        if not face:
+            return specimen
+        assert isinstance(problem.space, FieldSpace)
+        return problem.space.turned(specimen)
 
     def _fit_specimen(self, incumbent: Incumbent, cloth: Float[np.ndarray, " cloth"]) -> None:
         """Fits the training image: the inferred cloth, laid down with the folds of the image, then all at once."""

@@ -4,6 +4,7 @@ The statistics are those of `bdp_field`, which says why; this is the state of th
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,11 +13,10 @@ from jaxtyping import Float
 
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.problem.field_space import DISCREPANCY, FieldSpace
-from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.incumbent import Incumbent
+from cusick_bench.solvers.variational.face import Drapes, Face, Scatter
 from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, standard_normal
-from cusick_bench.solvers.variational.linear_correction import PAIRS, LinearCorrection, linear_correction, nearness
 from cusick_bench.solvers.variational.predictive import TOGETHER
 from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
@@ -24,8 +24,6 @@ LEVEL_SD = 0.5  # of the level of bending in the first round, when the search ha
 CLOTHS = 1024  # draws from the posterior that are kept
 STEPS = 60  # of the chains that end in them; twice as many change no quantile by more than their number does
 DISCREPANT = np.array([DISCREPANCY.get(name, 0.0) for name in STATISTICS])
-KNOWN = 30.0  # drapes that the scatter known before the first one counts for
-UNSEEN = 4.0  # variance of what is expected before the first drape, in the scatter's: of another law or plate
 _CHAINS = 2  # purpose of random numbers, beside those of `gaussian_posterior`
 
 
@@ -37,6 +35,7 @@ class ClothInference:
         problem: The problem, whose simulator drapes.
         seed: Seed of the run.
         samples: Most training samples that are learned from; 0 for all.
+        faces: What is known of each: the fitted one, and the other one where training samples show it.
         cloths: Draws of the cloth's parameters from what is known of them.
         seen: The drape that happened to be nearest to the training image.
     """
@@ -44,18 +43,19 @@ class ClothInference:
     problem: DrapeProblem
     seed: int
     samples: int = 0
+    faces: list[Face] = field(init=False)
     cloths: Float[np.ndarray, "cloths numbers"] = field(init=False)
     seen: Incumbent = field(init=False)
     _draped: list[np.ndarray] = field(default_factory=list)
     _levels: list[float] = field(default_factory=list)
     _statistics: list[np.ndarray] = field(default_factory=list)
     _tried: int = 0
-    _correction: LinearCorrection | None = None
 
     def __post_init__(self) -> None:
         self.seen = Incumbent(self.problem)
-        images = self.problem.train_images[: self.samples or None]
-        self.observed = np.stack([self._measured(image) for image in images])
+        shown = self.problem.train_images, self.problem.other_face_images
+        observed = [[self._measured(image) for image in images[: self.samples or None]] for images in shown]
+        self.faces = [Face(np.stack(one)) for one in observed if one]
         self.cloths = self._prior_draws()
 
     def begin(self, level: float) -> None:
@@ -68,6 +68,8 @@ class ClothInference:
         axis = direction / np.linalg.norm(direction)
         drawn = self._prior_draws()
         self.cloths = level * direction + drawn - (1 - LEVEL_SD) * np.outer(drawn @ axis, axis)
+        if len(self.faces) > 1:  # of which drawn cloths would seldom be near both
+            self._learn()
 
     @property
     def middle(self) -> Float[np.ndarray, " numbers"]:
@@ -96,14 +98,19 @@ class ClothInference:
             self.take(specimens, statistics)
 
     def _drawn(self, index: int) -> Float[np.ndarray, " dimension"]:
+        """A specimen of a drawn cloth; of two faces odd numbers lie the other way up."""
         noise = standard_normal(self.seed, INFERENCE, index, self.problem.dimension)
-        return drawn_specimen(self.cloths, index, noise)
+        specimen = drawn_specimen(self.cloths, index, noise)
+        return self._lying(specimen, index % len(self.faces))
+
+    def _lying(self, cloths: Float[np.ndarray, "*batch numbers"], face: int) -> Float[np.ndarray, "*batch numbers"]:
+        return self._space.turned(cloths) if face else cloths
 
     def take(self, specimens: list[np.ndarray], statistics: list[np.ndarray]) -> None:
         """Learns from drapes, and from all before.
 
         Args:
-            specimens: Parameter vectors of specimens.
+            specimens: Parameter vectors of specimens, as they lie.
             statistics: Their statistics.
         """
         self._draped += [one[: self.cloths.shape[1]] for one in specimens]
@@ -125,31 +132,27 @@ class ClothInference:
 
     def _learn(self) -> None:
         """Learns how far the drapes are from what was expected, and samples the posterior that it gives."""
-        leading, expected = self._space.leading, shipped()
-        observed, count = self.observed.mean(0), len(self.observed)
-        middle = leading(self.middle[None])
-        correction, scatter, slope = None, expected.scatter(middle)[0], expected.slope(middle)[0]
-        least = PAIRS * len(leading.rows)
-        if len(self._draped) >= least:
-            draped, levels, statistics = (np.stack(each) for each in (self._draped, self._levels, self._statistics))
-            guess, before = expected.of(leading, draped, levels), self._correction
-            places = leading.scaled(draped, levels)
-            gap = guess - observed if before is None else guess + before(places)[0] - observed
-            weights = nearness(gap, scatter if before is None else before.scatter, least)
-            correction = linear_correction(places, statistics - guess, weights)
-            scatter = (KNOWN * scatter + correction.pairs * correction.scatter) / (KNOWN + correction.pairs)
-            slope = slope + leading.scaled_level @ correction.slope
-            self._correction = correction
-        by_level = self._space.level_sd(self.middle) * slope
-        share = share_of_specimens(scatter, expected.scatter(middle)[0])
-        fixed = np.diag(DISCREPANT**2) + (1 + share * (1 / count - 1)) * scatter + np.outer(by_level, by_level) / count
+        leading, numbers = self._space.leading, self.cloths.shape[1]
+        drapes = Drapes(
+            leading,
+            np.reshape(self._draped, (-1, numbers)),
+            np.array(self._levels),
+            np.reshape(self._statistics, (-1, len(STATISTICS))),
+        )
+        scatters = [face.learn(drapes, self._lying(self.middle, place)) for place, face in enumerate(self.faces)]
+        noise = mean_covariance(
+            scatters, [len(face.observed) for face in self.faces], self._space.level_sd(self.middle)
+        )
 
         def log_likelihood(cloths: Float[np.ndarray, "chains numbers"]) -> Float[np.ndarray, " chains"]:
-            left, doubt = (
-                (0.0, np.full(len(cloths), UNSEEN)) if correction is None else correction(leading.scaled(cloths))
-            )
-            gap = (observed - expected.of(leading, cloths) - left)[..., None]
-            covariance = fixed + doubt[:, None, None] * scatter
+            covariance = np.tile(noise, (len(cloths), 1, 1))
+            gaps: list[np.ndarray] = []
+            for place, (face, scatter) in enumerate(zip(self.faces, scatters, strict=True)):
+                gap, doubt = face.gap(leading, self._lying(cloths, place))
+                own = slice(place * len(STATISTICS), (place + 1) * len(STATISTICS))
+                covariance[:, own, own] += doubt[:, None, None] * scatter.covariance
+                gaps.append(gap)
+            gap = np.concatenate(gaps, 1)[..., None]
             squares = (gap * np.linalg.solve(covariance, gap)).sum((1, 2))
             return -0.5 * (squares + np.linalg.slogdet(covariance)[1])
 
@@ -157,21 +160,32 @@ class ClothInference:
         self.cloths = slice_sample(log_likelihood, self.cloths, STEPS, generator)
 
 
-def share_of_specimens(
-    found: Float[np.ndarray, "statistics statistics"], known: Float[np.ndarray, "statistics statistics"]
-) -> float:
-    """How much of the scatter about a regression is of specimens, and so averages out over samples.
+def mean_covariance(
+    scatters: Sequence[Scatter], samples: Sequence[int], level_sd: float
+) -> Float[np.ndarray, "faces*statistics faces*statistics"]:
+    """Covariance of the mean statistics of a cloth's samples, face by face, about what is expected.
 
-    The rest is what the regression misses of cloths.
+    What samples differ in by their level of stiffness is the same on both faces, which are taken to be those of the
+    same samples; what else they differ in, and by how much cloth misses the nearest simulated one, is not.
 
     Args:
-        found: Covariance about the regression.
-        known: That of specimens of one cloth and level.
+        scatters: Scatter of specimens, one a face.
+        samples: Number of samples that show it, one a face.
+        level_sd: Standard deviation of the level between specimens [log].
 
     Returns:
-        The share of variance, mean over statistics.
+        The covariance, without the doubt of what is expected.
     """
-    return float(np.minimum(np.diag(known) / np.diag(found), 1.0).mean())
+    size = len(STATISTICS)
+    covariance = np.empty((len(scatters) * size,) * 2)
+    for i, one in enumerate(scatters):
+        for j, other in enumerate(scatters):
+            block = np.outer(level_sd * one.slope, level_sd * other.slope) / max(samples[i], samples[j])
+            if i == j:
+                specimens = (1 + one.of_specimens * (1 / samples[i] - 1)) * one.covariance
+                block = np.diag(DISCREPANT**2) + specimens + block
+            covariance[i * size : (i + 1) * size, j * size : (j + 1) * size] = block
+    return covariance
 
 
 def drawn_specimen(

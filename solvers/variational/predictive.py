@@ -56,17 +56,20 @@ def predictive_draws(
     return seen
 
 
-def with_draws(best: Prediction, seen: dict[int, Observation], posterior: dict[str, np.ndarray]) -> Prediction:
+def with_draws(
+    best: Prediction, seen: dict[int, Observation], posterior: dict[str, np.ndarray], turned: np.ndarray | None = None
+) -> Prediction:
     """A fit of the training image with its posterior and what was drawn from that.
 
     Args:
         best: Fit of the training image.
         seen: Draws by their number.
         posterior: What was learned, by name of the array.
+        turned: Which draws lie the other way up, in the order of `seen`; None where the solver knows one face only.
 
     Returns:
         An answer with draws, and with their numbers in its posterior.
     """
     images, vertices = (np.stack([getattr(one, name) for one in seen.values()]) for name in ("image", "vertices"))
     posterior = posterior | {"draws": np.array(list(seen))}
-    return replace(best, draws=images, draw_vertices=vertices, posterior=posterior)
+    return replace(best, draws=images, draw_vertices=vertices, draw_turned=turned, posterior=posterior)

@@ -250,13 +250,29 @@ def test_one_draw_has_every_score():
     assert scores["test_dc_cover_90"] == 0
 
 
+def each(tests: list[Shape]) -> list[tuple[np.ndarray, np.ndarray]]:
+    return [(np.array([i]), np.array([i])) for i in range(len(tests))]
+
+
 def test_paired_draws_are_scored_against_their_own_sample():
     tests = shapes(5, 5)
-    scores = distribution_scores(tests, tests, paired=True)
+    scores = distribution_scores(tests, tests, groups=each(tests))
     assert scores["test_energy_score"] == scores["test_dc_crps"] == 0
     assert scores["test_fold_p"] > 0.05
-    crossed = distribution_scores(tests[::-1], tests, paired=True)
+    crossed = distribution_scores(tests[::-1], tests, groups=each(tests))
     assert crossed["test_energy_score"] > 1e-3
+
+
+def test_groups_count_by_their_samples_and_sets_are_compared_as_a_whole():
+    draws, tests = [*shapes(30, 6, 0.11), *shapes(30, 7, 0.13)], [*shapes(2, 8, 0.11), *shapes(6, 9, 0.13)]
+    low, high = (np.arange(30), np.arange(2)), (np.arange(30, 60), np.arange(2, 8))
+    scores = distribution_scores(draws, tests, groups=[low, high])
+    alone = [distribution_scores([draws[i] for i in own], [tests[i] for i in at]) for own, at in (low, high)]
+    for name in ("test_energy_score", "test_variogram_score", "test_dc_crps", "test_dc_cover_90"):
+        assert scores[name] == pytest.approx(0.25 * alone[0][name] + 0.75 * alone[1][name])
+    mixed = distribution_scores(draws, tests)
+    assert scores["test_dc_crps"] < 0.7 * mixed["test_dc_crps"]
+    assert scores["test_energy_distance"] == mixed["test_energy_distance"]
 
 
 def sample(shape: Shape) -> DrapeSample:

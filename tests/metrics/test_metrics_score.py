@@ -12,7 +12,7 @@ from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.metrics import MetricError, from_levels, mse, mse_pairs, ruled_surface, to_levels
 from cusick_bench.metrics.prediction_score import score
 from cusick_bench.sim.constants import PIXELS_PER_METRE
-from cusick_bench.solvers.base import Prediction
+from cusick_bench.solvers.base import Prediction, SolverError
 from cusick_bench.solvers.reference.silhouettes import silhouette
 
 ANGLES = 2 * np.pi * np.arange(720) / 720
@@ -23,8 +23,8 @@ def image(folds: int = 7, phase: float = 0.0, depth: float = 0.012, mean: float 
     return np.round(255 * silhouette(mean + depth * np.cos(folds * (ANGLES - phase)))) / 255
 
 
-def sample(pixels: np.ndarray) -> DrapeSample:
-    return DrapeSample(torch.from_numpy(pixels), profile_from_image(pixels), pd.Series(dtype=object), None)
+def sample(pixels: np.ndarray, side: str = "") -> DrapeSample:
+    return DrapeSample(torch.from_numpy(pixels), profile_from_image(pixels), pd.Series({"side": side}), None)
 
 
 def test_a_copy_scores_zero_on_itself_and_its_distance_on_others():
@@ -61,6 +61,43 @@ def test_paired_draws_meet_their_own_sample_only():
     assert scores["draws"] == 1
     with pytest.raises(MetricError, match="paired"):
         score(Prediction(tests[0], np.stack(tests), paired=True), sample(tests[0]), [sample(tests[0])])
+
+
+class TestFaces:
+    """Draws of both faces in turn: the first face has 7 folds, the other one 9."""
+
+    def _score(self, sides: str, **changes):
+        images = {"u": image(7), "d": image(9, mean=0.13)}
+        draws = np.stack([images[side] for side in "udud"])
+        drawn = Prediction(images["u"], draws, draw_turned=np.array([False, True] * 2), **changes)
+        tests = [sample(images[side], {"u": "up", "d": "down"}[side]) for side in sides]
+        return score(drawn, sample(images["u"], "up"), tests)
+
+    @pytest.mark.parametrize("sides", ["ud", "uud", "d", "u"])
+    def test_samples_meet_the_draws_that_lie_as_they_do(self, sides):
+        scores = self._score(sides)
+        assert scores["draws"] == 2
+        for name in ("test_mse", "test_mse_best", "test_hausdorff_m", "test_folds_error", "test_dc_error"):
+            assert scores[name] == pytest.approx(0, abs=1e-9), name
+        assert scores["test_dc_crps"] == pytest.approx(0, abs=1e-9)
+
+    def test_sets_are_compared_without_a_face_that_is_not_seen(self):
+        seen, both = self._score("uu"), self._score("ud")
+        assert seen["test_energy_distance"] == pytest.approx(0, abs=1e-6)
+        assert both["test_energy_distance"] < 1e-6
+        assert both["test_fold_p"] > 0.05
+
+    def test_every_sample_counts_alike(self):
+        images = np.stack([image(7), image(9)])
+        drawn = Prediction(images[0], images, draw_turned=np.array([False, True]))
+        tests = [sample(image(7), "up"), sample(image(7), "down"), sample(image(7), "down")]
+        scores = score(drawn, sample(images[0], "up"), tests)
+        assert scores["test_mse"] == pytest.approx(2 / 3 * mse(images[1], images[0]))
+
+    def test_there_are_as_many_of_either(self):
+        two = np.stack([image(7), image(9)])
+        with pytest.raises(SolverError, match="as many of one face"):
+            Prediction(two[0], two, draw_turned=np.array([True, True]))
 
 
 def test_stored_draws_score_the_same_to_the_last_digit():

@@ -1,5 +1,7 @@
 """Inference of a cloth from drapes: the correction of what is expected, slices, several samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,7 +10,8 @@ from toy_problem import toy_problem
 from cusick_bench.problem.field_space import LEADING
 from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
-from cusick_bench.solvers.variational.cloth_inference import ClothInference, share_of_specimens
+from cusick_bench.solvers.variational.cloth_inference import ClothInference, mean_covariance
+from cusick_bench.solvers.variational.face import Scatter, share_of_specimens
 from cusick_bench.solvers.variational.linear_correction import linear_correction, nearness
 from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
@@ -88,8 +91,6 @@ class TestSlices:
 
 class TestInference:
     def _inference(self, further=(), **options):
-        from dataclasses import replace
-
         problem = toy_problem(space="field", vertices=97)
         return ClothInference(replace(problem, further_images=tuple(further)), seed=0, **options)
 
@@ -107,11 +108,55 @@ class TestInference:
     def test_no_more_samples_are_used_than_allowed(self):
         blank = np.zeros((256, 256))
         images = [blank, np.ones((256, 256))]
-        assert len(self._inference(images).observed) == 3
-        assert len(self._inference(images, samples=1).observed) == 1
+        assert len(self._inference(images).faces[0].observed) == 3
+        assert len(self._inference(images, samples=1).faces[0].observed) == 1
         trained = self._inference(images, samples=1)
         first = drape_statistics(torch.as_tensor(trained.problem.train_image)).numpy()
-        assert trained.observed[0] == pytest.approx(first)
+        assert trained.faces[0].observed[0] == pytest.approx(first)
+
+    def _of_both_faces(self, curl, monkeypatch):
+        """From exact statistics of a cloth that curls, of either face, and drapes that are as expected."""
+        problem = toy_problem(space="field", vertices=97)
+        space, leading = problem.space, problem.space.leading
+        cloth = np.zeros(space.specimen_level.start)
+        cloth[space.trait_entry("curl")] = curl
+        faces = [shipped().of(leading, one[None]) for one in (cloth, space.turned(cloth))]
+        inference = ClothInference(replace(problem, other_face_images=(problem.train_image,)), seed=0)
+        assert len(inference.faces) == 2
+        for face, statistics in zip(inference.faces, faces, strict=True):
+            face.observed = np.repeat(statistics, 12, 0)
+        drapes = []
+        monkeypatch.setattr(inference.seen, "observe_batch", lambda taus: drapes.extend(taus) or [None] * len(taus))
+        inference.begin(0.0)
+        inference.drape(16)
+        specimens = np.random.default_rng(4).standard_normal((300, problem.dimension))
+        cloths, levels = specimens[:, : len(cloth)], space.levels(specimens)
+        noise = 0.05 * np.random.default_rng(5).standard_normal((300, len(STATISTICS)))
+        inference.take(list(specimens), list(shipped().of(leading, cloths, levels) + noise))
+        return inference, np.stack(drapes)
+
+    def test_what_faces_differ_by_tells_how_the_cloth_curls(self, monkeypatch):
+        found = {}
+        for curl in (-1.0, 1.0):
+            inference, _ = self._of_both_faces(curl, monkeypatch)
+            found[curl] = inference.cloths[:, inference.problem.space.trait_entry("curl")]
+        assert found[1.0].mean() == pytest.approx(1.0, abs=0.35)
+        assert found[-1.0].mean() == pytest.approx(-1.0, abs=0.35)
+
+    def test_every_other_drape_lies_the_other_way_up(self, monkeypatch):
+        inference, drapes = self._of_both_faces(1.5, monkeypatch)
+        curls = drapes[:, inference.problem.space.trait_entry("curl")]
+        assert curls[::2].mean() > 0.4 > -0.4 > curls[1::2].mean()
+
+    def test_samples_of_both_faces_share_their_level(self):
+        """One sample of one face and one of the other have no more to say of the level than one sample."""
+        size = len(STATISTICS)
+        scatter = Scatter(1e-6 * np.eye(size), 1.0, np.ones(size))
+        covariance = mean_covariance([scatter, scatter], [4, 4], level_sd=0.2)
+        assert covariance[:size, size:] == pytest.approx(np.full((size, size), 0.04 / 4))
+        alone = mean_covariance([scatter], [4], level_sd=0.2)
+        assert covariance[:size, :size] == pytest.approx(alone)
+        assert covariance[size:, size:] == pytest.approx(alone)
 
     def test_corrects_what_the_drapes_of_the_problem_have_beyond_what_is_expected(self):
         """Drapes that all have as much more area as the photograph: the cloth is what it would be without."""
@@ -124,7 +169,7 @@ class TestInference:
             cloths, levels = specimens[:, : inference.cloths.shape[1]], inference.problem.space.levels(specimens)
             noise = 0.05 * generator.standard_normal((300, len(STATISTICS)))
             statistics = shipped().of(leading, cloths, levels) + beyond * axis + noise
-            inference.observed = shipped()(leading.origin[None]) + beyond * axis
+            inference.faces[0].observed = shipped()(leading.origin[None]) + beyond * axis
             inference.take(list(specimens), list(statistics))
             found[beyond] = leading(inference.cloths)[:, LEADING.index("bending")].mean()
         assert found[0.8] == pytest.approx(found[0.0], abs=0.2)

@@ -216,6 +216,7 @@ def _as_stored(stored: dict[str, ndarray]) -> Prediction:
         vertices=stored.get("vertices"),
         faces=stored.get("faces"),
         draw_vertices=stored.get("draw_vertices"),
+        draw_turned=stored.get("draw_turned"),
     )
 
 

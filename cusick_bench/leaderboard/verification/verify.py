@@ -26,6 +26,7 @@ from cusick_bench.runner.environment import code_state, version_text
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import cell_numerics
+from cusick_bench.runner.samples import training_rows
 from cusick_bench.runner.store import file_digests, read_json, write_json
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
@@ -167,7 +168,7 @@ def _verified(
     identity = (folder.name, cell.label, cell.cloth, cell.seed)
     if result.get("status") != "done":
         return Verification(*identity, "unreadable", (), ("the cell has failed; it claims nothing",))
-    notes += _other_numerics(cell, record)
+    notes += _other_numerics(cell, record, dataset)
     if not all(check.holds for check in checks):
         return Verification(*identity, "differs", tuple(checks), tuple(notes))
     kind = str(record["kind"])
@@ -181,9 +182,11 @@ def _verified(
     return Verification(*identity, status, tuple(checks), tuple(notes))
 
 
-def _other_numerics(cell: Cell, record: dict[str, Any]) -> list[str]:
+def _other_numerics(cell: Cell, record: dict[str, Any], dataset: DrapeDataset) -> list[str]:
     """A note where the code at hand has other numerics than the code that ran the cell."""
-    now = cell_numerics(make_solver(cell.solver), cell.settings.drape, cell.settings.causes)
+    both_faces = bool(training_rows(dataset, cell.train)[1])
+    solver, settings = make_solver(cell.solver), cell.settings
+    now = cell_numerics(solver, settings.drape, settings.causes, both_faces=both_faces)
     if dict(cell.numerics) == now:
         return []
     then = numerics_text(dict(cell.numerics)) or str(record.get("code_version", "unknown"))
