@@ -106,6 +106,7 @@ class Solver(ABC):
     space: ClassVar[str | None] = None  # the parameter space that the method is about, whatever the run asks for
     needs_gradient: ClassVar[bool] = False
     most_numbers: ClassVar[int | None] = None  # longest tau that it can search, None for any
+    learns_both_faces: ClassVar[bool] = False  # from training samples that lie the other way up as well
     needs_mesh: ClassVar[bool] = False  # whether it fits the training drape's shape in three dimensions
 
     def samples_used(self, given: int) -> int:

@@ -80,6 +80,7 @@ class Fit(Part):
         image: The silhouette, a path in the data set.
         sample: Number of its sample.
         samples: Samples that the stiffness was learned from, that one and others.
+        faces: Faces of them that it was learned from, 1 or 2.
         drape_coefficient: Its drape coefficient.
         simulated_drape_coefficient: That of the fitted drape.
         mse: Mean squared error of the fitted silhouette.
@@ -94,6 +95,7 @@ class Fit(Part):
     image: str
     sample: int
     samples: int = 1
+    faces: int = 1
     drape_coefficient: float | None = None
     simulated_drape_coefficient: float | None = None
     mse: float | None = None

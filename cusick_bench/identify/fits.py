@@ -1,8 +1,8 @@
 """Stiffness from the drapes of each fabric, fitted by a solver with a posterior.
 
 A drape of a sample that is unlike the fabric's others would give that sample's stiffness, so the one whose drape
-coefficient is the median is fitted, and a solver that can learns from those of the other samples as well. Nothing is
-held out: this is a measurement, no comparison of methods, and a fabric with one sample can be measured too.
+coefficient is the median is fitted, and a solver that can learns from the other samples and the other face as well.
+Nothing is held out: this is a measurement, no comparison of methods, and a fabric with one sample can be measured too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,12 +22,13 @@ from cusick_bench.identify.workspace import Workspace
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Results, RunnerError, Source, Watcher, plan, run
+from cusick_bench.runner.samples import training_rows
 from cusick_bench.sim.constants import DEFAULT_LAW
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.registry import make_solver
 
 SPLIT = "typical"
-"""Name of the split in which the most typical drape trains, and those of other samples, and nothing is held out."""
+"""Name of the split in which the most typical drape trains, and other ones of the cloth, and nothing is held out."""
 
 
 @dataclass(frozen=True)
@@ -55,18 +56,39 @@ def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
         with the median drape coefficient (the lower of two), then the others in the order of the index. Empty where no
         picture can be used.
     """
-    labels = zip(dataset.table["cloth"], dataset.table["side"], dataset.table["sample"], strict=True)
-    own = [(row, side, sample) for row, (owner, side, sample) in enumerate(labels) if owner == cloth]
-    shown = [(row, sample) for row, side, sample in own if side == "up"] or [(row, sample) for row, _, sample in own]
-    measured: dict[Any, tuple[float, int]] = {}
-    for row, sample in shown:
-        if sample not in measured and (share := _drape_coefficient(dataset, row)) is not None:
-            measured[sample] = share, row
-    ordered = sorted(measured.values())
+    ordered = sorted((_measured(dataset, cloth, "up") or _measured(dataset, cloth)).values())
     if not ordered:
         return ()
     typical = ordered[(len(ordered) - 1) // 2][1]
     return typical, *sorted(row for _, row in ordered if row != typical)
+
+
+def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
+    """Drapes of the same samples with the other face up, where drapes with the face up are given.
+
+    Args:
+        dataset: Data.
+        rows: Rows of the index of drapes of one cloth, one a sample.
+
+    Returns:
+        Rows of usable silhouettes, the first picture of each; fewer where a sample lacks one, or the face is unknown.
+    """
+    table = dataset.table.loc[list(rows)]
+    if set(table["side"]) != {"up"}:
+        return ()
+    turned = _measured(dataset, str(table["cloth"].iloc[0]), "down")
+    return tuple(turned[sample][1] for sample in table["sample"] if sample in turned)
+
+
+def _measured(dataset: DrapeDataset, cloth: str, side: str | None = None) -> dict[Any, tuple[float, int]]:
+    """Drape coefficient and row of the first usable picture of each sample, by its number; of one face, or of any."""
+    measured: dict[Any, tuple[float, int]] = {}
+    table = dataset.table
+    for row, (owner, face, sample) in enumerate(zip(table["cloth"], table["side"], table["sample"], strict=True)):
+        wanted = owner == cloth and side in (None, face) and sample not in measured
+        if wanted and (share := _drape_coefficient(dataset, row)) is not None:
+            measured[sample] = share, row
+    return measured
 
 
 def _drape_coefficient(dataset: DrapeDataset, row: int) -> float | None:
@@ -114,14 +136,16 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
             missing[cloth] = str(error)
             continue
         possible = [other for other in others if options.force or _possible(dataset, other)]
-        used = solver.samples_used(1 + len(possible))
+        used = (row, *possible[: solver.samples_used(1 + len(possible)) - 1])
+        turned = turned_rows(dataset, used) if solver.learns_both_faces else ()
+        turned = [other for other in turned if options.force or _possible(dataset, other)]
         (cells[cloth],) = plan(
             dataset,
             solvers=[options.solver],
             seeds=[options.seed],
             settings=settings,
             protocol=SPLIT,
-            splits=[Split(cloth, (row, *possible[: used - 1]), ())],
+            splits=[Split(cloth, (*used, *turned), ())],
         )
     return FitPlan(cells, missing)
 
@@ -186,12 +210,13 @@ def run_fits(
         if found is None:
             missing[cloth] = f"{options.solver} has no physics and finds no stiffness; see `cusick-bench solvers`"
             continue
-        row = dataset.index.loc[cell.train[0]]
+        row, (own, other) = dataset.index.loc[cell.train[0]], training_rows(dataset, cell.train)
         metrics = result["metrics"]
         fits[cloth] = Fit(
             image=str(row["image"]),
             sample=int(row["sample"]),
-            samples=len(cell.train),
+            samples=len(own),
+            faces=2 if other else 1,
             drape_coefficient=metrics.get("train_dc_target"),
             simulated_drape_coefficient=metrics.get("train_dc"),
             mse=metrics.get("train_mse"),

@@ -29,9 +29,10 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
             "the fit is rough. A larger --budget fits longer; a wrong weight, scale or picture leaves it rough."
         )
     if fit.samples > 1:
+        faces = "both faces of " if fit.faces > 1 else ""
         notes.append(
-            f"Stiffness and interval are what {fit.samples} samples tell of the cloth together; the drape shown is "
-            f"fitted to sample {fit.sample}, whose drape coefficient is the median."
+            f"Stiffness and interval are what {faces}{fit.samples} samples tell of the cloth together; the drape shown "
+            f"is fitted to sample {fit.sample}, whose drape coefficient is the median."
         )
     elif samples > 1:
         notes.append(

@@ -37,6 +37,7 @@ class CellView:
         protocol: How the silhouettes are taken.
         bending_draws: Bending stiffness of draws from the posterior [N m], in the order of `BENDING`; None without one.
         bending: Bending tables of the elements (hinges or faces) that were fitted [N m]; None where all have one.
+        both_faces: Whether every other draw lies with the other face up.
     """
 
     fit: Float[ndarray, "256 256"]
@@ -49,6 +50,7 @@ class CellView:
     protocol: Protocol = RELEASE
     bending_draws: Float[ndarray, "draws bending"] | None = None
     bending: Float[ndarray, "elements 3 5"] | None = None
+    both_faces: bool = False
 
     @property
     def fit_profile(self) -> Profile:
@@ -111,7 +113,8 @@ def _view(arrays: Mapping[str, ndarray], trace: ndarray, protocol: Protocol) -> 
         surface = shown_surface(profile_of(fit, protocol), protocol)
         vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
     drawn, tables = _bending_draws(arrays), _bending(arrays) if simulated else None
-    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol, drawn, tables)
+    both_faces = "draw_turned" in arrays
+    return CellView(fit, target, shown, vertices, faces, simulated, trace, protocol, drawn, tables, both_faces)
 
 
 def _bending_draws(arrays: Mapping[str, ndarray]) -> ndarray | None:

@@ -30,6 +30,7 @@ class Null(Solver):
     """A predictor that runs no simulation. Where a training sample shows the other face, it predicts that from it."""
 
     kind: ClassVar[str] = "null"
+    learns_both_faces: ClassVar[bool] = True
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         faces = [problem.train_image, *problem.other_face_images[:1]]

@@ -80,6 +80,7 @@ class BdpField(Solver):
     reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Garcia-Fernandez 2015"
     space: ClassVar[str | None] = "field"
     needs_gradient: ClassVar[bool] = True
+    learns_both_faces: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name, least in (

@@ -229,7 +229,8 @@ def _profile(solver: str, cloth: str, view: CellView, unseen: ndarray | None) ->
 
 
 def _draws(view: CellView, where: str) -> Picture:
-    text = f"The first {len(view.draws)} of its draws for unseen samples"
+    faces = ", with the training sample's face up and with the other one in turn" if view.both_faces else ""
+    text = f"The first {len(view.draws)} of its draws for unseen samples{faces}"
     return embedded_picture(contact_sheet(view.draws), f"{text}, {where}", text)
 
 
