@@ -109,6 +109,7 @@ class BdpField(Solver):
         seed, finished = int(generator.integers(2**63)), False
         paced = problem.at_pace(self.pace)
         incumbent, inference = Incumbent(problem), ClothInference(paced, seed, self.samples)
+        progress(f"first answer: {_known_stiffness(problem, inference.before_drapes())}", problem.meter.share)
         with problem.meter.reserve(1):
             try:
                 inference.begin(match_bending_level(incumbent, self.search))

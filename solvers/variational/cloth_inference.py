@@ -22,6 +22,7 @@ from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
 LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
 CLOTHS = 1024  # draws from the posterior that are kept
+FEW = 128  # of them, where only an interval is asked for
 STEPS = 60  # of the chains that end in them; twice as many change no quantile by more than their number does
 DISCREPANT = np.array([DISCREPANCY.get(name, 0.0) for name in STATISTICS])
 _CHAINS = 2  # purpose of random numbers, beside those of `gaussian_posterior`
@@ -69,7 +70,15 @@ class ClothInference:
         drawn = self._prior_draws()
         self.cloths = level * direction + drawn - (1 - LEVEL_SD) * np.outer(drawn @ axis, axis)
         if len(self.faces) > 1:  # of which drawn cloths would seldom be near both
-            self._learn()
+            self.cloths = self._learned(self.cloths)
+
+    def before_drapes(self) -> Float[np.ndarray, "cloths numbers"]:
+        """What is known before the first drape: from what drapes of law `plate` are expected to have, whatever the law.
+
+        Returns:
+            Draws of the cloth's parameters.
+        """
+        return self._learned(self.cloths[:FEW])
 
     @property
     def middle(self) -> Float[np.ndarray, " numbers"]:
@@ -116,7 +125,7 @@ class ClothInference:
         self._draped += [one[: self.cloths.shape[1]] for one in specimens]
         self._levels += [float(self._space.levels(one[None])[0]) for one in specimens]
         self._statistics += statistics
-        self._learn()
+        self.cloths = self._learned(self.cloths)
 
     @property
     def _space(self) -> FieldSpace:
@@ -130,7 +139,7 @@ class ClothInference:
     def _measured(self, image: Float[np.ndarray, "size size"]) -> Float[np.ndarray, " statistics"]:
         return drape_statistics(torch.as_tensor(image), self.problem.protocol).numpy()
 
-    def _learn(self) -> None:
+    def _learned(self, start: Float[np.ndarray, "chains numbers"]) -> Float[np.ndarray, "chains numbers"]:
         """Learns how far the drapes are from what was expected, and samples the posterior that it gives."""
         leading, numbers = self._space.leading, self.cloths.shape[1]
         drapes = Drapes(
@@ -157,7 +166,7 @@ class ClothInference:
             return -0.5 * (squares + np.linalg.slogdet(covariance)[1])
 
         generator = np.random.default_rng([self.seed, _CHAINS, 1 + len(self._draped)])
-        self.cloths = slice_sample(log_likelihood, self.cloths, STEPS, generator)
+        return slice_sample(log_likelihood, start, STEPS, generator)
 
 
 def mean_covariance(
