@@ -29,7 +29,7 @@ from cusick_bench.diagnosis.inference.single_effects.baselines import largest_ma
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 from cusick_bench.diagnosis.inference.single_effects.localise import Place, place
-from cusick_bench.diagnosis.inference.single_effects.next_measurement import Advice, advise
+from cusick_bench.diagnosis.inference.single_effects.next_measurement import TURN_OVER, Advice, advise
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
@@ -167,7 +167,7 @@ def diagnose(
         novelty=evidence.novelty,
         misfit=sets.posterior.misfit,
         place=_place(evidence),
-        advice=advise(found.leading),
+        advice=advise(found.leading, made=(TURN_OVER,) if {"up", "down"} <= set(captures.side) else ()),
         plain=evidence.plain,
         residual=sets.residual,
         features=evidence.features,

@@ -32,7 +32,7 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import (
 )
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.single_effects.localise import place
-from cusick_bench.diagnosis.inference.single_effects.next_measurement import advise
+from cusick_bench.diagnosis.inference.single_effects.next_measurement import TURN_OVER, advise
 from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES, rotated
@@ -228,6 +228,12 @@ def test_advice_is_the_entropy_of_its_partition() -> None:
     assert advise({"creep": 1.0}) == []
 
 
+def test_what_has_been_measured_already_is_not_advised() -> None:
+    either = {"rest-curvature": 0.5, NONE: 0.5}
+    assert TURN_OVER in [one.measurement.name for one in advise(either, most=9)]
+    assert TURN_OVER not in [one.measurement.name for one in advise(either, made=(TURN_OVER,), most=9)]
+
+
 @pytest.mark.slow
 def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: None) -> None:
     """Creep on another mesh than the atlas': named, most of the gap closed on samples that were not fitted."""
@@ -240,6 +246,7 @@ def test_whole_diagnosis_of_simulated_fabrics(emulator: Emulator, one_thread: No
     one = document(found, captures, emulator, command="", version="")
     assert one.causes[0].effect == "creep"
     assert one.where.stage["history"] > 0.6
+    assert TURN_OVER not in [each.measurement.name for each in found.advice]  # both faces are there
     assert one.data == DataCounts(samples=8, captures=32, up=16, down=16, later=16, areal_density_kg_m2=None)
     assert abs(sum(cause.probability for cause in answer(found).causes) - 1) < 0.05
     profiles = [profile.radii_m for profile in one.profiles.base]

@@ -8,7 +8,7 @@ References:
     Lindley. On a measure of the information provided by an experiment. Annals of Mathematical Statistics 27(4), 1956.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,9 @@ class Measurement:
     groups: tuple[tuple[str, ...], ...] = ()
 
 
+TURN_OVER = "turn over"
+"""Name of the measurement that a data set with both faces holds already."""
+
 MEASUREMENTS: tuple[Measurement, ...] = (
     Measurement("weigh", "Weigh a cut piece of known area again.", ("density-bias", "local-mass-patch")),
     Measurement(
@@ -52,7 +55,7 @@ MEASUREMENTS: tuple[Measurement, ...] = (
         ),
     ),
     Measurement(
-        "turn over",
+        TURN_OVER,
         "Drape each sample on its other face as well.",
         (),
         (("rest-curvature", "face-asymmetry"),),
@@ -100,11 +103,14 @@ class Advice:
     about: tuple[str, ...]
 
 
-def advise(probability: Mapping[str, float], *, most: int = 3, least: float = 0.05) -> list[Advice]:
+def advise(
+    probability: Mapping[str, float], *, made: Collection[str] = (), most: int = 3, least: float = 0.05
+) -> list[Advice]:
     """The measurements that lower the entropy of the causes most.
 
     Args:
         probability: Probability of every cause, `none` and `unknown` included.
+        made: Names of measurements that have been made already.
         most: How many to name.
         least: Below so many bits a measurement is not worth it.
 
@@ -112,7 +118,7 @@ def advise(probability: Mapping[str, float], *, most: int = 3, least: float = 0.
         The most informative first.
     """
     advice = []
-    for one in MEASUREMENTS:
+    for one in (measurement for measurement in MEASUREMENTS if measurement.name not in made):
         cells = [(name,) for name in one.decides] + list(one.groups)
         share = np.array([sum(probability.get(name, 0.0) for name in cell) for cell in cells])
         rest = max(0.0, 1 - float(share.sum()))
