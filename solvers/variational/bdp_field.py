@@ -13,6 +13,10 @@ differ from what is expected (`linear_correction`), and elliptical slices sample
 linear m, which this solver had before, spread three times too far: statistics are alike along a curved ridge (softer in
 bending and stiffer in stretch, or the other way round), and a straight one leaves it.
 
+Where training samples show both faces, the statistics of one stand beside those of the other: with the other face up a
+cloth curls the other way, and is the same otherwise. Samples have the same level on both faces; what else they differ
+in is taken to be new.
+
 V, the scatter of specimens, is that of pairs of one cloth and level, and what their level of stiffness adds along the
 slope of m. No noise of measurement is added: fields and level have been given the spread that photographs of samples
 have. L is what the regression misses of cloths near the observation, D the mean square by which fabrics miss the
