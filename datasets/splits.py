@@ -10,7 +10,8 @@ from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.published import CLOTHS
 from cusick_bench.sim.errors import did_you_mean
 
-PROTOCOLS = ("paper", "leave-one-sample-out")
+LEAVE_ONE_OUT = "leave-one-sample-out"
+PROTOCOLS = ("paper", LEAVE_ONE_OUT)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.plausible import metric_of, name_of, seed_of
+from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.record_types import check_result, check_run
 from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
@@ -35,7 +35,7 @@ class Skipped:
         solver: Its solver, "" where even that cannot be read.
         cloth: Its cloth.
         seed: Its seed, None where it cannot be read.
-        columns: What identifies the problem of one that failed, as in `Cells.table`.
+        columns: What identifies the problem of one that failed, as in `Cells.table`; with `repeat`.
     """
 
     folder: Path
@@ -109,8 +109,12 @@ def load_cells(folder: Path | str) -> Cells:
             f"none of the {len(skipped)} cells in {folder} has finished; "
             f"repeat the `cusick-bench run` command to go on\n{reasons}"
         )
-    table = pd.DataFrame(rows).sort_values(["solver", "cloth", "seed"], ignore_index=True)
-    table["repeat"] = _repeats(table)
+    table = pd.DataFrame(rows)
+    failed = [place for place, cell in enumerate(skipped) if cell.columns]
+    numbers = _repeats(pd.concat([table, pd.DataFrame([dict(skipped[place].columns) for place in failed])]))
+    for place, number in zip(failed, numbers[len(table) :], strict=True):
+        skipped[place] = replace(skipped[place], columns={**skipped[place].columns, "repeat": number})
+    table = table.assign(repeat=numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
     return Cells(folder, _read_run(folder), table, tuple(skipped))
 
 
@@ -119,7 +123,7 @@ def _repeats(table: pd.DataFrame) -> list[int]:
 
     The same problem has the same number for all methods.
     """
-    numbers = table["seed"].to_numpy(copy=True)
+    numbers = table["seed"].to_numpy(dtype=np.int64, copy=True)
     stride = numbers.max() + 1
     for _, rows in table.groupby(["dataset_hash", "protocol", "cloth"]).indices.items():
         seeds, left_out = table["seed"].iloc[rows].tolist(), table["test"].iloc[rows].tolist()
@@ -146,13 +150,12 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
         if name not in result:
             raise ValueError(f"result.json lacks {name!r}")
     check_result(result)
-    identity = _named(result)
+    identity, test = _named(result), tuple(int(row) for row in result.get("test", ()))
     if result.get("status") == "failed":
         reason, columns = str(result.get("failure") or "no reason recorded"), {**identity, **_problem(result)}
-        return Skipped(folder, "failed", reason, **identity, columns=columns)
+        return Skipped(folder, "failed", reason, **identity, columns=columns | {"test": test})
     if not (folder / "done").exists():
         raise FileNotFoundError("no done marker")
-    test = tuple(int(row) for row in result.get("test", ()))
     metrics = {name: metric_of(name, value) for name, value in result["metrics"].items()}
     for name in ("train_mse", "test_mse") if test else ("train_mse",):
         if not math.isfinite(metrics.get(name, math.nan)):
@@ -196,7 +199,11 @@ def _named(record: dict[str, Any]) -> dict[str, Any]:
     """Solver, with the causes that its simulator knew of, cloth and seed."""
     causes = [str(cause) for cause in (record.get("settings") or {}).get("causes", ())]
     solver = labelled(name_of("solver", record["solver"]), causes)
-    return {"solver": solver, "cloth": name_of("cloth", record["cloth"]), "seed": seed_of(record["seed"])}
+    return {
+        "solver": solver,
+        "cloth": name_of("cloth", record["cloth"]),
+        "seed": whole_number_of("seed", record["seed"]),
+    }
 
 
 def _read_run(folder: Path) -> dict[str, Any]:

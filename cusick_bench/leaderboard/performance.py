@@ -173,7 +173,7 @@ def _problems(group: pd.DataFrame, failed: Sequence[Skipped]) -> frozenset[Probl
     problems = {(str(cloth), number) for cloth, number in zip(group["cloth"], repeats(group), strict=True)}
     for cell in failed:
         if cell.seed is not None and tuple(cell.columns.get(name) for name in _OF_METHOD) in own:
-            problems.add((cell.cloth, cell.seed))
+            problems.add((cell.cloth, int(cell.columns.get("repeat", cell.seed))))
     return frozenset(problems)
 
 

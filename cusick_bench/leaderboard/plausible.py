@@ -66,21 +66,22 @@ def name_of(what: str, value: Any) -> str:
     return value
 
 
-def seed_of(value: Any) -> int:
-    """A seed that stands in a file.
+def whole_number_of(name: str, value: Any) -> int:
+    """A seed, or another number >= 0 of at most 18 digits, that stands in a file.
 
     Args:
+        name: What it is.
         value: What the file holds: a whole number, or its text.
 
     Returns:
-        The seed.
+        The number.
 
     Raises:
         ValueError: It is no whole number of at least 0.
     """
     text = str(value).strip()
     if isinstance(value, bool) or not re.fullmatch(r"\d{1,18}(\.0+)?", text):
-        raise ValueError(f"seed must be a whole number >= 0, got {value!r}")
+        raise ValueError(f"{name} must be a whole number >= 0, got {value!r}")
     return int(text.partition(".")[0])
 
 

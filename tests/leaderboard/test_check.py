@@ -162,11 +162,13 @@ def lab(make_lab) -> Path:
     return make_lab([0.7 * fabric for fabric in range(1, CLOTHS_RUN + 1)], samples=2)
 
 
-def solve(lab: Path, out: Path, seeds: list[int], solvers=("homo,search=2", "null:random-phase,draws=10")) -> Path:
+def solve(
+    lab: Path, out: Path, seeds: list[int], solvers=("homo,search=2", "null:random-phase,draws=10"), **options
+) -> Path:
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     settings = ProblemSettings(vertices=100, drape=DrapeSettings(steps=20), budget=Budget(4))
-    run(Source(str(lab)), plan(load(lab), solvers=list(solvers), seeds=seeds, settings=settings), out)
+    run(Source(str(lab)), plan(load(lab), solvers=list(solvers), seeds=seeds, settings=settings, **options), out)
     numba.set_num_threads(before)
     return out
 
@@ -209,6 +211,44 @@ class TestRun:
         assert len(list(folder.glob("cells/*"))) == 2 * CLOTHS_RUN
         versions = {"datasets": 1, "metrics": metrics.NUMERICS_VERSION, "solver null:disc": 1}
         assert set(read_cells(folder)["code_version"]) == {numerics_text(versions)}
+
+
+@pytest.fixture(scope="module")
+def left_out(lab, tmp_path_factory) -> Path:
+    solvers = ["null:copy", "null:disc"]
+    return solve(lab, tmp_path_factory.mktemp("left-out"), [0], solvers, protocol="leave-one-sample-out")
+
+
+class TestLeftOut:
+    """Samples that are left out in turn: each is a cell of its own."""
+
+    def test_each_is_compared_with_itself(self, left_out, tmp_path):
+        baseline = tmp_path / "baseline.csv"
+        write_baseline(read_cells(left_out), baseline, [])
+        table = read_cells(baseline)
+        assert len(table) == 2 * 2 * CLOTHS_RUN
+        assert table.groupby(["solver", "cloth"])["left_out"].nunique().eq(2).all()
+        assert check(read_cells(left_out), table.sample(frac=1, random_state=0)).regressions == []
+        swapped = table.copy()
+        for _, rows in table.groupby(["solver", "cloth"]).indices.items():
+            swapped.loc[rows, "test_mse"] = table["test_mse"].to_numpy()[rows[::-1]]
+        outcome = check(swapped, table, Gate(("test_mse",)))
+        (disc,) = (finding for finding in outcome.findings if finding.solver == "null:disc")
+        assert disc.comparison is not None
+        assert disc.comparison.units == 2 * CLOTHS_RUN
+        assert disc.ratio.low < 0.999 < 1.001 < disc.ratio.high  # some are worse, as many are better
+
+    def test_what_gets_worse_is_seen(self, left_out, tmp_path):
+        table = read_cells(left_out)
+        worse = table.assign(test_mse=table["test_mse"].where(table["solver"] != "null:copy", 1.05 * table["test_mse"]))
+        found = check(worse, table, Gate(("test_mse",))).regressions
+        assert [finding.solver for finding in found] == ["null:copy"]
+
+    def test_a_sample_that_is_there_twice_is_refused(self, left_out, tmp_path):
+        table = read_cells(left_out)
+        write_baseline(pd.concat([table, table.iloc[:1]]), tmp_path / "twice.csv", [])
+        with pytest.raises(LeaderboardError, match="more than once"):
+            read_cells(tmp_path / "twice.csv")
 
 
 class TestCommand:

@@ -45,9 +45,11 @@ def test_who_needs_nothing_leaves_others_behind_without_bound():
     assert profiles["two"].share(1e12) == 0
 
 
-def _cell(run: Path, solver: str, test_mse: float, losses: list[float | None], seed: int = 0, **record: Any) -> None:
+def _cell(
+    run: Path, solver: str, test_mse: float, losses: list[float | None], seed: int = 0, changes: Any = None, **more: Any
+) -> None:
     cell = write_cell(run, solver, seed=seed)
-    result = json.loads((cell / "result.json").read_text()) | record
+    result = json.loads((cell / "result.json").read_text()) | (changes or {}) | more
     result["metrics"]["test_mse"] = test_mse
     (cell / "result.json").write_text(json.dumps(result))
     lines = [
@@ -92,6 +94,18 @@ def test_a_failed_cell_counts_and_one_that_was_not_run_does_not(tmp_path):
         profiles = {one.label: one.ratios.tolist() for one in profiles_of(cells.table, skipped=cells.skipped)}
         assert profiles["sobol"] == [1, inf]
         assert len(profiles["homo"]) == 2
+
+
+def test_of_samples_left_out_in_turn_each_that_fails_counts(tmp_path):
+    for place in range(4):
+        problem = {"seed": 0, "protocol": "leave-one-sample-out", "test": [place]}
+        failed = {"status": "failed", "failure": "the cloth flies apart"} if place > 1 else {}
+        _cell(tmp_path, "homo", 0.02, [0.2, 0.1], place, problem)
+        _cell(tmp_path, "sobol", 0.01, [0.2, 0.1], place, problem | failed)
+    cells = load_cells(tmp_path)
+    for profiles_of in (error_profiles, cost_profiles):
+        profiles = {one.label: one.ratios.tolist() for one in profiles_of(cells.table, skipped=cells.skipped)}
+        assert profiles["sobol"] == [1, 1, inf, inf]
 
 
 def test_one_solver_alone_is_not_compared(tmp_path):

@@ -1,26 +1,30 @@
 """Tables of cells to compare: read from a results folder, CSV or JSON, and written as a baseline to commit.
 
-A baseline holds a line a cell: who (solver), where (cloth, seed), whether it finished, under which settings and on
-which data, and the metrics. Other projects need only the columns solver, cloth, seed and their metrics, as CSV or as
-JSON, `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}`.
+A baseline holds a line a cell: who (solver), where (cloth, seed, and the sample that is left out where samples are left
+out in turn), whether it finished, under which settings and on which data, and the metrics. Other projects need only the
+columns solver, cloth, seed and their metrics, as CSV or as JSON,
+`{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}`.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from cusick_bench.datasets.splits import LEAVE_ONE_OUT
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.plausible import metric_of, name_of, seed_of
+from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.runner.store import write_atomically
 
 IDENTITY = ("solver", "cloth", "seed")
+LEFT_OUT = "left_out"
+"""Column of the first row of the sample that was left out, where samples are left out in turn."""
 STATUSES = ("done", "failed")
 KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_profile_rms_m", "test_dc_error")
 """Metrics that a baseline keeps; `check` compares some of them."""
@@ -37,7 +41,8 @@ def read_cells(path: Path) -> pd.DataFrame:
         path: A results folder of `run --out`, or a CSV or JSON file of cells.
 
     Returns:
-        A row a cell: solver, cloth, seed, status ("done" or "failed"), what is known of its problem, metrics.
+        A row a cell: solver, cloth, seed, status ("done" or "failed"), what is known of its problem, metrics; `repeat`,
+        its number among those of its solver and cloth, the same in all tables; `left_out` where samples are.
 
     Raises:
         LeaderboardError: There is no such file, it holds no cells, some of them twice, or one that is damaged: without
@@ -51,7 +56,8 @@ def read_cells(path: Path) -> pd.DataFrame:
         table = _of_file(path)
     else:
         raise LeaderboardError(f"no cells at {path}; give a folder of `cusick-bench run --out`, a CSV or a JSON file")
-    double = table.duplicated(list(IDENTITY), keep=False)
+    table = _numbered(table)
+    double = table.duplicated(["solver", "cloth", "repeat"], keep=False)
     if double.any():
         first = table.loc[double].iloc[0]
         raise LeaderboardError(
@@ -74,7 +80,7 @@ def write_baseline(table: pd.DataFrame, path: Path, facts: Iterable[str]) -> Non
     """
     if path.suffix != ".csv":
         raise LeaderboardError(f"cannot write {path}: a baseline's name must end in .csv")
-    columns = [name for name in (*IDENTITY, *_PROBLEM, *KEPT) if name in table]
+    columns = [name for name in (*IDENTITY, LEFT_OUT, *_PROBLEM, *KEPT) if name in table]
     text = csv_text(table.reindex(columns=columns), float_format=f"%.{_DIGITS}g")
     head = "".join(f"# {' '.join(fact.split())}\n" for fact in facts)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,22 +99,39 @@ def settings_digest(settings: str) -> str:
     return hashlib.sha256(settings.encode()).hexdigest()[:12]
 
 
+def _numbered(table: pd.DataFrame) -> pd.DataFrame:
+    """With `repeat`: the seed, and where samples are left out in turn, the sample before it."""
+    left_out = table[LEFT_OUT].tolist() if LEFT_OUT in table else []
+    if not any(pd.notna(row) for row in left_out):
+        return table.drop(columns=LEFT_OUT, errors="ignore").assign(repeat=table["seed"])
+    shift = [(1 + int(row)) * 10**18 if pd.notna(row) else 0 for row in left_out]  # seeds have 18 digits at most
+    repeat = [seed + more for seed, more in zip(table["seed"].tolist(), shift, strict=True)]
+    return table.astype({LEFT_OUT: "Int64"}).assign(repeat=pd.Series(repeat, table.index, dtype=object))
+
+
+def _left_out(columns: Mapping[str, Any]) -> int | None:
+    """First row of the sample that a cell leaves out, where samples are left out in turn."""
+    return columns["test"][0] if columns["protocol"] == LEAVE_ONE_OUT and columns["test"] else None
+
+
 def _of_run(cells: Cells) -> pd.DataFrame:
     """Cells of a results folder; where it holds some twice (other code, other settings), those of its last command."""
-    done = cells.table.copy()
+    done = cells.table.drop(columns="repeat")
+    done[LEFT_OUT] = [_left_out(row) for row in done.to_dict("records")]
     done["key"] = [folder.name for folder in done["folder"]]
     done["settings"] = done["settings"].map(settings_digest)
     failed = [
         {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": "failed", "key": cell.folder.name}
+        | ({LEFT_OUT: _left_out(cell.columns)} if cell.columns else {})
         for cell in cells.skipped
         if cell.seed is not None
     ]
     table = done.assign(status="done")
     table = pd.concat([table, pd.DataFrame(failed)], ignore_index=True) if failed else table
     last = table["key"].isin(cells.run.get("cells", []))
-    stale = table.duplicated(list(IDENTITY), keep=False) & ~last
+    stale = table.duplicated([*IDENTITY, LEFT_OUT], keep=False) & ~last
     kept = table.loc[~stale].sort_values(list(IDENTITY), ignore_index=True)
-    return kept[[*IDENTITY, *_PROBLEM, *metric_names(kept)]].astype({"seed": int})
+    return kept[[*IDENTITY, LEFT_OUT, *_PROBLEM, *metric_names(kept)]].astype({"seed": int})
 
 
 def _of_file(path: Path) -> pd.DataFrame:
@@ -152,7 +175,9 @@ def _cell(where: str, entry: dict[str, Any]) -> dict[str, Any]:
     """A cell of a file, its numbers as numbers; raises LeaderboardError where it says what no cell can say."""
     try:
         cell = entry | {"solver": name_of("solver", entry.get("solver")), "cloth": name_of("cloth", entry.get("cloth"))}
-        cell["seed"] = seed_of(entry.get("seed"))
+        cell["seed"] = whole_number_of("seed", entry.get("seed"))
+        if entry.get(LEFT_OUT) is not None:
+            cell[LEFT_OUT] = whole_number_of(LEFT_OUT, entry[LEFT_OUT])
         cell["status"] = entry.get("status") or "done"
         if cell["status"] not in STATUSES:
             raise ValueError(f"status must be {' or '.join(STATUSES)}, got {cell['status']!r}")
