@@ -20,6 +20,8 @@ COLUMNS = (
     "dataset", "fabric", "cloth", "sample", "capture", "side", "observation", "image", "same_as", "mesh",
     "mesh_rotation_deg", "image_shift_columns_px", "image_shift_rows_px", "areal_density", "thickness", "notes",
 )  # fmt: skip
+OTHER_FACE = {"up": "down", "down": "up"}
+"""By the face of a drape that is known, the other one."""
 CORRECTIONS = ("pairing", "rotation", "side", "centre")
 Progress = Callable[[int, int], None]
 

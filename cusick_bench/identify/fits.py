@@ -16,6 +16,7 @@ from cusick_bench.datasets import DrapeDataset, Split
 from cusick_bench.datasets.errors import BadImage, DataError
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 from cusick_bench.datasets.impossible import require_possible
+from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.identify.document import FAILED, Fit, Stiffness
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.workspace import Workspace
@@ -76,7 +77,7 @@ def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
     table = dataset.table.loc[list(rows)]
     if set(table["side"]) != {"up"}:
         return ()
-    turned = _measured(dataset, str(table["cloth"].iloc[0]), "down")
+    turned = _measured(dataset, str(table["cloth"].iloc[0]), OTHER_FACE["up"])
     return tuple(turned[sample][1] for sample in table["sample"] if sample in turned)
 
 

@@ -24,6 +24,7 @@ from scipy.special import gammaln
 
 from cusick_bench.datasets import DrapeSample
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
 from cusick_bench.metrics.errors import MetricError
 from cusick_bench.metrics.hausdorff_distance import hausdorff
@@ -185,7 +186,8 @@ def _test_scores(
     elif turned is None:
         scores = _distances(images, draws, tests) | distribution_scores(draws, tests)
     else:
-        lying = np.array([sample.row["side"] != train_sample.row["side"] for sample in samples])
+        other = OTHER_FACE.get(str(train_sample.row["side"]))
+        lying = np.array([sample.row["side"] == other for sample in samples])
         faces = [(np.flatnonzero(turned == face), np.flatnonzero(lying == face)) for face in np.unique(lying)]
         parts = [_distances(images[own], [draws[i] for i in own], [tests[i] for i in at]) for own, at in faces]
         sizes = [len(at) for _, at in faces]

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample
+from cusick_bench.datasets.index import OTHER_FACE
 
 Silhouette = Float[ndarray, "size size"]
 
@@ -104,8 +105,8 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     """
     table = dataset.index.loc[list(train)]
     sides = table["side"].astype(str)
-    fitted, turned = sides.iloc[0], {"up": "down", "down": "up"}.get(sides.iloc[0])
-    own, other = (table[sides == side].drop_duplicates("sample") for side in (fitted, turned))
+    fitted = sides.iloc[0]
+    own, other = (table[sides == side].drop_duplicates("sample") for side in (fitted, OTHER_FACE.get(fitted)))
     return tuple(int(row) for row in own.index), tuple(int(row) for row in other.index)
 
 

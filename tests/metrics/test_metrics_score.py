@@ -87,6 +87,12 @@ class TestFaces:
         assert both["test_energy_distance"] < 1e-6
         assert both["test_fold_p"] > 0.05
 
+    def test_a_sample_whose_face_is_not_known_counts_as_that_of_the_training_sample(self):
+        own, other = image(7), image(9)
+        drawn = Prediction(own, np.stack([own, other]), draw_turned=np.array([False, True]))
+        assert score(drawn, sample(own, "up"), [sample(own, "")])["test_mse"] == pytest.approx(0, abs=1e-12)
+        assert score(drawn, sample(own, ""), [sample(own, "down")])["test_mse"] == pytest.approx(0, abs=1e-12)
+
     def test_every_sample_counts_alike(self):
         images = np.stack([image(7), image(9)])
         drawn = Prediction(images[0], images, draw_turned=np.array([False, True]))
