@@ -107,17 +107,17 @@ def pace_study(
         replace(problem, simulator=DrapeSimulator(problem.simulator.mesh, replace(s, steps=round(1.1 * s.steps)))),
     ]
     for one in (*drops, alone):  # compiles and analyses
-        _images(one, taus[:2])
+        drawn_images(one, taus[:2])
     seconds, images, single = np.zeros(3), [[], [], []], list[float]()
     for first in range(0, cloths, TOGETHER):
         some = taus[first : first + TOGETHER]
         for place, one in enumerate(drops):
             start = time.process_time()
-            images[place].append(_images(one, some))
+            images[place].append(drawn_images(one, some))
             seconds[place] += time.process_time() - start
             done(len(some))
         start = time.process_time()
-        _images(alone, some[:_ALONE])
+        drawn_images(alone, some[:_ALONE])
         single.append((time.process_time() - start) / len(some[:_ALONE]))
     steady, brisk, longer = (np.concatenate(one) for one in images)
     good = np.isfinite(steady + brisk + longer).all((1, 2))
@@ -133,8 +133,8 @@ def pace_study(
 def _study(
     vertices: int, seconds: tuple[float, float, float], steady: ndarray, brisk: ndarray, longer: ndarray
 ) -> PaceStudy:
-    base = _measures(steady)
-    by_pace, by_length = _measures(brisk) - base, _measures(longer) - base
+    base = drape_measures(steady)
+    by_pace, by_length = drape_measures(brisk) - base, drape_measures(longer) - base
     root = np.sqrt(len(base))
     changes = tuple(
         PaceChange(name, *(float(n) for n in (a.mean(), a.std(ddof=1) / root, b.mean(), b.std(ddof=1) / root)))
@@ -158,13 +158,31 @@ def _pairs(one: ndarray, other: ndarray) -> float:
     return float(((one - other) ** 2).mean())
 
 
-def _images(problem: DrapeProblem, taus: Float[ndarray, "members dimension"]) -> Float[ndarray, "members size size"]:
-    """Silhouettes; NaN where a drop fails."""
+def drawn_images(
+    problem: DrapeProblem, taus: Float[ndarray, "members dimension"]
+) -> Float[ndarray, "members size size"]:
+    """Silhouettes of drapes of specimens.
+
+    Args:
+        problem: Whose simulator drapes.
+        taus: Parameter vectors, one a row.
+
+    Returns:
+        One a specimen; NaN where a drop fails.
+    """
     nothing = np.full(problem.train_image.shape, np.nan)
     return np.stack([nothing if one is None else one.image for one in problem.draw_batch(taus)])
 
 
-def _measures(images: Float[ndarray, "images size size"]) -> Float[ndarray, "images quantities"]:
+def drape_measures(images: Float[ndarray, "images size size"]) -> Float[ndarray, "images quantities"]:
+    """`NAMES` of silhouettes.
+
+    Args:
+        images: Silhouettes of the release's protocol.
+
+    Returns:
+        One row a silhouette.
+    """
     statistics = drape_statistics(torch.as_tensor(images)).numpy()
     folds = [fold_count_of(profile_of(one, RELEASE), RELEASE) for one in images]
     coefficients = [100 * drape_coefficient_of(one, RELEASE) for one in images]

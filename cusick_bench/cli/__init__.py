@@ -24,6 +24,7 @@ PANELS = {
         "garment": "simulate.garment",
         "convergence": "simulate.convergence",
         "fold-selection": "simulate.fold_selection",
+        "mesh-error": "simulate.mesh_error",
         "pace": "simulate.pace",
         "plate-elements": "simulate.plate_elements",
         "robustness": "simulate.robustness",

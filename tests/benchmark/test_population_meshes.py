@@ -1,0 +1,83 @@
+"""Random cloths on meshes of several sizes: the same specimens, by groups, beside the finest mesh."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from cusick_bench.benchmark.convergence.population_meshes import GROUPS, population_meshes, with_stretch
+from cusick_bench.cli import app
+from cusick_bench.problem.field_space import CLOTH, cloth_tables
+from cusick_bench.problem.population.derivation import PopulationPlan, population_problem, random_cloths
+
+pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
+
+SIZES = (97, 150, 297)
+
+
+@pytest.fixture(scope="module")
+def groups():
+    made: list[int] = []
+    found = population_meshes(SIZES, 9, seed=3, done=made.append)
+    assert sum(made) == 9 * len(SIZES)
+    return {group.name: group for group in found}
+
+
+def test_groups_are_thirds_of_the_cloths_by_their_drape_coefficient(groups):
+    assert list(groups) == ["all", *GROUPS]
+    assert groups["all"].cloths == sum(groups[name].cloths for name in GROUPS)
+    for limper, stiffer in itertools.pairwise(GROUPS):
+        assert groups[limper].coefficients[1] <= groups[stiffer].coefficients[0]
+    assert groups["limp"].bending < groups["stiff"].bending
+
+
+def test_errors_are_against_the_finest_mesh(groups):
+    for group in groups.values():
+        assert [one.vertices for one in group.errors] == list(SIZES)
+        assert (group.errors[-1].points, group.errors[-1].points_error, group.errors[-1].folds) == (0, 0, 0)
+
+
+def test_coarse_meshes_hold_up_limp_cloth(groups):
+    """Folds of limp cloth are narrower than such a mesh can follow without stretching."""
+    coarse, fine = groups["limp"].errors[0], groups["limp"].errors[1]
+    assert coarse.points > 10
+    assert abs(groups["stiff"].errors[0].points) < 0.5 * coarse.points
+    assert fine.points > 3
+
+
+def test_a_given_membrane_stiffness_is_that_of_all():
+    problem = population_problem(PopulationPlan(vertices=97))
+    taus = random_cloths(problem, 5, 1)
+    changed = with_stretch(problem.space.prior, taus, 250.0)
+    before, after = (cloth_tables(problem.space.prior, torch.as_tensor(one[:, :CLOTH])) for one in (taus, changed))
+    at_rest = after[0][:, 0]
+    assert torch.sqrt(at_rest[:, 0] * at_rest[:, 2]).numpy() == pytest.approx(np.full(5, 250.0))
+    assert after[1].numpy() == pytest.approx(before[1].numpy())
+    assert np.count_nonzero(changed != taus) <= 5
+
+
+def test_command_says_it_as_a_table_and_as_json():
+    words = ["mesh-error", "--vertices", "97", "--vertices", "150", "--draws", "3", "--stretch", "100"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    for name in ("all", *GROUPS):
+        assert name in result.output
+    document = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
+    assert document["stretch_N_m"] == 100
+    assert [len(group["errors"]) for group in document["groups"]] == [2] * 4
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--vertices", "97"], "two --vertices or more"),
+        (["--vertices", "97", "--vertices", "150", "--stretch", "0.1"], "--stretch must be"),
+    ],
+)
+def test_bad_words_end_with_a_line(words, says):
+    result = CliRunner().invoke(app, ["mesh-error", *words])
+    assert result.exit_code == 2
+    assert says in " ".join(result.output.split())
