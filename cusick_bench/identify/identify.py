@@ -172,7 +172,7 @@ class Identification:
             comparison=compare(weight, fit, diagnosis.bending if diagnosis else None),
             diagnosis=diagnosis,
             diagnosis_missing=diagnoses[1].get(name, ""),
-            notes=tuple(fit_notes(fit, drapes.samples) if fit else ()),
+            notes=tuple(fit_notes(fit, drapes.samples, self.options.vertices) if fit else ()),
             next=tuple(fabric_next(self.dataset, name, drapes, fit_missing, document, refused)),
         )
 

@@ -8,15 +8,19 @@ from cusick_bench.identify.document import FAILED, Drapes, Fit, Preparation
 USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
 _MOST_ADVICE = 2  # measurements that a diagnosis advises, as far as they are repeated here
 _CLOSE = 0.03  # of drape coefficient, by which samples of one cloth differ anyway
+_LIMP = 0.8  # drape coefficient; below it drapes of law plate depend on the mesh by more than samples differ by
+_FINE = 2000  # vertices, from which on they hardly do, but for the limpest
+_PAPER_SIZE = 2699  # vertices of the paper's mesh
 _WIDE = 2.0  # upper over lower end of an interval from which stiffness is called uncertain
 
 
-def fit_notes(fit: Fit, samples: int) -> list[str]:
+def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
     """What is in doubt about a stiffness.
 
     Args:
         fit: The fit.
         samples: Samples of the fabric.
+        vertices: Size of the mesh that it was fitted on.
 
     Returns:
         Sentences.
@@ -27,6 +31,11 @@ def fit_notes(fit: Fit, samples: int) -> list[str]:
         notes.append(
             f"The fitted drape covers {100 * simulated:.0f} % of the overhang, the measured one {100 * real:.0f} %: "
             "the fit is rough. A larger --budget fits longer; a wrong weight, scale or picture leaves it rough."
+        )
+    if real is not None and real < _LIMP and vertices < _FINE:
+        notes.append(
+            f"A mesh of {vertices} vertices holds up cloth as limp as this (`cusick-bench mesh-error`), so that it is "
+            f"found too limp; --vertices {_PAPER_SIZE} is nearer, and takes several times as long."
         )
     if fit.samples > 1:
         faces = "both faces of " if fit.faces > 1 else ""

@@ -20,6 +20,7 @@ from cusick_bench.identify.document import IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.options import Options
+from cusick_bench.identify.words import fit_notes
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.photographs.studio.folder import write_photographs
@@ -291,3 +292,14 @@ def test_a_damaged_document_names_what_is_wrong(answer, tmp_path):
         IdentifyDocument.read(path)
     with pytest.raises(IdentifyError, match="no-such"):
         IdentifyDocument.read(tmp_path / "no-such.json")
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "vertices", "warned"), [(0.5, 600, True), (0.9, 600, False), (0.5, 2699, False)]
+)
+def test_limp_cloth_on_a_coarse_mesh_is_said_to_be_found_too_limp(answer, coefficient, vertices, warned):
+    fit = answer.fabrics[0].fit.model_copy(
+        update={"drape_coefficient": coefficient, "simulated_drape_coefficient": coefficient}
+    )
+    notes = " ".join(fit_notes(fit, 3, vertices))
+    assert ("found too limp" in notes) is warned
