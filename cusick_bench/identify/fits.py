@@ -11,6 +11,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from cusick_bench.datasets import DrapeDataset, Split
 from cusick_bench.datasets.errors import BadImage, DataError
@@ -57,7 +58,8 @@ def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
         with the median drape coefficient (the lower of two), then the others in the order of the index. Empty where no
         picture can be used.
     """
-    ordered = sorted((_measured(dataset, cloth, "up") or _measured(dataset, cloth)).values())
+    own = dataset.table.loc[dataset.table["cloth"] == cloth]
+    ordered = sorted((_measured(dataset, own.loc[own["side"] == "up"]) or _measured(dataset, own)).values())
     if not ordered:
         return ()
     typical = ordered[(len(ordered) - 1) // 2][1]
@@ -74,20 +76,20 @@ def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
     Returns:
         Rows of usable silhouettes, the first picture of each; fewer where a sample lacks one, or the face is unknown.
     """
-    table = dataset.table.loc[list(rows)]
-    if set(table["side"]) != {"up"}:
-        return ()
-    turned = _measured(dataset, str(table["cloth"].iloc[0]), OTHER_FACE["up"])
-    return tuple(turned[sample][1] for sample in table["sample"] if sample in turned)
-
-
-def _measured(dataset: DrapeDataset, cloth: str, side: str | None = None) -> dict[Any, tuple[float, int]]:
-    """Drape coefficient and row of the first usable picture of each sample, by its number; of one face, or of any."""
-    measured: dict[Any, tuple[float, int]] = {}
     table = dataset.table
-    for row, (owner, face, sample) in enumerate(zip(table["cloth"], table["side"], table["sample"], strict=True)):
-        wanted = owner == cloth and side in (None, face) and sample not in measured
-        if wanted and (share := _drape_coefficient(dataset, row)) is not None:
+    shown = table.loc[list(rows)]
+    if set(shown["side"]) != {"up"}:
+        return ()
+    own = (table["cloth"] == shown["cloth"].iloc[0]) & table["sample"].isin(shown["sample"])
+    turned = _measured(dataset, table.loc[own & (table["side"] == OTHER_FACE["up"])])
+    return tuple(turned[sample][1] for sample in shown["sample"] if sample in turned)
+
+
+def _measured(dataset: DrapeDataset, table: pd.DataFrame) -> dict[Any, tuple[float, int]]:
+    """Drape coefficient and row of the first usable picture of each sample in a part of the table, by its number."""
+    measured: dict[Any, tuple[float, int]] = {}
+    for row, sample in zip(table.index.tolist(), table["sample"], strict=True):
+        if sample not in measured and (share := _drape_coefficient(dataset, row)) is not None:
             measured[sample] = share, row
     return measured
 

@@ -24,7 +24,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.problem.priors import BENDING_SIZE, BENDING_SLOPE, DENSITY_REFERENCE, STRETCH_SIZE, StiffnessPrior
+from cusick_bench.problem.priors import (
+    BENDING_SIZE,
+    BENDING_SLOPE,
+    BENDING_TABLE_FACTOR,
+    DENSITY_REFERENCE,
+    STRETCH_SIZE,
+    StiffnessPrior,
+)
 from cusick_bench.problem.space import ParameterSpace, Specimen
 from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material
@@ -209,6 +216,20 @@ def cloth_tables(
     stretch, bending = cloths[..., :HOMOGENEOUS].split([STRETCH_SIZE, BENDING_SIZE], -1)
     stretch_level, bending_levels = _trait_levels(cloths)
     return prior.stretch(stretch) * stretch_level.exp()[..., None, None], prior.bending(bending) * bending_levels.exp()
+
+
+def mean_bending(prior: StiffnessPrior, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, " cloths"]:
+    """Bending stiffness of cloths, the geometric mean of directions and curvatures.
+
+    Args:
+        prior: Law and areal density of the cloths.
+        cloths: Their parameters, as `cloth_tables` takes them.
+
+    Returns:
+        One a cloth [N m].
+    """
+    bending = cloth_tables(prior, torch.as_tensor(cloths))[1]
+    return bending.log().mean((1, 2)).exp().numpy() / BENDING_TABLE_FACTOR[prior.law]
 
 
 @dataclass(frozen=True)

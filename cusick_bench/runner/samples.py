@@ -103,7 +103,7 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     Returns:
         Rows that show the face of the first one, that one first, and rows known to show the other face; one a sample.
     """
-    table = dataset.index.loc[list(train)]
+    table = dataset.table.loc[list(train)]
     sides = table["side"].astype(str)
     fitted = sides.iloc[0]
     own, other = (table[sides == side].drop_duplicates("sample") for side in (fitted, OTHER_FACE.get(fitted)))

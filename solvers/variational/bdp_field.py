@@ -199,12 +199,7 @@ def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
 
 def _known_stiffness(problem: DrapeProblem, cloths: Float[np.ndarray, "cloths numbers"]) -> str:
     """Bending stiffness as far as it is known, the mean of directions and curvatures: median and 90 % interval."""
-    import torch
+    from cusick_bench.problem.field_space import mean_bending
 
-    from cusick_bench.problem.field_space import cloth_tables
-    from cusick_bench.problem.priors import BENDING_TABLE_FACTOR
-
-    prior = problem.space.prior
-    bending = cloth_tables(prior, torch.as_tensor(cloths))[1].log().mean((1, 2)).exp().numpy()
-    low, middle, high = 1e6 * np.quantile(bending, [0.05, 0.5, 0.95]) / BENDING_TABLE_FACTOR[prior.law]
+    low, middle, high = 1e6 * np.quantile(mean_bending(problem.space.prior, cloths), [0.05, 0.5, 0.95])
     return f"bending {middle:.3g} µN m, {low:.2g} to {high:.2g}"

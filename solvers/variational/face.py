@@ -81,7 +81,7 @@ class Face:
         place = leading(middle[None])
         known, slope = expected.scatter(place)[0], expected.slope(place)[0]
         if not drapes.enough:
-            return Scatter(known, share_of_specimens(known, known), slope)
+            return Scatter(known, 1.0, slope)
         guess, before = expected.of(leading, drapes.cloths, drapes.levels), self._correction
         places = leading.scaled(drapes.cloths, drapes.levels)
         gap = guess - self.mean if before is None else guess + before(places)[0] - self.mean

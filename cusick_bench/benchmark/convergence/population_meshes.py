@@ -20,7 +20,7 @@ from numpy import ndarray
 from cusick_bench.benchmark.convergence.order import Limit, extrapolated_limit
 from cusick_bench.benchmark.pace import NAMES, TOGETHER, drape_measures, drawn_images
 from cusick_bench.problem import FieldSpace
-from cusick_bench.problem.field_space import CLOTH, TRAITS, cloth_tables
+from cusick_bench.problem.field_space import CLOTH, TRAITS, cloth_tables, mean_bending
 from cusick_bench.problem.population.derivation import PopulationPlan, population_problem, random_cloths
 from cusick_bench.problem.priors import StiffnessPrior
 
@@ -94,22 +94,22 @@ def population_meshes(
         All cloths, then those of each of `GROUPS`.
     """
     sizes = sorted(set(sizes))
+    problems = [population_problem(PopulationPlan(vertices=vertices)).at_pace("brisk") for vertices in sizes]
+    prior, taus = problems[0].space.prior, random_cloths(problems[0], cloths, seed)  # parameters know no mesh
+    if stretch is not None:
+        taus = with_stretch(prior, taus, stretch)
     images: list[ndarray] = []
-    bending = np.zeros(0)
-    for vertices in sizes:
-        problem = population_problem(PopulationPlan(vertices=vertices)).at_pace("brisk")
-        taus = random_cloths(problem, cloths, seed)
-        if stretch is not None:
-            taus = with_stretch(problem.space.prior, taus, stretch)
-        tables = cloth_tables(problem.space.prior, torch.as_tensor(taus[:, :CLOTH]))
-        bending = tables[1].log().mean((1, 2)).exp().numpy()
+    for problem in problems:
         parts = []
         for first in range(0, cloths, TOGETHER):
             parts.append(drawn_images(problem, taus[first : first + TOGETHER]))
             done(len(parts[-1]))
         images.append(np.concatenate(parts))
     rested = np.all([np.isfinite(each).all((1, 2)) for each in images], axis=0)
-    table, bending = np.stack([drape_measures(each[rested]) for each in images], 1), bending[rested]
+    table, bending = (
+        np.stack([drape_measures(each[rested]) for each in images], 1),
+        mean_bending(prior, taus[rested, :CLOTH]),
+    )
     order = np.argsort(table[:, -1, _COEFFICIENT])
     groups = {"all": order} | dict(zip(GROUPS, np.array_split(order, len(GROUPS)), strict=True))
     return tuple(_group(name, sizes, table[rows], bending[rows], seed) for name, rows in groups.items() if len(rows))

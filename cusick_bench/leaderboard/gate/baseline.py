@@ -7,7 +7,7 @@ columns solver, cloth, seed and their metrics, as CSV or as JSON,
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -109,20 +109,20 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     return table.astype({LEFT_OUT: "Int64"}).assign(repeat=pd.Series(repeat, table.index, dtype=object))
 
 
-def _left_out(columns: Mapping[str, Any]) -> int | None:
+def _left_out(protocol: str, test: Sequence[int]) -> int | None:
     """First row of the sample that a cell leaves out, where samples are left out in turn."""
-    return columns["test"][0] if columns["protocol"] == LEAVE_ONE_OUT and columns["test"] else None
+    return test[0] if protocol == LEAVE_ONE_OUT and test else None
 
 
 def _of_run(cells: Cells) -> pd.DataFrame:
     """Cells of a results folder; where it holds some twice (other code, other settings), those of its last command."""
     done = cells.table.drop(columns="repeat")
-    done[LEFT_OUT] = [_left_out(row) for row in done.to_dict("records")]
+    done[LEFT_OUT] = [_left_out(*row) for row in zip(done["protocol"], done["test"], strict=True)]
     done["key"] = [folder.name for folder in done["folder"]]
     done["settings"] = done["settings"].map(settings_digest)
     failed = [
         {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": "failed", "key": cell.folder.name}
-        | ({LEFT_OUT: _left_out(cell.columns)} if cell.columns else {})
+        | ({LEFT_OUT: _left_out(cell.columns["protocol"], cell.columns["test"])} if cell.columns else {})
         for cell in cells.skipped
         if cell.seed is not None
     ]
