@@ -224,6 +224,8 @@ def test_a_card_leads_to_its_drape(opened):
     page = opened(reduced_motion="reduce")
     page.get_by_role("tab", name="viscose_white").click()
     page.locator("[role=tabpanel]:visible article", has_text="sobol").get_by_text("turn it in 3D").click()
+    chosen = "() => document.activeElement.tagName === 'CANVAS'"  # what a click does last; a busy page does it later
+    page.wait_for_function(chosen)
     assert page.get_by_label("Cloth", exact=True).input_value() == "viscose_white"
     assert "sobol on viscose_white" in (page.locator("canvas").get_attribute("aria-label") or "")
     assert page.evaluate("document.activeElement.tagName") == "CANVAS"
