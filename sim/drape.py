@@ -22,6 +22,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.membrane import softened
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, laid_down, smooth_field
 from cusick_bench.sim.engine.cloth_system import ClothSystem
@@ -273,6 +274,7 @@ class DrapeSimulator:
             raise SimulationError("there must be at least one cloth to drape, got none")
         for material in materials:
             material.check_fits(self.mesh)
+        materials = [self.as_draped(material) for material in materials]
         if warm is not None and self.settings.mode == "drop":
             raise SimulationError("a drop starts from the laid-down cloth; warm starts are for mode 'equilibrium'")
         laid = torch.from_numpy(self.laid_down()).expand(members, -1, -1) if initial is None else initial
@@ -295,6 +297,17 @@ class DrapeSimulator:
             vertices, outcome.failures, outcome.residual <= outcome.at_rest, outcome.residual, outcome.iterations,
             outcome.halvings, time.perf_counter() - clock,
         )  # fmt: skip
+
+    def as_draped(self, material: Material) -> Material:
+        """The cloth that is simulated for a cloth: with the membrane that the mesh can bend, where settings say so.
+
+        Args:
+            material: The cloth.
+
+        Returns:
+            The cloth itself, or one with a softer membrane.
+        """
+        return softened(material, self.mesh) if self.settings.softens_membrane else material
 
     def at_once(self) -> int:
         """A good number of cloths for `drape_batch` where there are many: as many as help and fit the memory."""

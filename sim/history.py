@@ -116,6 +116,7 @@ def drop_with_history(
             "leave one of them out"
         )
     material.check_fits(simulator.mesh)
+    material = simulator.as_draped(material)
     asked = Parameters(
         _array(material.stretch.reshape(-1, 6, 4)), _array(material.bending.reshape(-1, 3, 5)),
         _array(material.vertex_mass(simulator.mesh)), _array(rest_angle) * simulator.hinge_share,

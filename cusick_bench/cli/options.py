@@ -19,6 +19,7 @@ from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
     from cusick_bench.sim.engine.settings import Clamp as ClampOfDrape
+    from cusick_bench.sim.engine.settings import Membrane as MembraneOfDrape
 
 cloth_option = partial(typer.Option, rich_help_panel="Cloth")
 data_option = partial(typer.Option, rich_help_panel="Data")
@@ -53,6 +54,13 @@ class ClampName(StrEnum):
 
     half = "half"
     whole = "whole"
+
+
+class MembraneName(StrEnum):
+    """Whether the membrane is as soft as the mesh needs."""
+
+    softened = "softened"
+    given = "given"
 
 
 class CameraName(StrEnum):
@@ -176,6 +184,14 @@ Clamp = Annotated[
     simulation_option(
         help="Hinges on the plate's edge bend in their free half, or whole as in the published program (half as stiff "
         "there); half under law paper, whole under law published.",
+        show_default=False,
+    ),
+]
+Membrane = Annotated[
+    MembraneName | None,
+    simulation_option(
+        help="Membrane of law plate: softened to what the mesh can bend (its default), so that limp cloth does not "
+        "lock, or as given.",
         show_default=False,
     ),
 ]
@@ -330,3 +346,24 @@ def clamp_by_law(asked: ClampName | None, law: LawName) -> "ClampOfDrape | None"
             "add --law paper"
         )
     return asked.value
+
+
+def membrane_by_law(asked: MembraneName | None, law: LawName) -> "MembraneOfDrape | None":
+    """Whether the membrane is softened.
+
+    Args:
+        asked: What the user asked for, if anything.
+        law: Material law.
+
+    Returns:
+        The membrane for `DrapeSettings`.
+
+    Raises:
+        CusickError: Another law than `plate` is to be softened.
+    """
+    if asked is MembraneName.softened and law is not LawName.plate:
+        raise CusickError(
+            f"--membrane softened is for law plate, and law {law.value} takes the membrane as given; leave --membrane "
+            "out, or add --law plate"
+        )
+    return None if asked is None else asked.value

@@ -69,11 +69,12 @@ class ProblemSettings:
     def record(self) -> dict[str, Any]:
         """The settings as a document.
 
-        Causes, the clamp and the pace are in it only where there are causes, where the clamp is mended and where drops
-        are brisk: cells without are named as they were before there was a choice.
+        Causes, clamp, membrane and pace are in it only where there are causes, where the clamp is mended, where the
+        membrane is softened and where drops are brisk: cells without are named as before there was a choice.
         """
-        drape = {name: value for name, value in asdict(self.drape).items() if name not in ("clamp", "pace")}
+        drape = {name: value for name, value in asdict(self.drape).items() if name not in ("clamp", "membrane", "pace")}
         chosen = {"clamp": "half"} if self.drape.half_hinges else {}
+        chosen |= {"membrane": "softened"} if self.drape.softens_membrane else {}
         chosen |= {"pace": self.drape.pace} if self.drape.pace != "steady" else {}
         record: dict[str, Any] = asdict(self) | {"drape": drape | chosen, "causes": list(self.causes)}
         return record if self.causes else {name: value for name, value in record.items() if name != "causes"}

@@ -11,6 +11,7 @@ new version. After raising a version: `python tests/support/golden.py --write`.
 
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.sim import contact, effects, engine, render
+from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.laws import paper, plate, published
 from cusick_bench.solvers.base import Solver
@@ -64,6 +65,8 @@ def cell_numerics(
     if solver.kind == "solver":
         with_contact, with_effects = drape.self_contact > 0, bool(causes)
         versions |= drape_numerics(drape.law, with_contact=with_contact, with_effects=with_effects)
+        if drape.softens_membrane:
+            versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
     if both_faces:
         versions["both faces"] = BOTH_FACES

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 Clamp = Literal["half", "whole"]
 """How hinges on the plate's edge bend: their free half alone, or all of them."""
 
+Membrane = Literal["softened", "given"]
+"""Whether the membrane is softened to what the mesh can bend (`sim.cloth.membrane`), or as the cloth's table says."""
+
 MOST_HALVINGS = 2
 """How often a drop that flies apart is begun again with half the step. Of 1000 random cloths 17 fly apart in steps of
 50 ms (law `plate`, 297 vertices), and none in shorter ones."""
@@ -44,6 +47,8 @@ class DrapeSettings:
             and lets the cloth hang too low. By default `half` under law `paper`, `whole` under law `published`.
             Springs are no clamp: on them the edge bends as all of the cloth. Law `plate` has no hinges, and its clamp
             is exact.
+        membrane: `softened` on coarse meshes, so that limp cloth does not lock (`sim.cloth.membrane`; law `plate`
+            alone, its default), or `given` by the cloth's table.
         laying_amplitude: Standard deviation of the height in which the cloth is laid down [m].
         laying_length: Its correlation length [m].
         rest_amplitude: Standard deviation of the rest shape's height [m].
@@ -68,6 +73,7 @@ class DrapeSettings:
     plate_radius: float = PLATE_RADIUS
     support: Literal["fixed", "springs"] = "fixed"
     clamp: Clamp | None = None
+    membrane: Membrane | None = None
     laying_amplitude: float = 1e-3
     laying_length: float = 0.03
     rest_amplitude: float = 0.0
@@ -95,6 +101,12 @@ class DrapeSettings:
                 "clamp 'half' is for law 'paper' on support 'fixed', "
                 f"got law {self.law!r} on support {self.support!r}; use clamp 'whole', or leave it out"
             )
+        if self.membrane not in (None, "softened", "given"):
+            raise SimulationError(f"membrane must be softened or given, got {self.membrane!r}")
+        if self.membrane == "softened" and self.law != "plate":
+            raise SimulationError(
+                f"membrane 'softened' is for law 'plate', got law {self.law!r}; use membrane 'given', or leave it out"
+            )
         for name in ("steps", "step_seconds", "gravity", "plate_radius", "tolerance", "iterations"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
@@ -118,6 +130,11 @@ class DrapeSettings:
     def half_hinges(self) -> bool:
         """Whether hinges on the plate's edge bend in their free half alone."""
         return self.clamp != "whole" and self.law == "paper" and self.support == "fixed"
+
+    @property
+    def softens_membrane(self) -> bool:
+        """Whether cloth is draped with the membrane that its mesh can bend."""
+        return self.law == "plate" and self.membrane != "given"
 
     @property
     def halvings(self) -> int:

@@ -23,6 +23,7 @@ from cusick_bench.problem import FieldSpace
 from cusick_bench.problem.field_space import CLOTH, TRAITS, cloth_tables, mean_bending
 from cusick_bench.problem.population.derivation import PopulationPlan, population_problem, random_cloths
 from cusick_bench.problem.priors import StiffnessPrior
+from cusick_bench.sim.engine.settings import Membrane
 
 GROUPS = ("limp", "middling", "stiff")
 """Thirds of the cloths, by their drape coefficient on the finest mesh."""
@@ -77,6 +78,7 @@ def population_meshes(
     cloths: int,
     *,
     stretch: float | None = None,
+    membrane: Membrane | None = None,
     seed: int = 0,
     done: Callable[[int], None] = lambda drapes: None,
 ) -> tuple[ClothGroup, ...]:
@@ -87,6 +89,7 @@ def population_meshes(
         cloths: Number of cloths; three or more.
         stretch: Membrane stiffness that all are given, the geometric mean of warp and weft at rest [N/m]; by default
             each has its own.
+        membrane: Whether it is softened (see `DrapeSettings`).
         seed: Seed of the cloths, and of the resampling for limits.
         done: Called with the number of drapes made.
 
@@ -94,7 +97,8 @@ def population_meshes(
         All cloths, then those of each of `GROUPS`.
     """
     sizes = sorted(set(sizes))
-    problems = [population_problem(PopulationPlan(vertices=vertices)).at_pace("brisk") for vertices in sizes]
+    plans = [PopulationPlan(vertices=vertices, membrane=membrane) for vertices in sizes]
+    problems = [population_problem(plan).at_pace("brisk") for plan in plans]
     prior, taus = problems[0].space.prior, random_cloths(problems[0], cloths, seed)  # parameters know no mesh
     if stretch is not None:
         taus = with_stretch(prior, taus, stretch)
@@ -129,7 +133,7 @@ def with_stretch(
         Parameter vectors.
     """
     at_rest = cloth_tables(prior, torch.as_tensor(taus[:, :CLOTH]))[0][:, 0].numpy()
-    level = 0.5 * np.log(at_rest[:, 0] * at_rest[:, 2])  # c11 and c22
+    level = np.log(2 * np.sqrt(at_rest[:, 0] * at_rest[:, 2]))  # of c11 and c22, which the law doubles
     changed = taus.copy()
     changed[:, FieldSpace.trait_entry("stretch")] += (np.log(stretch) - level) / TRAITS["stretch"].sd
     return changed

@@ -22,7 +22,7 @@ from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
+from cusick_bench.sim.engine.settings import Clamp, DrapeSettings, Membrane
 from cusick_bench.sim.engine.statics.branch import rim_folds
 from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import DrapeDiverged
@@ -98,6 +98,7 @@ def compare_with_reference(
     law: Law,
     *,
     clamp: Clamp | None = None,
+    membrane: Membrane | None = None,
     meshes: int = 1,
     jitter: float = 0.0,
     seed: int = 0,
@@ -110,6 +111,7 @@ def compare_with_reference(
         sizes: Numbers of vertices.
         law: Material law with an energy.
         clamp: How hinges on the plate's edge bend (see `DrapeSettings`).
+        membrane: Whether it is softened (likewise).
         meshes: Meshes of each size.
         jitter: Share of the spacing by which interior vertices are moved.
         seed: Seed of the first mesh.
@@ -121,7 +123,7 @@ def compare_with_reference(
     Raises:
         SimulationError: The law has no rests, or a size or jitter is out of range.
     """
-    settings = DrapeSettings(law=law, clamp=clamp, mode="equilibrium", gravity=GRAVITY)
+    settings = DrapeSettings(law=law, clamp=clamp, membrane=membrane, mode="equilibrium", gravity=GRAVITY)
     found = []
     for size in sizes:
         seeds = range(seed, seed + meshes)

@@ -26,12 +26,15 @@ from cusick_bench.cli.options import (
     Json,
     Law,
     LawName,
+    Membrane,
+    MembraneName,
     Mode,
     Seeds,
     Steps,
     Vertices,
     Workers,
     fit_option,
+    membrane_by_law,
     output_option,
     simulation_option,
 )
@@ -107,6 +110,7 @@ def table_1(
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
     law: Law = LAW,
+    membrane: Membrane = None,
     second_law: SecondLaw = None,
     workers: Workers = 1,
     as_json: Json = False,
@@ -122,7 +126,7 @@ def table_1(
     from cusick_bench.report.figures.fold_variability import fold_variability
     from cusick_bench.runner import Source, load_once
 
-    settings = _settings(vertices, mode, steps, Budget(budget), law, second_law)
+    settings = _settings(vertices, mode, steps, Budget(budget), membrane, law, second_law)
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out, force)
     cells, left_out = _run(grid)
@@ -152,6 +156,7 @@ def table_2(
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
     law: Law = LAW,
+    membrane: Membrane = None,
     second_law: SecondLaw = None,
     workers: Workers = 1,
     as_json: Json = False,
@@ -171,7 +176,7 @@ def table_2(
     budgets = {"": Budget(budget)} | ({} if seconds is None else {"-seconds": Budget(None, seconds)})
     tables, everything = [], []
     for suffix, limit in budgets.items():
-        settings = _settings(vertices, mode, steps, limit, law, second_law)
+        settings = _settings(vertices, mode, steps, limit, membrane, law, second_law)
         cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out, force))
         everything.append(cells)
         with _setting(out):
@@ -198,15 +203,18 @@ def _limit(budget: Budget) -> str:
     return f"{budget.forward_equivalents:g} drapes a cell"
 
 
-def _settings(vertices: int, mode: Mode, steps: int, budget: Budget, *laws: LawName | None) -> list[ProblemSettings]:
-    """What cells are run with by each of the laws."""
+def _settings(
+    vertices: int, mode: Mode, steps: int, budget: Budget, membrane: MembraneName | None, *laws: LawName | None
+) -> list[ProblemSettings]:
+    """What cells are run with by each of the laws; the membrane is law plate's."""
     from cusick_bench.runner import ProblemSettings
     from cusick_bench.sim.engine.settings import DrapeSettings
 
     found = []
     for law in dict.fromkeys(law for law in laws if law is not None):
         clamp = None if law is LawName.plate else "whole"  # as in the paper's own program; law plate has an exact one
-        drape = DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp)
+        asked = membrane_by_law(membrane, law) if law is LawName.plate or LawName.plate not in laws else None
+        drape = DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp, membrane=asked)
         found.append(ProblemSettings(vertices=vertices, drape=drape, budget=budget))
     return found
 

@@ -23,6 +23,7 @@ from cusick_bench.cli.options import (
     Force,
     Json,
     Law,
+    Membrane,
     Mode,
     Seeds,
     Solvers,
@@ -33,6 +34,7 @@ from cusick_bench.cli.options import (
     clamp_by_law,
     data_option,
     fit_option,
+    membrane_by_law,
     output_option,
     running_option,
     simulation_option,
@@ -84,6 +86,7 @@ def run_command(
     steps: Steps = 100,
     law: Law = LAW,
     clamp: Clamp = None,
+    membrane: Membrane = None,
     camera: Annotated[
         CameraName | None,
         simulation_option(
@@ -128,7 +131,13 @@ def run_command(
     settings = ProblemSettings(
         space=space or DEFAULT_SPACE,
         vertices=vertices_by_law(vertices, law, VERTICES_TO_FIT),
-        drape=DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp_by_law(clamp, law)),
+        drape=DrapeSettings(
+            law=law.value,
+            mode=mode.value,
+            steps=steps,
+            clamp=clamp_by_law(clamp, law),
+            membrane=membrane_by_law(membrane, law),
+        ),
         camera="protocol" if camera is None else camera.value,
         renderer=renderer,
         loss=loss,

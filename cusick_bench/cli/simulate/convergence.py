@@ -18,6 +18,7 @@ from cusick_bench.cli.options import (
     Json,
     Law,
     LawName,
+    Membrane,
     Seed,
     Steps,
     VerticesList,
@@ -25,6 +26,7 @@ from cusick_bench.cli.options import (
     checked_density,
     clamp_by_law,
     cloth_option,
+    membrane_by_law,
     output_option,
     simulation_option,
 )
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.time_step import TimeStep
     from cusick_bench.report.figures.convergence import Panel
     from cusick_bench.sim.engine.settings import Clamp as ClampOfDrape
+    from cusick_bench.sim.engine.settings import Membrane as MembraneOfDrape
     from cusick_bench.sim.engine.triangles.system import Law as LawOfDrape
 
 app = typer.Typer()
@@ -55,13 +58,14 @@ class _Common:
 
     law: LawOfDrape
     clamp: ClampOfDrape | None
+    membrane: MembraneOfDrape | None
     meshes: int
     jitter: float
     seed: int
 
     def document(self) -> dict[str, Any]:
         """What the JSON document says of it."""
-        shared = {"law": self.law, "clamp": self.clamp}
+        shared = {"law": self.law, "clamp": self.clamp, "membrane": self.membrane}
         return {**shared, "meshes_per_size": self.meshes, "jitter": self.jitter, "seed": self.seed}
 
 
@@ -86,6 +90,7 @@ def convergence(
     ] = None,
     law: Law = LawName.paper,
     clamp: Clamp = None,
+    membrane: Membrane = None,
     density: Annotated[float, DENSITY] = 0.192,
     bending: Annotated[float, cloth_option(help="Bending stiffness [N m].")] = 1.4e-5,
     draws: Annotated[
@@ -121,11 +126,13 @@ def convergence(
     """
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    resting = DrapeSettings(law=law.value, clamp=clamp_by_law(clamp, law), mode="equilibrium")  # or refuses the law
+    asked: dict[str, Any] = {"clamp": clamp_by_law(clamp, law), "membrane": membrane_by_law(membrane, law)}
+    resting = DrapeSettings(law=law.value, mode="equilibrium", **asked)  # or refuses the law
     if picture is not None:
         _make_room(picture)
     hinges: ClampOfDrape = "half" if resting.half_hinges else "whole"
-    common = _Common(law.value, None if resting.law == "plate" else hinges, meshes, jitter, seed)
+    used: MembraneOfDrape = "softened" if resting.softens_membrane else "given"
+    common = _Common(law.value, None if resting.law == "plate" else hinges, used, meshes, jitter, seed)
     if reference is not None:
         sizes = sorted(set(vertices or _REFERENCE_SIZES))
         document, panels = _compare(reference, sizes, common, show=not as_json)
@@ -166,8 +173,8 @@ def _compare(
         for size in sizes:
             bar.say(f"{size} vertices")
             found += compare_with_reference(
-                drapes, [size], common.law, clamp=common.clamp, meshes=common.meshes, jitter=common.jitter,
-                seed=common.seed, done=_weighed(bar, size),
+                drapes, [size], common.law, clamp=common.clamp, membrane=common.membrane, meshes=common.meshes,
+                jitter=common.jitter, seed=common.seed, done=_weighed(bar, size),
             )  # fmt: skip
     orders = reference_orders(found)
     if show:
@@ -203,7 +210,7 @@ def _depend(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, An
 
     sizes, draws = study.sizes, study.draws
     material = uniform_material(density=study.cloth["density"], bending=study.cloth["bending"])
-    settings = DrapeSettings(law=common.law, clamp=common.clamp)
+    settings = DrapeSettings(law=common.law, clamp=common.clamp, membrane=common.membrane)
     spread = common.meshes if common.meshes > 1 else 0
     time_size = min(sizes, key=lambda size: abs(np.log(size / _TIME_SIZE)))
     timed = drapes_of_time_step(draws, study.steps, study.halvings)

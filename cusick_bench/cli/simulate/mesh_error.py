@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import MOST_DRAWS, Json, Seed, simulation_option
+from cusick_bench.cli.options import MOST_DRAWS, Json, LawName, Membrane, Seed, membrane_by_law, simulation_option
 from cusick_bench.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def mesh_error(
             help="Membrane stiffness of all cloths, the mean of warp and weft [N/m]; by default each has its own."
         ),
     ] = None,
+    membrane: Membrane = None,
     seed: Seed = 3,
     as_json: Json = False,
 ) -> None:
@@ -48,10 +49,12 @@ def mesh_error(
         raise ProblemError(f"errors are against a finer mesh, got one size, {vertices[0]}; give two --vertices or more")
     if stretch is not None and not 1 <= stretch <= 1e5:
         raise ProblemError(f"--stretch must be from 1 to 100000 N/m, got {stretch:g}; woven cloth has some hundred")
+    asked = membrane_by_law(membrane, LawName.plate)
     with progress_bar("draping", len(set(vertices)) * draws) as bar:
-        groups = population_meshes(vertices, draws, stretch=stretch, seed=seed, done=bar.advance)
+        groups = population_meshes(vertices, draws, stretch=stretch, membrane=asked, seed=seed, done=bar.advance)
     if as_json:
-        print_json({"groups": [asdict(group) for group in groups], "stretch_N_m": stretch, "seed": seed})
+        asked_for = {"stretch_N_m": stretch, "membrane": asked or "softened", "seed": seed}
+        print_json({"groups": [asdict(group) for group in groups], **asked_for})
     else:
         _print(groups)
 

@@ -29,6 +29,7 @@ from cusick_bench.cli.options import (
     Json,
     Law,
     LawName,
+    Membrane,
     Mode,
     Seed,
     Shear,
@@ -40,6 +41,7 @@ from cusick_bench.cli.options import (
     checked_density,
     clamp_by_law,
     cloth_option,
+    membrane_by_law,
     output_option,
     running_option,
     simulation_option,
@@ -233,6 +235,7 @@ def simulate(
     steps: Steps = 100,
     law: Law = LAW,
     clamp: Clamp = None,
+    membrane: Membrane = None,
     camera: CameraOption = CameraName.parallel,
     self_contact: Annotated[
         float,
@@ -280,6 +283,7 @@ def simulate(
     settings = DrapeSettings(
         law=name,
         clamp=clamp_by_law(clamp, law),
+        membrane=membrane_by_law(membrane, law),
         mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,
         laying_amplitude=laying_height,

@@ -102,6 +102,7 @@ def cell_of(record: dict[str, Any]) -> Cell:
         settings = dict(record["settings"])
         recorded = dict(settings.pop("drape"))
         mended = recorded.pop("clamp", "whole") == "half"  # records tell of a mended clamp only
+        recorded.setdefault("membrane", "given")  # likewise of a softened membrane only
         drape = DrapeSettings(**recorded)
         if drape.half_hinges and not mended:
             drape = replace(drape, clamp="whole")

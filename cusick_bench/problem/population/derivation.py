@@ -42,7 +42,7 @@ from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.settings import DrapeSettings, Membrane
 from cusick_bench.sim.engine.triangles.system import Law
 
 FABRICS = ("fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
@@ -83,6 +83,7 @@ class PopulationPlan:
         law: Material law.
         vertices: Number of vertices of the mesh.
         cloths: Number of cloths that are draped for the regression, every second one twice.
+        membrane: Whether it is softened (see `DrapeSettings`).
 
     Raises:
         ProblemError: Fewer cloths than the regression needs.
@@ -91,6 +92,7 @@ class PopulationPlan:
     law: Law = "plate"
     vertices: int = VERTICES_OF_POPULATION
     cloths: int = 2048
+    membrane: Membrane | None = None
 
     def __post_init__(self) -> None:
         least = least_cloths()
@@ -262,7 +264,7 @@ def population_problem(plan: PopulationPlan) -> DrapeProblem:
     Returns:
         The problem, in the space `field`.
     """
-    settings = DrapeSettings(law=plan.law, backend="lockstep")
+    settings = DrapeSettings(law=plan.law, membrane=plan.membrane, backend="lockstep")
     simulator = DrapeSimulator(cloth_mesh(plan.law, plan.vertices), settings)
     space = FieldSpace(simulator.mesh, StiffnessPrior(plan.law, DENSITY_REFERENCE))
     nothing = np.zeros((RELEASE.image_size_px, RELEASE.image_size_px))

@@ -1,0 +1,68 @@
+"""The membrane that a mesh can bend: of cloth whose folds are narrow for its mesh it is softened.
+
+A surface of finitely many control points cannot fold without being stretched a little. Woven cloth resists stretching
+100,000 times as much as bending on the scale of a mesh, so that the energy of those strains, not that of bending,
+decides how far limp cloth hangs (membrane locking). Yet stretching itself hardly matters to a drape: cloth of 60 N/m
+gives by .2 % under its own weight. The membrane of the whole cloth is therefore multiplied by
+
+    1 / (1 + Y h^2 / (RATIO B)),
+
+with Y its stiffness, the mean of warp and weft at no strain [N/m], B its bending stiffness, the mean of all directions
+and curvatures [N m], and h the spacing of vertices, of as many equilateral triangles. Its stiffness then tends to
+RATIO B / h^2 on coarse meshes and to its own on fine ones, with the same limit as without.
+
+RATIO was chosen on random cloths of the population (`cusick-bench mesh-error`): what is left of the locking, which
+lets cloth hang too high, and what the softer membrane lets it sink then cancel at all meshes from 480 vertices on.
+
+References:
+    Stolarski, Belytschko. Membrane locking and reduced integration for curved elements. Journal of Applied Mechanics
+    49(1), 1982.
+    Bischoff, Bletzinger, Wall, Ramm. Models and finite elements for thin-walled structures. Encyclopedia of
+    Computational Mechanics, 2004 (locking, and energies scaled by mesh size).
+"""
+
+from dataclasses import replace
+
+from jaxtyping import Float
+from torch import Tensor
+
+from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.cloth.mesh import Mesh
+
+NUMERICS_VERSION = 1  # raised when softened cloth's numbers change: see runner/numerics.py
+
+RATIO = 28_000.0
+"""Membrane stiffness over B / h^2 that a mesh bends without much locking."""
+
+_WARP, _WEFT = 0, 2  # columns of C
+_LEAST_BENDING = 1e-9  # [N m], a hundredth of the limpest silk's: tables that are no cloth's keep a finite factor
+
+
+def softening(material: Material, mesh: Mesh) -> Float[Tensor, ""]:
+    """By what a cloth's membrane stiffness is multiplied on a mesh.
+
+    Args:
+        material: The cloth.
+        mesh: The mesh.
+
+    Returns:
+        The factor, in (0, 1], differentiable by the cloth's stiffness.
+    """
+    spacing2 = 2 / 3**0.5 * float(mesh.areas.sum()) / mesh.vertices
+    at_rest = material.stretch.reshape(-1, *material.stretch.shape[-2:])[:, 0]
+    membrane = 2 * at_rest[:, [_WARP, _WEFT]].mean().clamp(min=0)  # the law doubles the table
+    bending = material.bending.mean().clamp(min=_LEAST_BENDING)
+    return 1 / (1 + membrane * spacing2 / (RATIO * bending))
+
+
+def softened(material: Material, mesh: Mesh) -> Material:
+    """A cloth as a mesh can bend it.
+
+    Args:
+        material: The cloth.
+        mesh: The mesh.
+
+    Returns:
+        The cloth with its membrane softened.
+    """
+    return replace(material, stretch=material.stretch * softening(material, mesh))
