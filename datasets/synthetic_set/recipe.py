@@ -27,6 +27,7 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS, VERTICES_OF_T
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 
+VERSION = 2  # of the set's files; 2: its cloths have the membrane that their mesh can bend (`sim.cloth.membrane`)
 SEED = 2024
 SAMPLES = 12
 TOGETHER = 4  # samples that are draped in one batch

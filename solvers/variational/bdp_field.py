@@ -78,7 +78,7 @@ class BdpField(Solver):
     rate: float = 0.2
     samples: int = 0
     pace: PaceName = "steady"
-    version: ClassVar[int] = 4
+    version: ClassVar[int] = 5
     name: ClassVar[str] = "bdp-field"
     summary: ClassVar[str] = "Bayesian inference over smooth fields of stiffness, laid shape and rest shape"
     reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Garcia-Fernandez 2015"
