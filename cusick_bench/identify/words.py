@@ -4,13 +4,13 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, Drapes, Fit, Preparation
+from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
 _MOST_ADVICE = 2  # measurements that a diagnosis advises, as far as they are repeated here
 _CLOSE = 0.03  # of drape coefficient, by which samples of one cloth differ anyway
-_LIMP = 0.8  # drape coefficient; below it drapes of law plate depend on the mesh by more than samples differ by
-_FINE = 2000  # vertices, from which on they hardly do, but for the limpest
-_PAPER_SIZE = 2699  # vertices of the paper's mesh
+_LIMP = 0.5  # drape coefficient; below it drapes of law plate on coarse meshes are off by more than samples differ by
+_FINE = 450  # vertices, from which on they hardly are
 _WIDE = 2.0  # upper over lower end of an interval from which stiffness is called uncertain
 
 
@@ -35,7 +35,7 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
     if real is not None and real < _LIMP and vertices < _FINE:
         notes.append(
             f"A mesh of {vertices} vertices holds up cloth as limp as this (`cusick-bench mesh-error`), so that it is "
-            f"found too limp; --vertices {_PAPER_SIZE} is nearer, and takes several times as long."
+            f"found too limp; leave out --vertices, or take {VERTICES_TO_FIT} of them."
         )
     if fit.samples > 1:
         faces = "both faces of " if fit.faces > 1 else ""
