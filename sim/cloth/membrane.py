@@ -49,10 +49,16 @@ def softening(material: Material, mesh: Mesh) -> Float[Tensor, ""]:
         The factor, in (0, 1], differentiable by the cloth's stiffness.
     """
     spacing2 = 2 / 3**0.5 * float(mesh.areas.sum()) / mesh.vertices
-    at_rest = material.stretch.reshape(-1, *material.stretch.shape[-2:])[:, 0]
-    membrane = 2 * at_rest[:, [_WARP, _WEFT]].mean().clamp(min=0)  # the law doubles the table
-    bending = material.bending.mean().clamp(min=_LEAST_BENDING)
+    at_rest = _mean_table(material.stretch)[0]
+    membrane = 2 * at_rest[[_WARP, _WEFT]].mean().clamp(min=0)  # the law doubles the table
+    bending = _mean_table(material.bending).mean().clamp(min=_LEAST_BENDING)
     return 1 / (1 + membrane * spacing2 / (RATIO * bending))
+
+
+def _mean_table(tables: Float[Tensor, "*elements rows columns"]) -> Float[Tensor, "rows columns"]:
+    """Mean over elements: of one table repeated, that table to the bit, as if it had been shared."""
+    tables = tables.reshape(-1, *tables.shape[-2:])
+    return tables[0] + (tables - tables[0]).mean(0)
 
 
 def softened(material: Material, mesh: Mesh) -> Material:
