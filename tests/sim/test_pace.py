@@ -53,10 +53,11 @@ def test_a_brisk_pace_pushes_between_the_first_steps_and_the_last():
 
 def test_a_brisk_drop_ends_nearer_to_all_steps_than_as_many_steady_ones():
     """Without the push, or with one of the other sign, it does not."""
-    whole, brisk = _fallen(STEADY), _fallen(replace(STEADY, pace="brisk"))
-    short = _fallen(replace(STEADY, steps=65))
-    assert brisk.failures == [None] * len(CLOTHS)
-    assert brisk.iterations.tolist() == [65] * len(CLOTHS)
+    cloths = [cloth for cloth in CLOTHS for _ in range(6)]  # each laid down in six ways
+    whole, brisk = _fallen(STEADY, cloths), _fallen(replace(STEADY, pace="brisk"), cloths)
+    short = _fallen(replace(STEADY, steps=65), cloths)
+    assert brisk.failures == [None] * len(cloths)
+    assert brisk.iterations.tolist() == [65] * len(cloths)
     assert np.median(_moved(brisk, whole)) < 0.7 * np.median(_moved(short, whole))
 
 
