@@ -191,7 +191,7 @@ class TestLearning:
     @pytest.mark.parametrize("bending", [2.0, 8.0])
     def test_bdp_field_learns_the_level_of_bending(self, bending):
         """Its draws have the training cloth's drape coefficient, whichever cloth that is."""
-        problem = toy_problem(space="field", bending=bending, budget=Budget(250))
+        problem = toy_problem(space="field", bending=bending, vertices=150, budget=Budget(250))
         answer = _solve("bdp-field,draws=30,refinement=2", problem)
         drawn = np.array([drape_coefficient(image) for image in answer.draws])
         assert drawn.mean() == pytest.approx(drape_coefficient(problem.train_image), abs=0.05)

@@ -102,10 +102,12 @@ def cell_of(record: dict[str, Any]) -> Cell:
         settings = dict(record["settings"])
         recorded = dict(settings.pop("drape"))
         mended = recorded.pop("clamp", "whole") == "half"  # records tell of a mended clamp only
-        recorded.setdefault("membrane", "given")  # likewise of a softened membrane only
+        softened = recorded.pop("membrane", "given") == "softened"  # and of a softened membrane only
         drape = DrapeSettings(**recorded)
         if drape.half_hinges and not mended:
             drape = replace(drape, clamp="whole")
+        if drape.softens_membrane and not softened:
+            drape = replace(drape, membrane="given")
         parts = {"drape": drape, "budget": Budget(**settings.pop("budget"))}
         names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol")
         return Cell(
