@@ -17,8 +17,8 @@ lets cloth hang too high, and what the softer membrane lets it sink then cancel 
 References:
     Stolarski, Belytschko. Membrane locking and reduced integration for curved elements. Journal of Applied Mechanics
     49(1), 1982.
-    Bischoff, Bletzinger, Wall, Ramm. Models and finite elements for thin-walled structures. Encyclopedia of
-    Computational Mechanics, 2004 (locking, and energies scaled by mesh size).
+    Lyly, Stenberg, Vihinen. A stable bilinear element for the Reissner-Mindlin plate model. Computer Methods in Applied
+    Mechanics and Engineering 110, 1993 (an energy that locks, scaled by t^2 / (t^2 + alpha h^2)).
 """
 
 from dataclasses import replace
