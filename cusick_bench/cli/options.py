@@ -348,22 +348,13 @@ def clamp_by_law(asked: ClampName | None, law: LawName) -> "ClampOfDrape | None"
     return asked.value
 
 
-def membrane_by_law(asked: MembraneName | None, law: LawName) -> "MembraneOfDrape | None":
-    """Whether the membrane is softened.
+def membrane_asked(asked: MembraneName | None) -> "MembraneOfDrape | None":
+    """The membrane for `DrapeSettings`, which refuses a softened one under another law than `plate`.
 
     Args:
         asked: What the user asked for, if anything.
-        law: Material law.
 
     Returns:
-        The membrane for `DrapeSettings`.
-
-    Raises:
-        CusickError: Another law than `plate` is to be softened.
+        The same as `DrapeSettings` has it.
     """
-    if asked is MembraneName.softened and law is not LawName.plate:
-        raise CusickError(
-            f"--membrane softened is for law plate, and law {law.value} takes the membrane as given; leave --membrane "
-            "out, or add --law plate"
-        )
     return None if asked is None else asked.value

@@ -42,8 +42,7 @@ def jittered_mesh(mesh: Mesh, share: float, *, seed: int = 0, plate_radius: floa
     if share == 0:
         return mesh
     generator = np.random.default_rng([seed, 4])
-    spacing = np.sqrt(2 / np.sqrt(3) * mesh.areas.sum() / mesh.vertices)
-    length = share * spacing * np.sqrt(generator.uniform(size=mesh.vertices))
+    length = share * np.sqrt(mesh.squared_spacing) * np.sqrt(generator.uniform(size=mesh.vertices))
     direction = generator.uniform(0, 2 * np.pi, mesh.vertices)
     move = length[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
     radius = np.hypot(*mesh.material.T)

@@ -48,11 +48,10 @@ def softening(material: Material, mesh: Mesh) -> Float[Tensor, ""]:
     Returns:
         The factor, in (0, 1], differentiable by the cloth's stiffness.
     """
-    spacing2 = 2 / 3**0.5 * float(mesh.areas.sum()) / mesh.vertices
     at_rest = _mean_table(material.stretch)[0]
     membrane = 2 * at_rest[[_WARP, _WEFT]].mean().clamp(min=0)  # the law doubles the table
     bending = _mean_table(material.bending).mean().clamp(min=_LEAST_BENDING)
-    return 1 / (1 + membrane * spacing2 / (RATIO * bending))
+    return 1 / (1 + membrane * mesh.squared_spacing / (RATIO * bending))
 
 
 def _mean_table(tables: Float[Tensor, "*elements rows columns"]) -> Float[Tensor, "rows columns"]:

@@ -70,6 +70,11 @@ class Mesh:
         return _corner_areas(self.corners)
 
     @cached_property
+    def squared_spacing(self) -> float:
+        """Squared mean spacing of the vertices, of as many equilateral triangles [m2]."""
+        return float(2 / np.sqrt(3) * self.areas.sum() / self.vertices)
+
+    @cached_property
     def _half_edges(self) -> tuple[Int[ndarray, "sides 2"], Int[ndarray, "sides"], Int[ndarray, "sides"]]:
         """Directed sides of all faces, with the face and the vertex opposite, sorted by undirected edge."""
         sides = np.concatenate([self.faces[:, [1, 2]], self.faces[:, [2, 0]], self.faces[:, [0, 1]]])

@@ -110,10 +110,8 @@ def population_meshes(
             done(len(parts[-1]))
         images.append(np.concatenate(parts))
     rested = np.all([np.isfinite(each).all((1, 2)) for each in images], axis=0)
-    table, bending = (
-        np.stack([drape_measures(each[rested]) for each in images], 1),
-        mean_bending(prior, taus[rested, :CLOTH]),
-    )
+    table = np.stack([drape_measures(each[rested]) for each in images], 1)
+    bending = mean_bending(prior, taus[rested, :CLOTH])
     order = np.argsort(table[:, -1, _COEFFICIENT])
     groups = {"all": order} | dict(zip(GROUPS, np.array_split(order, len(GROUPS)), strict=True))
     return tuple(_group(name, sizes, table[rows], bending[rows], seed) for name, rows in groups.items() if len(rows))

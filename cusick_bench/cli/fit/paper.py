@@ -34,7 +34,7 @@ from cusick_bench.cli.options import (
     Vertices,
     Workers,
     fit_option,
-    membrane_by_law,
+    membrane_asked,
     output_option,
     simulation_option,
 )
@@ -213,7 +213,7 @@ def _settings(
     found = []
     for law in dict.fromkeys(law for law in laws if law is not None):
         clamp = None if law is LawName.plate else "whole"  # as in the paper's own program; law plate has an exact one
-        asked = membrane_by_law(membrane, law) if law is LawName.plate or LawName.plate not in laws else None
+        asked = membrane_asked(membrane) if law is LawName.plate or LawName.plate not in laws else None
         drape = DrapeSettings(law=law.value, mode=mode.value, steps=steps, clamp=clamp, membrane=asked)
         found.append(ProblemSettings(vertices=vertices, drape=drape, budget=budget))
     return found

@@ -26,7 +26,7 @@ from cusick_bench.cli.options import (
     checked_density,
     clamp_by_law,
     cloth_option,
-    membrane_by_law,
+    membrane_asked,
     output_option,
     simulation_option,
 )
@@ -126,7 +126,7 @@ def convergence(
     """
     from cusick_bench.sim.engine.settings import DrapeSettings
 
-    asked: dict[str, Any] = {"clamp": clamp_by_law(clamp, law), "membrane": membrane_by_law(membrane, law)}
+    asked: dict[str, Any] = {"clamp": clamp_by_law(clamp, law), "membrane": membrane_asked(membrane)}
     resting = DrapeSettings(law=law.value, mode="equilibrium", **asked)  # or refuses the law
     if picture is not None:
         _make_room(picture)

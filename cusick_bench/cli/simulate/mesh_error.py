@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import output, print_json, user_errors
-from cusick_bench.cli.options import MOST_DRAWS, Json, LawName, Membrane, Seed, membrane_by_law, simulation_option
+from cusick_bench.cli.options import MOST_DRAWS, Json, Membrane, Seed, membrane_asked, simulation_option
 from cusick_bench.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def mesh_error(
         raise ProblemError(f"errors are against a finer mesh, got one size, {vertices[0]}; give two --vertices or more")
     if stretch is not None and not 1 <= stretch <= 1e5:
         raise ProblemError(f"--stretch must be from 1 to 100000 N/m, got {stretch:g}; woven cloth has some hundred")
-    asked = membrane_by_law(membrane, LawName.plate)
+    asked = membrane_asked(membrane)
     with progress_bar("draping", len(set(vertices)) * draws) as bar:
         groups = population_meshes(vertices, draws, stretch=stretch, membrane=asked, seed=seed, done=bar.advance)
     if as_json:

@@ -41,7 +41,7 @@ from cusick_bench.cli.options import (
     checked_density,
     clamp_by_law,
     cloth_option,
-    membrane_by_law,
+    membrane_asked,
     output_option,
     running_option,
     simulation_option,
@@ -283,7 +283,7 @@ def simulate(
     settings = DrapeSettings(
         law=name,
         clamp=clamp_by_law(clamp, law),
-        membrane=membrane_by_law(membrane, law),
+        membrane=membrane_asked(membrane),
         mode=(mode or (Mode.equilibrium if self_contact > 0 else Mode.drop)).value,
         steps=steps,
         laying_amplitude=laying_height,
