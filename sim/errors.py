@@ -43,6 +43,24 @@ class MembersDiverged(DrapeDiverged):
         self.members, self.steps = tuple(int(member) for member in members), steps
 
 
+def stop_behind(error: BaseException) -> BaseException | None:
+    """The request to stop (Ctrl-C, SIGTERM, the end of a time limit) that an error stands for.
+
+    A request that arrives while a compiled kernel runs comes out of it as the cause of a SystemError. Other exceptions
+    that are no errors (the end of a generator) are no request.
+
+    Args:
+        error: What was raised.
+
+    Returns:
+        The KeyboardInterrupt or SystemExit that it is or was caused by, None where there is none.
+    """
+    behind: BaseException | None = error
+    while behind is not None and not isinstance(behind, KeyboardInterrupt | SystemExit):
+        behind = behind.__cause__ or behind.__context__
+    return behind
+
+
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Names the nearest choice to a name that does not exist.
 

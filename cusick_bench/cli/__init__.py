@@ -15,6 +15,7 @@ from typer.main import get_command
 
 from cusick_bench.cli.common import interrupted, stop_on_termination
 from cusick_bench.cli.verbosity import QUIET, VERBOSE, Version, message_options, messages, tell_less, tell_more
+from cusick_bench.sim.errors import stop_behind
 
 PANELS = {
     "Data": {"data": "data.data", "datasets": "data.datasets"},
@@ -86,7 +87,9 @@ class Commands(TyperGroup):
         """Runs a command; Ctrl-C or SIGTERM ends it with a line instead of a traceback."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt as stop:
+        except (KeyboardInterrupt, SystemError) as error:
+            if not isinstance(stop := stop_behind(error), KeyboardInterrupt):
+                raise
             raise interrupted(stop, "nothing was written") from stop
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

@@ -20,7 +20,7 @@ import typer
 from rich.text import Text
 
 from cusick_bench.cli.screen import Screen, harmless
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.errors import CusickError, stop_behind
 
 INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
 TERMINATED = 143  # exit status: 128 + SIGTERM
@@ -129,7 +129,9 @@ def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iter
     """
     try:
         yield
-    except KeyboardInterrupt as stop:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not isinstance(stop := stop_behind(error), KeyboardInterrupt):
+            raise
         raise interrupted(stop, kept if isinstance(kept, str) else kept(), go_on) from stop
 
 

@@ -43,7 +43,7 @@ from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.errors import CusickError, stop_behind
 from cusick_bench.sim.render.camera import Camera, PinholeCamera
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
@@ -209,7 +209,7 @@ def _attempt(
             raise
         outcome = _failed(error)
     except Exception as error:
-        if (stop := _stop_behind(error)) is not None:
+        if (stop := stop_behind(error)) is not None:
             raise stop from error
         outcome = _failed(error)
     finally:
@@ -282,18 +282,6 @@ def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
     """What the data say of the cloth's stiffness, which no solver is shown."""
     true = true_tables(dataset, cloth)
     return None if true is None else cloth_stiffness(true.stretch, true.bending, true.law, poisson=true.poisson)
-
-
-def _stop_behind(error: BaseException) -> BaseException | None:
-    """The request to stop (Ctrl-C, SIGTERM, the end of a time limit) that an error stands for, None where it is none.
-
-    A request that arrives while a compiled kernel runs comes out of it as the cause of a SystemError. Other exceptions
-    that are no errors (the end of a generator) are no request.
-    """
-    behind: BaseException | None = error
-    while behind is not None and not isinstance(behind, KeyboardInterrupt | SystemExit):
-        behind = behind.__cause__ or behind.__context__
-    return behind
 
 
 def _failed(error: Exception) -> dict[str, Any]:

@@ -104,6 +104,27 @@ def test_other_commands_say_that_nothing_was_written(monkeypatch):
     assert found.stderr.strip() == "interrupted: nothing was written"
 
 
+def test_a_stop_that_a_compiled_kernel_has_wrapped_is_a_stop(capsys, monkeypatch):
+    def kernel(*_: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as stop:
+            raise SystemError("returned a result with an exception set") from stop
+
+    with pytest.raises(typer.Exit) as stopped, interruptible("one file"):
+        kernel()
+    assert stopped.value.exit_code == INTERRUPTED
+    assert "interrupted: one file" in capsys.readouterr().err
+    monkeypatch.setattr("cusick_bench.datasets.files.layout.scan", kernel)
+    found = CliRunner().invoke(app, ["datasets", "--json"])
+    assert (found.exit_code, found.stderr.strip()) == (INTERRUPTED, "interrupted: nothing was written")
+
+
+def test_a_fault_of_a_compiled_kernel_is_no_stop():
+    with pytest.raises(SystemError), interruptible("one file"):
+        raise SystemError("bad argument to internal function")
+
+
 def test_what_is_kept_may_be_known_late(capsys):
     kept: list[Path] = []
 
