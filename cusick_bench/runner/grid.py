@@ -79,6 +79,28 @@ class ProblemSettings:
         record: dict[str, Any] = asdict(self) | {"drape": drape | chosen, "causes": list(self.causes)}
         return record if self.causes else {name: value for name, value in record.items() if name != "causes"}
 
+    @classmethod
+    def from_record(cls, record: dict[str, Any]) -> "ProblemSettings":
+        """Settings that a document describes: the clamp was whole and the membrane as given where it names neither.
+
+        Args:
+            record: As `record` gives it.
+
+        Returns:
+            The settings.
+
+        Raises:
+            KeyError, TypeError: It describes none.
+        """
+        named = dict(record["drape"])
+        mended, softened = named.pop("clamp", "whole") == "half", named.pop("membrane", "given") == "softened"
+        drape = DrapeSettings(**named)
+        if drape.half_hinges and not mended:
+            drape = replace(drape, clamp="whole")
+        if drape.softens_membrane and not softened:
+            drape = replace(drape, membrane="given")
+        return cls(**record | {"drape": drape, "budget": Budget(**record["budget"])})
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -138,6 +160,32 @@ class Cell:
         }
         # Only where there is anything to say: cells on the release's protocol keep their names.
         return record | ({"nominal": json.loads(self.nominal)} if self.nominal else {})
+
+    @classmethod
+    def from_record(cls, record: dict[str, Any]) -> "Cell":
+        """The cell that a `cell.json` describes.
+
+        Args:
+            record: Its contents.
+
+        Returns:
+            The cell.
+
+        Raises:
+            RunnerError: It describes none.
+        """
+        names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol")
+        try:
+            return cls(
+                **{name: record[name] for name in names},
+                train=tuple(record["train"]),
+                test=tuple(record["test"]),
+                settings=ProblemSettings.from_record(record["settings"]),
+                numerics=tuple(record.get("numerics", {}).items()),  # none in cells of before these had versions
+                nominal=json.dumps(record["nominal"], sort_keys=True) if "nominal" in record else "",
+            )
+        except (KeyError, TypeError) as error:
+            raise RunnerError(f"cell.json is of another version of this program: {error!r}") from error
 
     @property
     def label(self) -> str:

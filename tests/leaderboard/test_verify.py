@@ -13,11 +13,11 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.verification.resimulate import cell_of, read_record, repeat, rescore
+from cusick_bench.leaderboard.verification.resimulate import read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import altered, append, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
 from cusick_bench.problem import Budget
-from cusick_bench.runner import ProblemSettings, Source, plan, record_key, run
+from cusick_bench.runner import Cell, ProblemSettings, Source, plan, record_key, run
 from cusick_bench.runner.store import write_json
 from cusick_bench.sim.engine.settings import DrapeSettings
 
@@ -94,14 +94,14 @@ class TestCells:
         folder = folder_of(grid(data, tmp_path / clamp, ["homo,search=3"], drape), "homo")
         record = read_record(folder)
         assert record["settings"]["drape"].get("clamp") == (None if clamp == "whole" else "half")
-        assert cell_of(record).key == folder.name
+        assert Cell.from_record(record).key == folder.name
         found = verify_cell(folder, dataset)
         assert (found.status, found.broken) == ("verified", [])
 
     def test_the_key_is_that_of_the_cell(self, finished, dataset):
         for folder in load_cells(finished).table["folder"]:
             record = read_record(folder)
-            assert record_key(record) == cell_of(record).key == folder.name
+            assert record_key(record) == Cell.from_record(record).key == folder.name
 
     @pytest.mark.parametrize(
         ("solver", "changes", "blamed"),
@@ -157,7 +157,7 @@ class TestCells:
             draws=lambda draws: np.concatenate([draws, draws]),
             draw_vertices=lambda shapes: np.concatenate([shapes, shapes]),
         )
-        cell = cell_of(read_record(folder))
+        cell = Cell.from_record(read_record(folder))
         metrics = rescore(repeat(folder, cell, "solver", dataset), cell, dataset)
         assert metrics["draws"] == 2
         change_json(folder / "result.json", lambda result: result.update(metrics=metrics))

@@ -6,7 +6,6 @@ leave where it is. Draws that are the fit itself are made again with it. Of draw
 are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
 """
 
-import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -33,10 +32,9 @@ from cusick_bench.leaderboard.verification.comparison import (
 )
 from cusick_bench.metrics.prediction_score import from_levels, score
 from cusick_bench.problem import Budget, DrapeProblem
-from cusick_bench.runner import Cell, ProblemSettings, Store, build_problem, load_prediction, run_cell
+from cusick_bench.runner import Cell, Store, build_problem, load_prediction, run_cell
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
-from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
@@ -86,42 +84,6 @@ def read_record(folder: Path) -> dict[str, Any]:
     return read_json(path)
 
 
-def cell_of(record: dict[str, Any]) -> Cell:
-    """The cell that a `cell.json` describes.
-
-    Args:
-        record: Contents of a `cell.json`.
-
-    Returns:
-        The cell.
-
-    Raises:
-        LeaderboardError: It describes none.
-    """
-    try:
-        settings = dict(record["settings"])
-        recorded = dict(settings.pop("drape"))
-        mended = recorded.pop("clamp", "whole") == "half"  # records tell of a mended clamp only
-        softened = recorded.pop("membrane", "given") == "softened"  # and of a softened membrane only
-        drape = DrapeSettings(**recorded)
-        if drape.half_hinges and not mended:
-            drape = replace(drape, clamp="whole")
-        if drape.softens_membrane and not softened:
-            drape = replace(drape, membrane="given")
-        parts = {"drape": drape, "budget": Budget(**settings.pop("budget"))}
-        names = ("solver", "cloth", "seed", "dataset", "dataset_hash", "protocol")
-        return Cell(
-            **{name: record[name] for name in names},
-            train=tuple(record["train"]),
-            test=tuple(record["test"]),
-            settings=ProblemSettings(**settings, **parts),
-            numerics=tuple(record.get("numerics", {}).items()),  # none in cells of before the numerics had versions
-            nominal=json.dumps(record["nominal"], sort_keys=True) if "nominal" in record else "",
-        )
-    except (KeyError, TypeError) as error:
-        raise LeaderboardError(f"cell.json is of another version of this program: {error!r}") from error
-
-
 def repeat(
     folder: Path,
     cell: Cell,
@@ -136,7 +98,7 @@ def repeat(
 
     Args:
         folder: The cell's.
-        cell: From `cell_of`.
+        cell: From `Cell.from_record`.
         kind: "solver", "null" or "oracle".
         dataset: Data to do it on.
         redrawn: Draws of a posterior to drape again.

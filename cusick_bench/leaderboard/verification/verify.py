@@ -16,7 +16,6 @@ from typing import Any
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks
 from cusick_bench.leaderboard.verification.resimulate import (
-    cell_of,
     read_record,
     repeat,
     rescore,
@@ -163,7 +162,7 @@ def _verified(
     seed: int,
     simulators: Simulators | None,
 ) -> Verification:
-    result, cell = read_json(folder / "result.json"), cell_of(record)
+    result, cell = read_json(folder / "result.json"), Cell.from_record(record)
     checks, notes = list(_identity_checks(folder, record, result, dataset)), []
     identity = (folder.name, cell.label, cell.cloth, cell.seed)
     if result.get("status") != "done":
