@@ -126,6 +126,11 @@ class Solver(ABC):
         return "steady"
 
     @property
+    def drapes_of_prediction(self) -> int:
+        """Drapes of its prediction, outside of the budget; of either face, where it learns from both."""
+        return 0
+
+    @property
     def options(self) -> dict[str, Any]:
         """Everything beside the problem that decides the answer."""
         return asdict(self)
@@ -165,6 +170,8 @@ class Solver(ABC):
                 f"{self.name} works in the space {self.space!r}, and the problem is posed in {problem.space.name!r}; "
                 f"pose it with space={self.space!r}"
             )
+        faces = 2 if self.learns_both_faces and len(problem.other_face_images) else 1
+        problem.meter.draws = faces * self.drapes_of_prediction
         answer = self._solve(problem, generator, progress)
         if np.shape(answer.train_image) != np.shape(problem.train_image):
             size = problem.protocol.image_size_px
@@ -229,6 +236,11 @@ class Oracle(Solver):
 
     kind: ClassVar[str] = "oracle"
     heldout: HeldOut | None = field(default=None, repr=False, compare=False, kw_only=True)
+
+    @property
+    def drapes_of_prediction(self) -> int:
+        """Drapes of its prediction, outside of the budget; of either face, where it learns from both."""
+        return 0
 
     @property
     def options(self) -> dict[str, Any]:

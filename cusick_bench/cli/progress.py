@@ -70,12 +70,16 @@ class Tally:
                 return max(0.0, (self.total - done) * (last - first) / (done - before) - (now - last))
         return None
 
-    def line(self) -> str:
-        """What a log shows: the share done, the time spent, the time left."""
+    def line(self, counted: str | None = None) -> str:
+        """What a log shows: the share done, the time spent, the time left.
+
+        Args:
+            counted: How many steps are done of how many, in words, where these are unlike.
+        """
         words, left = [duration(self.seconds())], self.seconds_left()
         if self.total:
             share = min(1.0, self.done / self.total)
-            words.insert(0, f"{100 * share:.0f} % ({int(self.done)} of {int(self.total)})")
+            words.insert(0, f"{100 * share:.0f} % ({counted or f'{int(self.done)} of {int(self.total)}'})")
         if left:
             words.append(f"about {duration(left)} left")
         return f"{self.what}: {', '.join(words)}"

@@ -66,7 +66,7 @@ def run(
     with disk_errors(out), locked(out):
         _record_run(store, source, dataset, cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]
-    watcher.begin(len(cells), len(cells) - len(waiting))
+    watcher.begin(cells, waiting)
     _log.debug("%d cells, %d of them finished before; %d workers", len(cells), len(cells) - len(waiting), workers)
     for cell in waiting:
         _log.debug("cell %s: %s on %s, seed %d, %s", cell.key, cell.solver, cell.cloth, cell.seed, cell.settings)

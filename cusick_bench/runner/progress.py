@@ -1,5 +1,6 @@
 """Who is told how a grid gets on."""
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from cusick_bench.runner.grid import Cell
@@ -9,21 +10,21 @@ from cusick_bench.runner.grid import Cell
 class Watcher(Protocol):
     """Whoever wants to know how a grid gets on."""
 
-    def begin(self, cells: int, done: int) -> None:
-        """The grid starts: so many cells, of which so many are finished from earlier.
+    def begin(self, cells: Sequence[Cell], waiting: Sequence[Cell]) -> None:
+        """The grid starts.
 
         Args:
-            cells: Number of cells.
-            done: How many of them are finished from earlier.
+            cells: All of its cells.
+            waiting: Those that are not finished from earlier.
         """
         ...
 
     def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:
-        """A cell has spent a share of its budget (NaN: no limit) and has this smallest loss.
+        """A cell has done a share of its work (NaN: no limit) and has this smallest loss.
 
         Args:
             cell: The cell.
-            fraction: Share of its budget that is spent, in [0, 1]; NaN without a limit.
+            fraction: Share of its work that is done, in [0, 1]; NaN without a limit.
             loss: Smallest loss so far; infinite before the first.
             message: What the solver does now.
         """
@@ -43,12 +44,12 @@ class Watcher(Protocol):
 class Unwatched:
     """Says nothing."""
 
-    def begin(self, cells: int, done: int) -> None:
+    def begin(self, cells: Sequence[Cell], waiting: Sequence[Cell]) -> None:
         """Nothing.
 
         Args:
             cells: Not used.
-            done: Not used.
+            waiting: Not used.
         """
 
     def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:

@@ -87,6 +87,10 @@ class Bdp(Solver):
             raise SolverError(f"reduction must be one of {', '.join(REDUCTIONS)}, got {self.reduction!r}")
         require_positive(self, "draws", "steps", "samples", "rate", "sigma", "scale")
 
+    @property
+    def drapes_of_prediction(self) -> int:
+        return self.draws
+
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         if problem.loss != "mse":
             raise SolverError(f"bdp's likelihood is Gaussian in the pixels: use loss=mse, not {problem.loss}")

@@ -103,6 +103,10 @@ class BdpField(Solver):
     def pace_of_draws(self) -> PaceName:
         return self.pace
 
+    @property
+    def drapes_of_prediction(self) -> int:
+        return self.draws
+
     def samples_used(self, given: int) -> int:
         """As many as `samples` says."""
         return min(given, self.samples or given)
@@ -143,7 +147,7 @@ class BdpField(Solver):
                 problem,
                 lambda i, face=face: self.redraw(problem, posterior, 2 * i + face),
                 self.draws,
-                lambda what, share, face=face: progress(f"face {face + 1}: {what}", (face + share) / 2),
+                lambda what, share, face=face: progress(f"face {face + 1}: {what}", share),
             )
             for face in (0, 1)
         ]

@@ -50,7 +50,7 @@ def predictive_draws(
         drapes = problem.draw_batch(np.stack([tau(index) for index in chosen]))
         seen |= {index: one for index, one in zip(chosen, drapes, strict=True) if one is not None}
         tried = chosen.stop
-        progress(f"draping draws, {len(seen)} of {count}", len(seen) / count)
+        progress(f"draping draws, {len(seen)} of {count}", problem.meter.share)
     if not seen:
         raise DrapeDiverged(f"none of {tried} drawn cloths came to rest: {problem.meter.trace[-1].failure}")
     return seen

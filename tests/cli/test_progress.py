@@ -12,7 +12,9 @@ from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.progress import Tally, duration, progress_bar
 from cusick_bench.cli.screen import Screen
 from cusick_bench.cli.verbosity import messages, tell_less
-from cusick_bench.runner import plan
+from cusick_bench.datasets import load
+from cusick_bench.problem import Budget
+from cusick_bench.runner import ProblemSettings, plan
 
 
 def screen(terminal: bool = False) -> Screen:
@@ -141,7 +143,7 @@ def cells(toy_dataset):
 def test_bars_of_a_grid_show_loss_and_failure(cells):
     where = screen(True)
     with GridProgress(where) as grid:
-        grid.begin(3, 1)
+        grid.begin(cells, cells[:2])
         grid.update(cells[0], 0.5, 0.0123, "fitting [red]")
     text = written(where)
     assert "loss 0.0123 fitting [red]" in text
@@ -154,7 +156,7 @@ def test_bars_of_a_grid_show_loss_and_failure(cells):
 def test_lines_of_a_grid_show_share_and_loss(cells):
     where = screen()
     with GridProgress(where, interval=0.05) as grid:
-        grid.begin(3, 1)
+        grid.begin(cells, cells[:2])
         grid.update(cells[0], 0.5, 0.0123, "fitting")
         grid.update(cells[1], float("nan"), float("inf"), "")
         time.sleep(0.2)
@@ -165,3 +167,21 @@ def test_lines_of_a_grid_show_share_and_loss(cells):
     assert lines[0].endswith("; fabric_1 / null:disc / 0 50 % loss 0.0123 fitting; fabric_1 / null:disc / 1")
     assert cells_kept(grid, Path("runs/a")).startswith("2 of 3 cells are finished and kept in runs/a")
     assert not re.search(r"\x1b", written(where))
+
+
+def test_a_grid_is_judged_by_drapes_to_make_rather_than_by_cells(make_lab):
+    """Three cells without physics are no time, and draws from a posterior take as long as other drapes."""
+    solvers = ["null:disc", "null:copy", "null:random-phase", "homo", "bdp-field,draws=200"]
+    settings = ProblemSettings(budget=Budget(forward_equivalents=100))
+    grid, data = GridProgress(screen()), load(make_lab([1e-5], samples=2))
+    cells = plan(data, solvers=solvers, settings=settings)
+    grid.begin(cells, cells)
+    for cell in cells[:3]:
+        grid.end(cell, "done", "")
+    assert grid.line().startswith("cells: 1 % (3 of 5), ")
+    grid.update(cells[4], 0.5, 0.01, "")
+    assert grid.line().startswith("cells: 38 % (3 of 5), ")
+    without_limit = plan(data, solvers=solvers)
+    grid.begin(without_limit, without_limit)
+    grid.end(without_limit[0], "done", "")
+    assert grid.line().startswith("cells: 20 % (1 of 5), ")

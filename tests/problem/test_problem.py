@@ -183,6 +183,28 @@ class TestBudget:
         with pytest.raises(BudgetExceeded):
             problem.observe(np.zeros(39))
 
+    def test_the_share_that_is_done_counts_the_prediction_too(self):
+        problem = toy_problem(Budget(6))
+        tau = np.zeros(problem.dimension)
+        for _ in range(3):
+            problem.evaluate(tau)
+        assert problem.meter.share == pytest.approx(3 / 6)
+        problem.meter.draws = 2
+        assert problem.meter.share == pytest.approx(3 / 8)
+        problem.draw_batch(tau[None])  # the search is over, whatever it has spent
+        assert problem.meter.share == pytest.approx(7 / 8)
+        problem.draw_batch(tau[None])
+        assert problem.meter.share == 1
+
+    def test_without_a_limit_no_share_is_known_before_the_prediction(self):
+        problem = toy_problem(Budget())
+        tau = np.zeros(problem.dimension)
+        problem.meter.draws = 2
+        problem.evaluate(tau)
+        assert math.isnan(problem.meter.share)
+        problem.draw_batch(tau[None])
+        assert problem.meter.share == pytest.approx(1 / 2)
+
     @pytest.mark.parametrize("options", [{"forward_equivalents": 0}, {"seconds": -1.0}, {"seconds": math.nan}])
     def test_budget_must_be_positive(self, options):
         with pytest.raises(ProblemError, match="must be > 0"):

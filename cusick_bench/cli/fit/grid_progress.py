@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 
 
 MOST_CELLS = 3  # under way that a line names
-ALMOST = 0.99  # of a cell whose budget is spent, and that is scored
+ALMOST = 0.99  # of a cell whose work is done, and that is scored
+_INSTANT = 1.0  # work of a cell that drapes nothing, in drapes
 
 
 class GridProgress:
@@ -34,6 +36,8 @@ class GridProgress:
         self.cells = self.finished = 0
         self._screen = screen
         self._tally = Tally("cells")
+        self._work: dict[Cell, float] = {}
+        self._worked = 0.0  # work of the cells that are finished
         self._notes: dict[Cell, tuple[float, str]] = {}  # share and what is said of the cells under way
         self._open = ExitStack()
         self._bars = _Bars(screen) if live(screen) and not quiet() else None
@@ -50,24 +54,27 @@ class GridProgress:
     ) -> None:
         self._open.close()
 
-    def begin(self, cells: int, done: int) -> None:
+    def begin(self, cells: Sequence[Cell], waiting: Sequence[Cell]) -> None:
         """Shows the grid.
 
         Args:
-            cells: Number of cells.
-            done: How many of them are finished from earlier.
+            cells: All of its cells.
+            waiting: Those that are not finished from earlier.
         """
-        self.cells, self.finished = cells, done
-        self._tally = Tally("cells", cells, done)
+        self.cells, self.finished = len(cells), len(cells) - len(waiting)
+        self._work, self._notes = _work(cells), {}
+        total = sum(self._work.values())
+        self._worked = total - sum(self._work[cell] for cell in waiting)
+        self._tally = Tally("cells", total, self._worked)
         if self._bars is not None:
-            self._bars.begin(cells, done)
+            self._bars.begin(total, self._worked, self._counted)
 
     def update(self, cell: Cell, fraction: float, loss: float, message: str) -> None:
         """Shows a cell that is under way.
 
         Args:
             cell: The cell.
-            fraction: Share of its budget that is spent, in [0, 1]; NaN without a limit.
+            fraction: Share of its work that is done, in [0, 1]; NaN without a limit.
             loss: Smallest loss so far; infinite before the first.
             message: What the solver does now.
         """
@@ -87,9 +94,10 @@ class GridProgress:
         """
         self._notes.pop(cell, None)
         self.finished += 1
+        self._worked += self._work[cell]
         self._mark()
         if self._bars is not None:
-            self._bars.end(cell)
+            self._bars.end(cell, self._counted)
         if failure:
             self._screen.print(f"{_name(cell)}: {failure}", soft_wrap=True)
 
@@ -99,11 +107,33 @@ class GridProgress:
             f"{_name(cell)} {f'{100 * share:.0f} % ' if math.isfinite(share) else ''}{words}".rstrip()
             for cell, (share, words) in list(self._notes.items())[:MOST_CELLS]
         ]
-        return "; ".join([self._tally.line(), *under_way])
+        return "; ".join([self._tally.line(self._counted), *under_way])
+
+    @property
+    def _counted(self) -> str:
+        return f"{self.finished} of {self.cells}"
 
     def _mark(self) -> None:
-        parts = (share for share, _ in list(self._notes.values()) if math.isfinite(share))
-        self._tally.mark(self.finished + sum(min(share, ALMOST) for share in parts))
+        parts = [(cell, share) for cell, (share, _) in list(self._notes.items()) if math.isfinite(share)]
+        self._tally.mark(self._worked + sum(self._work[cell] * min(share, ALMOST) for cell, share in parts))
+        if self._bars is not None:
+            self._bars.move(self._tally.done)
+
+
+def _work(cells: Sequence[Cell]) -> dict[Cell, float]:
+    """What each cell is of the work, in drapes; all alike where one has no budget of drapes."""
+    from cusick_bench.solvers.registry import make_solver
+
+    work: dict[Cell, float] = {}
+    for cell in cells:
+        solver, budget = make_solver(cell.solver), cell.settings.budget.forward_equivalents
+        if solver.kind != "solver":
+            work[cell] = _INSTANT
+        elif budget is None:
+            return dict.fromkeys(cells, 1.0)
+        else:
+            work[cell] = budget + solver.drapes_of_prediction
+    return work
 
 
 def cells_kept(grid: GridProgress, out: Path) -> str:
@@ -144,10 +174,14 @@ class _Bars:
     ) -> None:
         self._progress.stop()
 
-    def begin(self, cells: int, done: int) -> None:
+    def begin(self, total: float, done: float, counted: str) -> None:
         """Shows the grid's bar."""
-        note = f"{done} of {cells} cells were finished before" if done else ""
-        self._grid = self._progress.add_task("grid", total=cells, completed=done, note=note)
+        self._grid = self._progress.add_task("grid", total=total, completed=round(done), note=f"{counted} cells")
+
+    def move(self, done: float) -> None:
+        """Moves the grid's bar."""
+        if self._grid is not None:
+            self._progress.update(self._grid, completed=done)
 
     def update(self, cell: Cell, fraction: float, note: str) -> None:
         """Moves a cell's bar."""
@@ -161,12 +195,12 @@ class _Bars:
             note=harmless(note),
         )
 
-    def end(self, cell: Cell) -> None:
-        """Removes a cell's bar and moves the grid's."""
+    def end(self, cell: Cell, counted: str) -> None:
+        """Removes a cell's bar; so many are finished."""
         if cell in self._cells:
             self._progress.remove_task(self._cells.pop(cell))
         if self._grid is not None:
-            self._progress.advance(self._grid)
+            self._progress.update(self._grid, note=f"{counted} cells")
 
 
 def _name(cell: Cell) -> str:

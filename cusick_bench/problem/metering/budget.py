@@ -85,11 +85,13 @@ class Meter:
         budget: The limits.
         trace: Every evaluation so far.
         observers: Called with each new evaluation, for progress bars.
+        draws: Drapes that the prediction will take once the search is over, outside of the budget.
     """
 
     budget: Budget = field(default_factory=Budget)
     trace: list[Evaluation] = field(default_factory=list)
     observers: list[Callable[[Evaluation], None]] = field(default_factory=list)
+    draws: int = 0
     _reserved: float = 0.0
     _owed: float = 0.0
     _clock_zero: float = field(default_factory=time.perf_counter)
@@ -136,13 +138,20 @@ class Meter:
 
     @property
     def share(self) -> float:
-        """How much of the budget is spent, in [0, 1]; NaN where there is no limit."""
-        shares = []
-        if self.budget.forward_equivalents is not None:
-            shares.append(self.forward_equivalents / self.budget.forward_equivalents)
+        """How much of the work is done, of budget and prediction, in [0, 1]; NaN as long as that has no limit."""
+        most, drawn = self.budget.forward_equivalents, self.drawn
+        shares = [] if most is None else [self.forward_equivalents / most]
         if self.budget.seconds is not None:
             shares.append(self.wall_seconds / self.budget.seconds)
-        return min(max(shares), 1.0) if shares else math.nan
+        searched = 1.0 if drawn else min(max(shares), 1.0) if shares else math.nan
+        if not self.draws or (most is None and not drawn):
+            return searched
+        return min(((most or 0.0) * searched + drawn) / ((most or 0.0) + self.draws), 1.0)
+
+    @property
+    def drawn(self) -> int:
+        """Drapes of the prediction so far, of those that are announced in `draws`."""
+        return sum(evaluation.kind == "draw" for evaluation in self.trace) if self.draws else 0
 
     @contextmanager
     def reserve(self, drapes: float) -> Iterator[None]:
