@@ -46,7 +46,7 @@ def split_rows(
         raise DataError(f"unknown split {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
     present = list(dict.fromkeys(table["cloth"]))
     named = [cloth for cloth in present if cloth in CLOTHS]
-    chosen = list(cloths) if cloths is not None else named if named and protocol == "paper" else present
+    chosen = list(dict.fromkeys(cloths)) if cloths is not None else named if named and protocol == "paper" else present
     unknown = [cloth for cloth in chosen if cloth not in present]
     if unknown:
         hint = did_you_mean(unknown[0], present)

@@ -238,11 +238,6 @@ class Oracle(Solver):
     heldout: HeldOut | None = field(default=None, repr=False, compare=False, kw_only=True)
 
     @property
-    def drapes_of_prediction(self) -> int:
-        """Drapes of its prediction, outside of the budget; of either face, where it learns from both."""
-        return 0
-
-    @property
     def options(self) -> dict[str, Any]:
         return {}
 

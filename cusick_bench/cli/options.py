@@ -151,7 +151,7 @@ ImageSize = Annotated[int, output_option(min=64, max=4096, help="Width of the si
 # Simulation
 Vertices = Annotated[
     int,
-    simulation_option(min=1, max=MOST_VERTICES, help="Vertices of the cloth's mesh, met within some per cent."),
+    simulation_option(min=1, max=MOST_VERTICES, help="Vertices of the cloth's mesh, 60 or more."),
 ]
 VerticesByLaw = Annotated[
     int | None,
@@ -159,7 +159,7 @@ VerticesByLaw = Annotated[
         "--vertices",
         min=1,
         max=MOST_VERTICES,
-        help="Vertices of the cloth's mesh, met within some per cent; by default what the law needs, "
+        help="Vertices of the cloth's mesh, 60 or more; by default what the law needs, "
         f"{VERTICES_OF_PAPER} under laws paper and published.",
         show_default=False,
     ),

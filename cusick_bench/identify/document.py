@@ -327,3 +327,9 @@ class IdentifyDocument(Part):
 
 FAILED = "the fit failed"
 """How the reason begins where a fit was tried and failed."""
+UNWEIGHED = "its weight is not known"
+"""How it begins where no fit was tried for want of a weight."""
+UNUSABLE = "none of its pictures can be used"
+"""How it begins where no fit was tried for want of a picture."""
+NO_PHYSICS = "has no physics and finds no stiffness"
+"""What it says where the solver finds none."""

@@ -18,7 +18,7 @@ from cusick_bench.datasets.errors import BadImage, DataError
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.datasets.index import OTHER_FACE
-from cusick_bench.identify.document import FAILED, Fit, Stiffness
+from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Fit, Stiffness
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
@@ -127,11 +127,11 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
     for cloth in cloths:
         rows = typical_rows(dataset, cloth)
         if not rows:
-            missing[cloth] = "none of its pictures can be used; `cusick-bench data audit` says why"
+            missing[cloth] = f"{UNUSABLE}; `cusick-bench data audit` says why"
             continue
         row, *others = rows
         if not _weighed(dataset, row):
-            missing[cloth] = "its weight is not known, and a drape shows stiffness over weight only"
+            missing[cloth] = f"{UNWEIGHED}, and a drape shows stiffness over weight only"
             continue
         try:
             require_possible(dataset, [row], force=options.force)
@@ -211,7 +211,7 @@ def run_fits(
         except ValueError as error:
             raise RunnerError(f"result.json of {cloth} is damaged: {error}; remove {workspace.run}") from error
         if found is None:
-            missing[cloth] = f"{options.solver} has no physics and finds no stiffness; see `cusick-bench solvers`"
+            missing[cloth] = f"{options.solver} {NO_PHYSICS}; see `cusick-bench solvers`"
             continue
         row, (own, other) = dataset.index.loc[cell.train[0]], training_rows(dataset, cell.train)
         metrics = result["metrics"]

@@ -212,7 +212,7 @@ def begin(
     unknown = [name for name in options.cloths if name not in dataset.cloths]
     if unknown:
         raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"use one of {', '.join(dataset.cloths)}")
-    cloths = options.cloths or tuple(dataset.cloths)
+    cloths = tuple(dict.fromkeys(options.cloths)) or tuple(dataset.cloths)
     return Identification(given, workspace, options, source, dataset, cloths, preparation)
 
 

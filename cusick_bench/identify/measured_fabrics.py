@@ -2,10 +2,10 @@
 
 Of 618 fabrics Feng and others published the areal density and the bending stiffness of warp, weft and bias by
 cantilever tests. Their table has no licence that would let it be shipped. What is shipped, `measured_fabrics.csv`, is
-derived from it: nine quantiles of each quantity over all fabrics and over those of a range of weight. It is made again
-by
+derived from it: nine quantiles of each quantity over all fabrics and over those of a range of weight. It is made again,
+to be put beside this file, by
 
-    cusick-bench data fabric-quantiles fabrics618.csv --out cusick_bench/identify/measured_fabrics.csv
+    cusick-bench data fabric-quantiles fabrics618.csv --out measured_fabrics.csv
 
 Stiffness there is that of small curvatures; at 40 /m, the most that this project's value is a mean over, the same
 fabrics are a tenth less stiff, which moves a percentile by 1 to 3.

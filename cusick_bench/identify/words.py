@@ -3,7 +3,7 @@
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
-from cusick_bench.identify.document import FAILED, Drapes, Fit, Preparation
+from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
@@ -92,7 +92,7 @@ def fabric_next(
         )
     if drapes.unusable:
         todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
-    if "weight" in fit_missing:
+    if fit_missing.startswith(UNWEIGHED):
         number = int(own["fabric"].iloc[0])
         key = f"fabric_{number}" if number else fabric
         todo.append(
@@ -101,7 +101,9 @@ def fabric_next(
         )
     elif fit_missing.startswith(FAILED):
         todo.append("Repeat the command with another --seed or more --vertices; what is finished is not made again.")
-    elif fit_missing:
+    elif NO_PHYSICS in fit_missing:
+        todo.append("Repeat the command with a solver that simulates drapes, such as --solver bdp-field.")
+    elif fit_missing and not fit_missing.startswith(UNUSABLE):  # which the advice on unusable pictures is about
         todo.append("Mend what the reason above names, or use the pictures as they are with --force.")
     if drapes.samples < LEAST_SAMPLES:
         more = LEAST_SAMPLES - drapes.samples

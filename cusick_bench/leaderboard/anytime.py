@@ -11,7 +11,7 @@ import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.leaderboard.board import variants
+from cusick_bench.leaderboard.board import method_label, variants
 from cusick_bench.problem.metering.journal import read_trace
 
 COSTS = {"forward_equivalents": "drapes", "wall_seconds": "seconds"}
@@ -93,7 +93,7 @@ def curves(table: pd.DataFrame, cost: str) -> list[Curve]:
     start = min(step.cost[0] for steps in found.values() for step in steps)
     stop = max(step.cost[-1] for steps in found.values() for step in steps)
     points = np.geomspace(max(start, 1e-3 * stop), stop, POINTS)
-    made = [_curve(method_label(name), steps, points) for name, steps in found.items()]
+    made = [_curve(method_label(*name), steps, points) for name, steps in found.items()]
     return sorted(made, key=lambda curve: float(np.nan_to_num(curve.loss[-1], nan=inf)))
 
 
@@ -131,19 +131,6 @@ def documents(table: pd.DataFrame) -> dict[str, dict[str, Mapping[str, object]]]
         }
         for cost in COSTS
     }
-
-
-def method_label(name: tuple[str, str]) -> str:
-    """Name of a method as it is shown.
-
-    Args:
-        name: Solver, and what sets its row apart from others of the same name.
-
-    Returns:
-        Such as "homo (budget=40)".
-    """
-    solver, variant = name
-    return f"{solver} ({variant})" if variant else solver
 
 
 def steps_of(folder: Path | str, cost: str) -> Steps:

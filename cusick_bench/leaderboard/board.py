@@ -25,7 +25,7 @@ from cusick_bench.leaderboard.bootstrap import (
     difference,
     estimate,
 )
-from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.cells import Cells, Skipped
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.order import Direction, direction
@@ -33,11 +33,12 @@ from cusick_bench.leaderboard.order import Direction, direction
 RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
 _RANKED = ("solver", "null")
-_BOARD = ["dataset", "dataset_hash", "protocol"]
 _MEASURED = ("train_", "test_", "floor_", "spent_")
 
 VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
 """Columns that are the same in all cells of a row."""
+BOARD = ["dataset", "dataset_hash", "protocol"]
+"""Columns that are the same in all cells of a leaderboard."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Row:
     @property
     def label(self) -> str:
         """Name as it is shown."""
-        return f"{self.solver} ({self.variant})" if self.variant else self.solver
+        return method_label(self.solver, self.variant)
 
     def value(self, metric: str) -> float:
         """The statistic of a metric, NaN where the row has none.
@@ -151,10 +152,10 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         raise LeaderboardError(f"unknown statistic {statistic!r}; use one of: {', '.join(STATISTICS)}")
     ranking = _Ranking(by, direction(by), STATISTICS[statistic], np.random.default_rng(seed))
     boards = []
-    for _, table in cells.table.groupby(_BOARD, sort=True):
+    for _, table in cells.table.groupby(BOARD, sort=True):
         cloths = tuple(sorted(table["cloth"].unique()))
         rows = ranking.rows(cells, table, cloths)
-        identity = {name: str(table[name].iloc[0]) for name in _BOARD}
+        identity = {name: str(table[name].iloc[0]) for name in BOARD}
         notes = tuple(_notes(cells, rows, cloths))
         boards.append(
             Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
@@ -179,8 +180,7 @@ class _Ranking:
         groups = dict(variants(table))
         rows = []
         for (solver, variant), group in groups.items():
-            failed = sum(cell.status == "failed" and cell.solver == solver for cell in cells.skipped)
-            rows.append(self._row(solver, variant, group, failed, table))
+            rows.append(self._row(solver, variant, group, len(failures(group, cells.skipped)), table))
         if (floor := self._floor(table)) is not None:
             rows.append(floor)
         rows.sort(key=lambda row: (not isfinite(cost := self.cost(row)), cost, row.label))
@@ -272,7 +272,7 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
         (Solver, what sets it apart from others of the same name) and its cells.
     """
     for solver, group in table.groupby("solver", sort=True):
-        settings = [_flat(json.loads(text)) for text in group["settings"].unique()]
+        settings = [flattened(json.loads(text)) for text in group["settings"].unique()]
         for _, part in group.groupby(VARIANT, sort=True):
             first = part.iloc[0]
             own = {name: first[name] for name in VARIANT if name != "settings" and len(set(group[name])) > 1}
@@ -280,10 +280,51 @@ def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFram
                 own["code_version"] = _own_versions(str(own["code_version"]), group["code_version"].unique())
             own |= {
                 name: value
-                for name, value in _flat(json.loads(str(first["settings"]))).items()
+                for name, value in flattened(json.loads(str(first["settings"]))).items()
                 if name not in VARIANT and any(other.get(name) != value for other in settings)
             }
             yield (str(solver), ", ".join(f"{name}={value}" for name, value in own.items())), part
+
+
+def method_label(solver: str, variant: str) -> str:
+    """Name of a method as it is shown.
+
+    Args:
+        solver: Name with options.
+        variant: What sets its row apart from others of the same name.
+
+    Returns:
+        Such as "homo (budget=40)".
+    """
+    return f"{solver} ({variant})" if variant else solver
+
+
+def of_board(table: pd.DataFrame, board: Leaderboard) -> pd.DataFrame:
+    """The cells that a leaderboard is made of.
+
+    Args:
+        table: Table of cells, from `load_cells`.
+        board: One of its leaderboards.
+
+    Returns:
+        Those of the board's data and split.
+    """
+    return table.loc[np.logical_and.reduce([table[name] == getattr(board, name) for name in BOARD])]
+
+
+def failures(group: pd.DataFrame, skipped: Iterable[Skipped]) -> list[Skipped]:
+    """Failed cells that are of the same board as finished ones, and of the same method, settings and code.
+
+    Args:
+        group: Finished cells, from `variants` of one board's table.
+        skipped: Cells that are left out.
+
+    Returns:
+        Those of them that have failed where the finished ones have not.
+    """
+    columns = [*VARIANT, *BOARD]
+    own = set(group[columns].itertuples(index=False, name=None))
+    return [cell for cell in skipped if cell.status == "failed" and tuple(map(cell.columns.get, columns)) in own]
 
 
 def _own_versions(text: str, texts: Iterable[str]) -> str:
@@ -292,11 +333,19 @@ def _own_versions(text: str, texts: Iterable[str]) -> str:
     return ", ".join(part for part in text.split(", ") if any(part not in other for other in others)) or text
 
 
-def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings as `drape.steps: 100`."""
+def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings as `drape.steps: 100`.
+
+    Args:
+        settings: Of a problem.
+        prefix: Of all names.
+
+    Returns:
+        Values by name.
+    """
     flat: dict[str, Any] = {}
     for name, value in settings.items():
-        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+        flat |= flattened(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
     return flat
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.datasets.published import CLOTHS
-from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard, Row, variants
+from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard, Row, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, Values, cell_values, difference, mean
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, best_of, provenance, short, with_interval
@@ -232,7 +232,7 @@ def _best_of_n(table: pd.DataFrame) -> dict[str, dict[float, Values]]:
     found: dict[str, dict[float, dict[tuple[str, int], float]]] = {}
     for (solver, variant), group in variants(table):
         random = solver.startswith(RANDOM_PHASE)
-        label = RANDOM_PHASE if random else f"{solver} ({variant})" if variant else solver
+        label = RANDOM_PHASE if random else method_label(solver, variant)
         counts = {1.0: "test_mse"} if random else {}
         counts |= {float(name.rsplit("_", 1)[1]): name for name in table if name.startswith("test_mse_best_of_")}
         for draws in set(group["draws"].dropna()):

@@ -25,8 +25,8 @@ import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.leaderboard.anytime import Steps, method_label, steps_of
-from cusick_bench.leaderboard.board import VARIANT, variants
+from cusick_bench.leaderboard.anytime import Steps, steps_of
+from cusick_bench.leaderboard.board import failures, method_label, variants
 from cusick_bench.leaderboard.bootstrap import cell_values, repeats
 from cusick_bench.leaderboard.cells import Skipped
 
@@ -35,7 +35,6 @@ NEAR = 0.1
 
 Problem = tuple[str, int]  # cloth, seed or number of the split and seed
 _SEARCHING = "solver"  # kind of cells that compete; rows without physics, and oracles, are no solvers
-_OF_METHOD = [*VARIANT, "dataset_hash", "protocol"]  # columns by which a failed cell is known for a method's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +160,7 @@ def _of_several(needs: Mapping[str, Mapping[Problem, float]]) -> list[Performanc
 def _methods(table: pd.DataFrame, skipped: Sequence[Skipped]) -> list[_Method]:
     failed = [cell for cell in skipped if cell.status == "failed"]
     return [
-        _Method(method_label(name), group, _problems(group, failed))
+        _Method(method_label(*name), group, _problems(group, failed))
         for name, group in variants(table)
         if str(group["kind"].iloc[0]) == _SEARCHING
     ]
@@ -169,10 +168,9 @@ def _methods(table: pd.DataFrame, skipped: Sequence[Skipped]) -> list[_Method]:
 
 def _problems(group: pd.DataFrame, failed: Sequence[Skipped]) -> frozenset[Problem]:
     """Problems of finished cells, and of those failed ones whose settings and code are theirs."""
-    own = list(dict.fromkeys(group[_OF_METHOD].itertuples(index=False, name=None)))
     problems = {(str(cloth), number) for cloth, number in zip(group["cloth"], repeats(group), strict=True)}
-    for cell in failed:
-        if cell.seed is not None and tuple(cell.columns.get(name) for name in _OF_METHOD) in own:
+    for cell in failures(group, failed):
+        if cell.seed is not None:
             problems.add((cell.cloth, int(cell.columns.get("repeat", cell.seed))))
     return frozenset(problems)
 

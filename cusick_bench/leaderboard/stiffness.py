@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.leaderboard.board import variants
+from cusick_bench.leaderboard.board import BOARD, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean, repeats
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
@@ -80,16 +80,18 @@ def stiffness_rows(cells: Cells, *, seed: int = 0) -> list[StiffnessRow]:
     """
     generator = np.random.default_rng(seed)
     rows: list[StiffnessRow] = []
-    for (solver, variant), group in variants(cells.table):
-        label = f"{solver} ({variant})" if variant else solver
-        for dataset, of_set in group.groupby("dataset", sort=True):
+    several = len(set(cells.table["protocol"])) > 1
+    for _, board in cells.table.groupby(BOARD, sort=True):
+        dataset, split = board["dataset"].iloc[0], f", split {board['protocol'].iloc[0]}" if several else ""
+        for (solver, variant), group in variants(board):
+            label = method_label(solver, variant) + split
             of_cloths = [
-                (str(cloth), found) for cloth, part in of_set.groupby("cloth", sort=True) if (found := _found(part))
+                (str(cloth), found) for cloth, part in group.groupby("cloth", sort=True) if (found := _found(part))
             ]
             rows += [_row(label, str(dataset), cloth, found, generator) for cloth, found in of_cloths]
             every = {key: one for _, found in of_cloths for key, one in found.items() if one.true_bending}
             if not of_cloths or (len(of_cloths) > 1 and every):
-                count = len(every) or len(of_set)
+                count = len(every) or len(group)
                 rows.append(
                     StiffnessRow(label, str(dataset), "", count, {}, {}, {}, {}, *stiffness_scores(every.values()))
                 )

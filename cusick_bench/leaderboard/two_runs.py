@@ -8,14 +8,12 @@ data and split may not.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from cusick_bench.files import parse_json
-from cusick_bench.leaderboard.anytime import method_label
-from cusick_bench.leaderboard.board import variants
+from cusick_bench.leaderboard.board import flattened, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -129,7 +127,7 @@ def _require_same_data(here: Cells, there: Cells) -> None:
 
 
 def _methods(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    return {method_label(name): group for name, group in variants(table)}
+    return {method_label(*name): group for name, group in variants(table)}
 
 
 def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.random.Generator) -> MethodChange:
@@ -165,18 +163,10 @@ def _differences(here: Cells, there: Cells) -> Iterator[tuple[str, str, str]]:
 def _surroundings(cells: Cells) -> dict[str, str]:
     values: dict[str, set[str]] = {}
     for settings in cells.table["settings"].unique():
-        for name, value in _flat(parse_json(settings, "settings of a run's cells", remedy="run it again")):
-            values.setdefault(name, set()).add(value)
+        for name, value in flattened(parse_json(settings, "settings of a run's cells", remedy="run it again")).items():
+            values.setdefault(name, set()).add(str(value))
     found = {name: ", ".join(sorted(some)) for name, some in values.items()}
     found["seeds"] = ", ".join(str(seed) for seed in sorted(set(cells.table["seed"])))
     found["processor"] = str(cells.run.get("processor", ""))
     found["code"] = code_text(cells.run)
     return found
-
-
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", str(value)

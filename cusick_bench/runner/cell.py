@@ -51,7 +51,7 @@ from cusick_bench.solvers.registry import make_solver
 
 _log = logging.getLogger(__name__)
 
-# Told the share of the budget spent, in [0, 1] or NaN, the smallest loss so far, and what goes on.
+# Told the share of the work done, in [0, 1] or NaN, the smallest loss so far, and what goes on.
 Report = Callable[[float, float, str], None]
 
 

@@ -1,5 +1,7 @@
 """Stiffness that varies over the cloth: a homogeneous cloth times the exponential of smooth random fields."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -49,8 +51,10 @@ def modulated(material: Material, mesh: Mesh, stretch: SmoothField, bending: Smo
     """
     on_faces = torch.from_numpy(np.exp(stretch(face_centres(mesh))))
     on_hinges = torch.from_numpy(np.exp(bending(hinge_centres(mesh))))
-    return Material(
-        material.stretch * on_faces[:, None, None], material.bending * on_hinges[:, None, None], material.density
+    return replace(
+        material,
+        stretch=material.stretch * on_faces[:, None, None],
+        bending=material.bending * on_hinges[:, None, None],
     )
 
 

@@ -2,8 +2,8 @@
 
 C is a table (6, 4): rows are strain samples (0 at rest; 1..5 stretched along 0, 22.5, 45, 67.5, 90 degrees), columns
 c11, c12, c22, c33. B is a table (3, 5): rows are hinge directions 0, 45, 90 degrees from the warp, columns curvatures
-0, 10, 20, 30, 40 per metre. Under law `paper` B is the bending stiffness of the plate; under law `published` the plate
-bends as if it had a quarter of the tabulated stiffness (`published_bending_factor`).
+0, 10, 20, 30, 40 per metre. Under laws `plate` and `paper` B is the bending stiffness of the plate; under law
+`published` the plate bends as if it had a quarter of the tabulated stiffness (`PUBLISHED_BENDING_FACTOR`).
 """
 
 from dataclasses import dataclass, field

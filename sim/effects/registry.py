@@ -117,7 +117,7 @@ def effect(name: str) -> Effect:
     """An effect by name.
 
     Args:
-        name: Name of the effect, as `EFFECTS` has it.
+        name: Name of the effect, as `registered` has it.
 
     Returns:
         The effect.

@@ -81,7 +81,7 @@ class BdpField(Solver):
     version: ClassVar[int] = 5
     name: ClassVar[str] = "bdp-field"
     summary: ClassVar[str] = "Bayesian inference over smooth fields of stiffness, laid shape and rest shape"
-    reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Garcia-Fernandez 2015"
+    reference: ClassVar[str] = "Gong, Mao, Wang 2024; Lindgren, Rue, Lindstrom 2011; Wood 2010; Murray et al. 2010"
     space: ClassVar[str | None] = "field"
     needs_gradient: ClassVar[bool] = True
     learns_both_faces: ClassVar[bool] = True

@@ -254,6 +254,7 @@ def test_paper_split_takes_the_published_sample(with_named):
     assert len(other.train) == 1
     assert len(other.test) == 2
     assert dataset.index.loc[other.train[0], "sample"] == 1
+    assert dataset.split("paper", ["fabric_2", "fabric_2"]) == [other]
 
 
 def test_splits_elsewhere(toy):

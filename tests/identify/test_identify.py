@@ -16,11 +16,11 @@ from cusick_bench.datasets import load
 from cusick_bench.datasets.stats import statistics
 from cusick_bench.diagnosis.atlas.store import Calibration, save
 from cusick_bench.identify.data import as_data_set, holds_photographs
-from cusick_bench.identify.document import IdentifyDocument
+from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.options import Options
-from cusick_bench.identify.words import fit_notes
+from cusick_bench.identify.words import fabric_next, fit_notes
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.photographs.studio.folder import write_photographs
@@ -106,6 +106,33 @@ def test_what_is_missing_is_said_with_the_remedy(answer):
     assert unweighed.fit is None
     assert "weight is not known" in unweighed.fit_missing
     assert any("fabric_3,0.18" in step for step in unweighed.next)
+
+
+@pytest.mark.parametrize(
+    ("missing", "advice"),
+    [
+        (
+            "the fit failed: the cloth flies apart: net force 3.2 of the weight",
+            "Repeat the command with another",
+        ),
+        (
+            "null:disc has no physics and finds no stiffness; see `cusick-bench solvers`",
+            "Repeat the command with a s",
+        ),
+        ("Fabric 2/1-1.png: the cloth is smaller than the plate", "Mend what the reason above names"),
+    ],
+)
+def test_advice_fits_the_reason(lab, missing, advice):
+    drapes = Drapes(samples=12, silhouettes=48, units=24)
+    first = fabric_next(load(lab), "fabric_2", drapes, missing, None, 0)[0]
+    assert first.startswith(advice)
+
+
+def test_pictures_that_cannot_be_used_are_not_forced(lab):
+    missing = "none of its pictures can be used; `cusick-bench data audit` says why"
+    steps = fabric_next(load(lab), "fabric_2", Drapes(samples=3, silhouettes=3, units=0, unusable=3), missing, None, 0)
+    assert steps[0].startswith("Look at 3 unusable pictures")
+    assert not any("--force" in step for step in steps)
 
 
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):

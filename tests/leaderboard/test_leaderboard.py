@@ -24,6 +24,7 @@ from cusick_bench.leaderboard import (
     text_table,
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
+from cusick_bench.leaderboard.verification.submit import append, rows_of
 
 app = typer.Typer()
 app.command()(leaderboard)
@@ -308,6 +309,22 @@ def test_failed_cells_of_a_row_are_counted(tmp_path):
     write_cell(tmp_path, "homo", "blue")
     write_cell(tmp_path, "homo", "red", status="failed", failure="diverged")
     assert "| 1+1✗ |" in markdown(only(tmp_path))
+
+
+def test_cells_of_two_splits_stand_apart(tmp_path):
+    """Each board counts, and submits, its own finished and failed cells."""
+    for split, code in (("paper", "1"), ("all", "2")):
+        for cloth in ("blue", "red"):
+            cell = write_cell(tmp_path, "homo", cloth, protocol=split, code_version=code)
+            cell.rename(cell.with_name(f"{cell.name}-{split}"))
+    write_cell(tmp_path, "homo", "pink", protocol="all", code_version="2", status="failed", failure="diverged")
+    cells = load_cells(tmp_path)
+    counts = {board.protocol: [(row.cells, row.failed) for row in board.rows[1:]] for board in leaderboards(cells)}
+    assert counts == {"all": [(2, 1)], "paper": [(2, 0)]}
+    lines = rows_of(cells, "own-track")
+    assert [(line["protocol"], line["cells"]) for line in lines] == [("all", 2), ("paper", 2)]
+    assert len({line["row"] for line in lines}) == 2
+    assert append(tmp_path / "own.csv", lines)["added"] == 2
 
 
 @pytest.mark.parametrize("make", [lambda f: None, lambda f: f.mkdir(), lambda f: (f / "cells").mkdir(parents=True)])

@@ -166,6 +166,11 @@ class TestCommand:
         laws = [record["settings"]["drape"]["law"] for record in records_of if record["solver"].startswith("homo")]
         assert sorted(laws) == ["paper", "paper", "plate", "plate"]
 
+    def test_a_second_law_is_nothing_to_a_space_of_baselines(self, data, tmp_path):
+        words = ("--solver", "homo,search=2@homo", "--solver", "null:disc", "--second-law", "paper")
+        status, output = paper("table-1", data, tmp_path, *words)
+        assert status == 0, output
+
     def test_table_2_has_curves_and_reads_equal_time(self, data, tmp_path):
         status, output = paper("table-2", data, tmp_path, "--solver", "homo,search=2", "--solver", "nlopt:GN_ESCH")
         assert status == 0, output

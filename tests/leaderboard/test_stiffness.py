@@ -67,6 +67,17 @@ def run(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_what_was_found_from_two_splits_stands_apart(tmp_path):
+    for split, factor in (("paper", 2.0), ("all", 3.0)):
+        cell = write_cell(tmp_path, "homo", "blue", 0, found(factor))
+        result = json.loads((cell / "result.json").read_text())
+        (cell / "result.json").write_text(json.dumps(result | {"protocol": split}))
+        cell.rename(cell.with_name(f"{cell.name}-{split}"))
+    rows = stiffness_rows(load_cells(tmp_path))
+    errors = {row.solver: row.error_factor for row in rows}
+    assert errors == pytest.approx({"homo, split all": 3.0, "homo, split paper": 2.0})
+
+
 def by_name(rows) -> dict:
     return {(row.solver, row.cloth): row for row in rows}
 

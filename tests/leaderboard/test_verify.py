@@ -150,7 +150,7 @@ class TestCells:
         assert any("metrics 1" in note and "verified by datasets 1, metrics 99" in note for note in found.notes)
 
     def test_draws_that_are_not_simulated_again_are_said_to_be(self, copy, dataset):
-        """A posterior's draws: their pictures are rendered and scored again."""
+        """A posterior's draws: their pictures are rendered and scored again, and nobody knows where they come from."""
         folder = folder_of(copy, "homo")
         change_arrays(
             folder,
@@ -162,7 +162,7 @@ class TestCells:
         assert metrics["draws"] == 2
         change_json(folder / "result.json", lambda result: result.update(metrics=metrics))
         found = verify_cell(folder, dataset)
-        assert (found.status, found.broken) == ("verified", [])
+        assert (found.status, found.broken) == ("rescored", [])
         assert any(
             "2 draws were scored again" in note and "none of them was simulated again" in note for note in found.notes
         )

@@ -234,13 +234,15 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
         if space is not None:
             require_space(solvers, space)
         for number, settings in enumerate(grid.settings):
-            planned += plan(
-                dataset,
-                solvers=[name for name in solvers if number == 0 or _simulates(name)],
-                cloths=grid.cloths,
-                seeds=list(range(grid.seeds)),
-                settings=replace(settings, space=space or settings.space),
-            )
+            asked = [name for name in solvers if number == 0 or _simulates(name)]
+            if asked:
+                planned += plan(
+                    dataset,
+                    solvers=asked,
+                    cloths=grid.cloths,
+                    seeds=list(range(grid.seeds)),
+                    settings=replace(settings, space=space or settings.space),
+                )
     planned = list({cell.key: cell for cell in planned}.values())
     return run_planned(grid.source, planned, grid.out, workers=grid.workers, force=grid.force), notes
 

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
-from cusick_bench.cli.options import LAW, MOST_CASES, Data, Json, Law, Vertices, simulation_option
+from cusick_bench.cli.options import LAW, MOST_CASES, Data, Json, Law, Vertices, output_option, simulation_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 
@@ -31,7 +31,7 @@ def population(
         int, simulation_option(min=2, max=MOST_CASES, help="Specimens that are draped of every fabric and face.")
     ] = 16,
     out: Annotated[
-        Path | None, simulation_option(help="Folder for `expected_statistics.npz`, which `bdp-field` begins with.")
+        Path | None, output_option(help="Folder for `expected_statistics.npz`, which `bdp-field` begins with.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -49,11 +49,12 @@ def population(
 
     plan = PopulationPlan(law.value, vertices, cloths)
     groups = population_samples(data)
+    if out is not None:  # before the work, which is long
+        out.mkdir(parents=True, exist_ok=True)
     with progress_bar("draping", None) as bar, interruptible("nothing was written"):
         found = derive_population(groups, plan, done=bar.advance)
         levels = compare_levels(population_problem(plan), found, groups, specimens, done=bar.advance)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         found.expected.save(out / "expected_statistics.npz")
     if as_json:
         document = {name: value for name, value in asdict(found).items() if name not in ("expected", "places")}

@@ -226,7 +226,8 @@ def _with_draws(
         _as_stored(stored), train_image=again.train_image, tau=again.tau, vertices=again.vertices, faces=again.faces
     )
     checks, told = list(_rendered(stored, problem)), "none of them was simulated again"
-    if shapes is not None and chosen and all(check.holds for check in checks):
+    redone = shapes is not None and bool(chosen) and all(check.holds for check in checks)
+    if redone:
         solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
         posterior = {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
         draping, pairs = problem.at_pace(solver.pace_of_draws), []
@@ -238,7 +239,7 @@ def _with_draws(
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
-    return Repetition(drawn, (*fit.checks, *checks), (note,), same_draws=True)
+    return Repetition(drawn, (*fit.checks, *checks), (note,), simulated=redone, same_draws=True)
 
 
 def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generator) -> list[int]:

@@ -19,7 +19,7 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, variants
+from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, of_board, variants
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.formats import record
@@ -53,14 +53,12 @@ def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
     """
     if not _TRACK.fullmatch(track):
         raise LeaderboardError(f"a track's name has lower-case letters, digits and hyphens, got {track!r}")
-    verified = verified_keys(cells.folder)
-    groups = dict(variants(cells.table))
-    return [
-        _line(board, row, groups[row.solver, row.variant], cells, track, verified)
-        for board in leaderboards(cells)
-        for row in board.rows
-        if row.kind != "floor"
-    ]
+    verified, lines = verified_keys(cells.folder), []
+    for board in leaderboards(cells):
+        groups = dict(variants(of_board(cells.table, board)))
+        ranked = [row for row in board.rows if row.kind != "floor"]
+        lines += [_line(board, row, groups[row.solver, row.variant], cells, track, verified) for row in ranked]
+    return lines
 
 
 def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:

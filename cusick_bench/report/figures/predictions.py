@@ -14,6 +14,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.leaderboard import Cells, variants
+from cusick_bench.leaderboard.board import method_label
 from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
@@ -115,7 +116,7 @@ def entrants(
         ReportError: A solver that is not in the run.
     """
     found = [
-        Entrant(f"{solver} ({variant})" if variant else solver, str(group["kind"].iloc[0]), group)
+        Entrant(method_label(solver, variant), str(group["kind"].iloc[0]), group)
         for (solver, variant), group in variants(cells.table)
     ]
     if solvers is None:

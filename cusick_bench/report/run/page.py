@@ -21,6 +21,7 @@ from cusick_bench.leaderboard import (
     text_table,
     variants,
 )
+from cusick_bench.leaderboard.board import method_label
 from cusick_bench.leaderboard.text import TextTable
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
@@ -198,7 +199,7 @@ def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[
     """Solvers by kind, simulated ones first, and within a kind as they are ranked."""
     place = {row.label: i for i, row in enumerate(row for board in boards for row in board.rows)}
     kinds = {"solver": 0, "null": 1, "oracle": 2}
-    groups = [(f"{solver} ({variant})" if variant else solver, group) for (solver, variant), group in variants(table)]
+    groups = [(method_label(solver, variant), group) for (solver, variant), group in variants(table)]
 
     def key(item: tuple[str, pd.DataFrame]) -> tuple[int, int, str]:
         label, group = item
