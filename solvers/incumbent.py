@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +11,6 @@ from jaxtyping import Float
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from cusick_bench.problem import DrapeProblem, Observation
 
 
@@ -97,23 +94,6 @@ class Incumbent:
             if seen is not None:
                 self._keep(tau, seen.loss)
         return drapes
-
-    def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
-        """The drape at tau, how it is seen, and the gradient of a measure of that.
-
-        Args:
-            tau: Parameter vector.
-            measure: Takes the image to a number.
-
-        Returns:
-            Vertices, image and loss; derivatives of the measure by tau.
-
-        Raises:
-            DrapeDiverged: The drape fails.
-        """
-        seen, slope = self.problem.observe_slope(tau, measure)
-        self._keep(tau, seen.loss)
-        return seen, slope
 
     def drape_coefficient(self, tau: Vector) -> float:
         """Drape coefficient at tau.

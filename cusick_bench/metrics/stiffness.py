@@ -65,14 +65,12 @@ class ClothStiffness:
         stretch: Membrane stiffness along warp and weft and in shear [N/m].
         curve: Bending stiffness of each direction at curvatures of 0, 10, 20, 30 and 40 /m [N m].
         bending_spread: Standard deviation of log bending stiffness between elements; 0 for one table.
-        stretch_spread: The same of stretch stiffness.
     """
 
     bending: Float[ndarray, " bending"]
     stretch: Float[ndarray, " stretch"]
     curve: Float[ndarray, "bending curvatures"]
     bending_spread: Float[ndarray, " bending"]
-    stretch_spread: Float[ndarray, " stretch"]
 
 
 @dataclass(frozen=True)
@@ -145,14 +143,13 @@ def cloth_stiffness(
     curves = np.log(tables)
     table = stretch.detach().cpu().numpy()[..., 0, :]  # at rest: c11, c12, c22, c33
     at_rest = np.log(np.stack([2 * table[..., 0], 2 * table[..., 2], table[..., 3]], -1))
-    bending_spread, stretch_spread = np.zeros(len(BENDING)), np.zeros(len(STRETCH))
+    bending_spread = np.zeros(len(BENDING))
     if weights is not None and curves.ndim > 2:
         bending_spread = _spread(curves.mean(-1).T, weights.hinges)
         curves = np.einsum("dh,hdc->dc", weights.hinges, curves)
     if weights is not None and at_rest.ndim > 1:
-        stretch_spread = _spread(at_rest.T, weights.faces[None])
         at_rest = weights.faces @ at_rest
-    return ClothStiffness(np.exp(curves.mean(1)), np.exp(at_rest), np.exp(curves), bending_spread, stretch_spread)
+    return ClothStiffness(np.exp(curves.mean(1)), np.exp(at_rest), np.exp(curves), bending_spread)
 
 
 def bending_length(bending: Any, areal_density: Any) -> Any:

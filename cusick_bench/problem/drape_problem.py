@@ -26,7 +26,7 @@ from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.followed_branch import FollowedBranch
 from cusick_bench.problem.losses import LOSSES
 from cusick_bench.problem.metering.bookkeeping import Simulated, metered
-from cusick_bench.problem.metering.budget import GRADIENTS, Meter
+from cusick_bench.problem.metering.budget import Meter
 from cusick_bench.problem.metering.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.scene import Scene
 from cusick_bench.problem.space import ParameterSpace
@@ -43,7 +43,7 @@ Vector = Float[np.ndarray, " dimension"]
 Vectors = Float[np.ndarray, "members dimension"]
 Measure = Callable[[dict[int, Tensor]], Tensor]
 """From the silhouettes of a batch, by member and without those whose drape failed, to a number."""
-_KEPT = ("drape", "draw", "slope")  # kinds whose vertices are asked for
+_KEPT = ("drape", "draw")  # kinds whose vertices are asked for
 
 
 @dataclass(frozen=True)
@@ -188,26 +188,10 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: tau has a wrong length or holds NaN or infinity.
         """
-        return self._seen(self._draped("drape", tau))
-
-    def observe_slope(self, tau: Vector, measure: Callable[[Tensor], Tensor]) -> tuple[Observation, Vector]:
-        """As `observe`, with the gradient of a measure of the silhouette.
-
-        Costs two forward-equivalents.
-
-        Args:
-            tau: Parameter vector in the unconstrained, scaled space.
-            measure: Differentiable function from a silhouette to a number.
-
-        Returns:
-            The drape and how it is seen, and the gradient of the measure with respect to tau.
-
-        Raises:
-            ProblemError: The space has no gradients either.
-        """
-        self._check_differentiable()
-        entry = self._draped("slope", tau, lambda images: measure(images[0]))
-        return self._seen(entry), entry.arrays["gradient"]
+        (entry,) = self._metered("drape", np.asarray(tau)[None])
+        if entry.evaluation.failure:
+            raise DrapeDiverged(entry.evaluation.failure)
+        return self._seen(entry)
 
     def evaluate_batch(self, taus: Vectors) -> Float[np.ndarray, " members"]:
         """Losses of several vectors, draped together, which is faster than one by one; raises as `evaluate`.
@@ -386,13 +370,6 @@ class DrapeProblem:
                 "use a gradient-free solver, such as cmaes or nlopt:LN_BOBYQA"
             )
 
-    def _draped(self, kind: str, tau: Vector, measure: Measure | None = None) -> Entry:
-        """One evaluation; raises DrapeDiverged where it fails."""
-        (entry,) = self._metered(kind, np.asarray(tau)[None], measure)
-        if entry.evaluation.failure:
-            raise DrapeDiverged(entry.evaluation.failure)
-        return entry
-
     def _seen(self, entry: Entry) -> Observation:
         vertices = entry.arrays["vertices"]
         with torch.no_grad():
@@ -407,7 +384,7 @@ class DrapeProblem:
         entries = metered(
             kind,
             self._checked(taus),
-            lambda some: self._simulated(some, kind in GRADIENTS, measure),
+            lambda some: self._simulated(some, kind == "gradient", measure),
             self.meter,
             self.journal,
             keeps_vertices=lambda loss: kind in _KEPT or (self._follows and loss < self._branch.loss),

@@ -57,24 +57,6 @@ class TestEvaluation:
         assert (problem.image(tau) == seen.image).all()
         assert (problem.drape(tau) == seen.vertices).all()
 
-    def test_slope_is_that_of_what_is_seen_and_is_remembered(self, tmp_path):
-        """Of the covered area, against central differences; a resumed run gets the same without draping."""
-
-        def area(image):
-            return image.mean()
-
-        problem = toy_problem(mode="equilibrium", budget=Budget(), folder=tmp_path)
-        tau, direction = problem.space.bending_level(2.0), problem.space.bending_level(math.e)
-        seen, slope = problem.observe_slope(tau, area)
-        assert (problem.meter.gradient, problem.meter.forward_equivalents) == (1, 2)
-        ahead, behind = (problem.image(tau + step * direction).mean() for step in (1e-3, -1e-3))
-        assert slope @ direction == pytest.approx((ahead - behind) / 2e-3, rel=0.02)
-        again, same = toy_problem(mode="equilibrium", budget=Budget(), folder=tmp_path).observe_slope(tau, area)
-        assert (again.image == seen.image).all()
-        assert (same == slope).all()
-        with pytest.raises(BudgetExceeded):
-            toy_problem(budget=Budget(1)).observe_slope(tau, area)
-
     def test_equilibrium_follows_its_branch(self, monkeypatch):
         problem = toy_problem(mode="equilibrium", budget=Budget())
         problem.evaluate(problem.space.bending_level(2.0))

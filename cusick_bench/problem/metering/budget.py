@@ -11,9 +11,7 @@ from cusick_bench.problem.errors import BudgetExceeded, ProblemError
 
 # Forward-equivalents [drapes] of what a solver can ask for; an adjoint costs about as much as its forward
 # pass. Draws from a fitted posterior are its prediction, not its search: counted and timed, but free.
-COST = {"loss": 1, "gradient": 2, "drape": 1, "slope": 2, "draw": 0}
-GRADIENTS = ("gradient", "slope")
-"""Kinds that compute an adjoint."""
+COST = {"loss": 1, "gradient": 2, "drape": 1, "draw": 0}
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class Evaluation:
     """One entry of the trace. Counts and times are totals up to and including this evaluation.
 
     Attributes:
-        kind: "loss", "gradient", "drape", "slope" (a drape with a gradient of what is seen of it) or "draw".
+        kind: "loss", "gradient", "drape" or "draw".
         digest: Fingerprint of the parameter vector.
         loss: Loss at the vector; inf where the drape failed.
         best_loss: Smallest loss so far, of the search.
@@ -104,7 +102,7 @@ class Meter:
     @property
     def gradient(self) -> int:
         """Adjoints computed."""
-        return sum(evaluation.kind in GRADIENTS for evaluation in self.trace)
+        return sum(evaluation.kind == "gradient" for evaluation in self.trace)
 
     @property
     def failed(self) -> int:
@@ -176,7 +174,7 @@ class Meter:
         """Raises BudgetExceeded where so many evaluations of this kind are not affordable.
 
         Args:
-            kind: "loss", "gradient", "drape", "slope" (a drape with a gradient of what is seen of it) or "draw".
+            kind: "loss", "gradient", "drape" or "draw".
             count: Number of evaluations.
             replayed: Whether an earlier run has made them: then there was time for them.
         """

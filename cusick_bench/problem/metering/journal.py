@@ -26,7 +26,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cusick_bench.problem.errors import StaleJournal
-from cusick_bench.problem.metering.budget import GRADIENTS, Evaluation
+from cusick_bench.problem.metering.budget import Evaluation
 
 _log = logging.getLogger(__name__)
 
@@ -208,7 +208,7 @@ class Journal:
                 f"evaluation {self._position} in {self.folder} is a {past.kind} at other parameters than the "
                 f"{kind} asked for now: the solver or the machine changed; begin anew without what is kept there"
             )
-        if kind in GRADIENTS and not past.failure and "gradient" not in entry.arrays:
+        if kind == "gradient" and not past.failure and "gradient" not in entry.arrays:
             raise StaleJournal(
                 f"the gradients of {self.folder} were too long to be kept, and its solver saved no state "
                 "of its own; begin anew without what is kept there"

@@ -1,6 +1,5 @@
 """The ranked causes of a diagnosis, as the page shows them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cusick_bench.diagnosis.document.answer import BudgetShare
@@ -151,16 +150,3 @@ def _rest_in_words(rest: list[Cause], document: DiagnosisDocument) -> str:
     if set(document.set90) <= {"none", "unknown"}:
         return words
     return f"{words}The true cause is among these with 90 % probability: {', '.join(document.set90)}."
-
-
-def parameters_in_words(parameters: Mapping[str, float], units: Mapping[str, str]) -> str:
-    """Parameters in a line.
-
-    Args:
-        parameters: Values by name.
-        units: Units by name.
-
-    Returns:
-        Such as "angle 2.5°, direction 30°".
-    """
-    return ", ".join(f"{name} {measure(value, units.get(name, ''))}" for name, value in parameters.items())

@@ -51,19 +51,6 @@ def parameter_meaning(name: str, parameter: str) -> str:
     return next((p.summary for p in known.parameters if p.name == parameter), "") if known else ""
 
 
-def parameter_units(name: str) -> dict[str, str]:
-    """Units of the parameters of an effect.
-
-    Args:
-        name: The effect.
-
-    Returns:
-        Units by parameter; empty where the effect is not registered.
-    """
-    known = registered().get(name)
-    return {p.name: p.unit for p in known.parameters} if known else {}
-
-
 @cache
 def signature(name: str) -> str:
     """What an effect would show if it acts, and by what it can be known.

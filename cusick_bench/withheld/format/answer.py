@@ -32,8 +32,6 @@ REFUSED = "refused"
 """Verdict of an answer that says nothing of the case."""
 VERDICTS = ("none", "effect", "several", "ambiguous", "unknown", REFUSED)
 SET_LEVEL = 0.9
-LEAVE_OUT = "leave_out"
-"""Key of a document of leave-one-effect-out answers: from which severity on effects were left out."""
 
 _ROUNDING = 1e-6
 _DIRECTION = "direction"  # kind of a place that is none: of a tilt, say

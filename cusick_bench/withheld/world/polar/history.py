@@ -1,6 +1,5 @@
 """True laws with internal variables, at the points of integration of a polar plate; others than those of triangles."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -47,10 +46,6 @@ class PointVariables:
             A value for each point, or None where the cloth forgets everything.
         """
         return None
-
-
-StartPointVariables = Callable[[PlateMaterial, Scene], PointVariables]
-"""Internal variables of a material law at the beginning of a drop."""
 
 
 @dataclass(eq=False)

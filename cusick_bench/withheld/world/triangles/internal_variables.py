@@ -1,13 +1,10 @@
 """Internal variables of a material law on the hinges and faces of a triangle mesh."""
 
-from collections.abc import Callable
-
 from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.triangles.system import DrapeSystem
-from cusick_bench.withheld.world.scene import Scene, Vertices
+from cusick_bench.withheld.world.scene import Vertices
 
 
 class InternalVariables:
@@ -39,7 +36,3 @@ class InternalVariables:
             A value for each hinge, or None where the cloth forgets everything.
         """
         return None
-
-
-StartInternalVariables = Callable[[DrapeSystem, Parameters, Scene], InternalVariables]
-"""Internal variables of a material law at the beginning of a drop."""
