@@ -303,9 +303,9 @@ def _solver(text: str, budget: int) -> Values:
 def _diagnosis() -> Values:
     captures = read_captures(_synthetic(), _synthetic().cloths[0])
     emulator, calibration = load_atlas(SHIPPED)
-    found = diagnose(captures, emulator, calibration, Options(samples=0))
+    found, measured = diagnose(captures, emulator, calibration, Options(samples=0)), specimen_statistics(captures)
     return {
-        "statistics": _summary(specimen_statistics(captures).specimens),
+        "statistics": _summary(measured.mean[measured.count > 0]),
         "p": [round(found.p, 1)],  # a share of draws: the last digits of sums, which threads decide, turn single ones
         "probability": [found.probability[name] for name in sorted(found.probability)],
     }

@@ -72,7 +72,7 @@ class Fold:
 def side_by_side(
     specimens: Float[ndarray, "samples 2 statistics"], sd: Float[ndarray, "statistics"], faces: Sequence[int]
 ) -> Float[ndarray, "samples numbers"]:
-    """Samples with all of these faces, their statistics in sd, scaled as `energy.Standardisation` does.
+    """Samples with all of these faces, their statistics in sd over the root of their number: distances compare.
 
     Args:
         specimens: Statistics of every sample and face.

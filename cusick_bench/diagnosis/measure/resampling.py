@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.diagnosis.errors import DiagnosisError
-from cusick_bench.metrics.energy import ClusterDistances
 
 _ROUNDING = 1e-12  # relative: a permutation that gives the data back is as extreme as they are
 
@@ -83,31 +82,6 @@ def _all_signs(count: int) -> Float[ndarray, "flips samples"]:
     return np.array(list(product((1.0, -1.0), repeat=count)))
 
 
-def two_sample_test(distances: ClusterDistances, generator: np.random.Generator, permutations: int = 999) -> float:
-    """p-value of equal distributions: the energy distance, permuted by sample.
-
-    Args:
-        distances: Distances of two sets that share no sample; with one sample a row it is the usual permutation test.
-        generator: Random generator of the permutations.
-        permutations: Number of random permutations.
-
-    Returns:
-        The p-value; never 0. The sums between samples are permuted, not the captures as scipy would.
-
-    Raises:
-        DiagnosisError: A set with fewer than two samples, or a sample in both sets.
-    """
-    nodes = len(distances.in_first)
-    if (distances.pairs[~np.eye(nodes, dtype=bool)] == 0).any():
-        raise DiagnosisError("a sample must be in one set only; test paired contrasts by flipping signs")
-    if min(distances.in_first.sum(), (~distances.in_first).sum()) < 2:
-        raise DiagnosisError("a two-sample test needs at least 2 samples in each set")
-    first = generator.permuted(np.tile(distances.in_first, (permutations, 1)), axis=1).astype(float)
-    permuted, observed = distances.distance(first, 1 - first), distances.observed
-    as_large = np.count_nonzero(permuted >= observed - _ROUNDING * abs(observed))
-    return (1 + as_large) / (1 + permutations)
-
-
 def bootstrap_weights(clusters: int, generator: np.random.Generator, draws: int) -> Float[ndarray, "draws clusters"]:
     """How often each cluster is drawn when as many are drawn with replacement.
 
@@ -120,46 +94,6 @@ def bootstrap_weights(clusters: int, generator: np.random.Generator, draws: int)
         Counts, as floating-point weights.
     """
     return generator.multinomial(clusters, np.full(clusters, 1 / clusters), size=draws).astype(float)
-
-
-def bootstrap_distance(
-    distances: ClusterDistances, generator: np.random.Generator, draws: int = 999, *, both: bool = True
-) -> Float[ndarray, " draws"]:
-    """Energy distances of sets whose samples are drawn with replacement; copies of a sample are not compared.
-
-    Args:
-        distances: Distances of two sets that share no sample.
-        generator: Random generator of the draws.
-        draws: Number of bootstrap draws.
-        both: Draw the second set's samples too; else only the first's, as when the second is a large simulated set.
-
-    Returns:
-        A distance for each draw.
-    """
-    weights = np.zeros((2, draws, len(distances.in_first)))
-    for part, members in zip(weights, (distances.in_first, ~distances.in_first), strict=True):
-        part[:, members] = bootstrap_weights(int(members.sum()), generator, draws)
-    weights[1] = weights[1] if both else (~distances.in_first).astype(float)
-    return distances.distance(weights[0], weights[1])
-
-
-def bootstrap_rows(
-    clusters: Int[ndarray, " rows"], generator: np.random.Generator
-) -> tuple[Int[ndarray, " drawn"], Int[ndarray, " drawn"]]:
-    """Draws clusters with replacement.
-
-    Args:
-        clusters: Label of each row.
-        generator: Random generator of the draw.
-
-    Returns:
-        The rows of the drawn clusters; the number of the draw of each, so that a cluster drawn twice counts as two.
-        For distances between rows keep the clusters' own labels instead, since copies are not compared.
-    """
-    labels = np.unique(clusters)
-    drawn = generator.choice(labels, len(labels))
-    rows = [np.flatnonzero(clusters == label) for label in drawn]
-    return np.concatenate(rows), np.repeat(np.arange(len(rows)), [len(part) for part in rows])
 
 
 def halves_by_cluster(clusters: int, generator: np.random.Generator, splits: int) -> Float[ndarray, "splits clusters"]:

@@ -152,26 +152,15 @@ class SpecimenStatistics:
         samples: Numbers of the samples, ascending.
         mean: Mean over each specimen's captures, faces in the order of `SIDES`; NaN where there is none.
         count: Number of these captures.
-        face_even, face_odd: (down + up)/2 and (down - up)/2 of a sample's faces; NaN where one is missing.
+        face_odd: (down - up)/2 of a sample's faces; NaN where one is missing.
         order_odd: A specimen's last capture minus its first, averaged over the sample's faces; NaN without repeats.
     """
 
     samples: Int[ndarray, " samples"]
     mean: Float[ndarray, "samples sides statistics"]
     count: Int[ndarray, "samples sides"]
-    face_even: Float[ndarray, "samples statistics"]
     face_odd: Float[ndarray, "samples statistics"]
     order_odd: Float[ndarray, "samples statistics"]
-
-    @property
-    def specimens(self) -> Float[ndarray, "specimens statistics"]:
-        """Means of the specimens that there are, sample by sample."""
-        return self.mean[self.count > 0]
-
-    @property
-    def specimen_sample(self) -> Int[ndarray, " specimens"]:
-        """Sample of each of `specimens`: the cluster that it belongs to."""
-        return np.broadcast_to(self.samples[:, None], self.count.shape)[self.count > 0]
 
 
 def specimen_statistics(captures: Captures, frame: Literal["cloth", "camera"] = "cloth") -> SpecimenStatistics:
@@ -200,7 +189,7 @@ def specimen_statistics(captures: Captures, frame: Literal["cloth", "camera"] = 
             if len(own) > 1:
                 drift[i, j] = values[own[-1]] - values[own[0]]
     up, down = mean[:, SIDES.index("up")], mean[:, SIDES.index("down")]
-    return SpecimenStatistics(samples, mean, count, (down + up) / 2, (down - up) / 2, _mean_of_known(drift))
+    return SpecimenStatistics(samples, mean, count, (down - up) / 2, _mean_of_known(drift))
 
 
 def _mean_of_known(values: Float[ndarray, "samples sides statistics"]) -> Float[ndarray, "samples statistics"]:
