@@ -23,18 +23,16 @@ from cusick_bench.leaderboard.bootstrap import Estimate, Values, cell_values, di
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, best_of, provenance, short, with_interval
 from cusick_bench.solvers.base import SolverError
+from cusick_bench.solvers.black_box.nlopt_family import BENCHMARKED
 from cusick_bench.solvers.registry import solver_class
 
 _REFERENCES = (
     "null:disc", "null:copy", "null:rotation", RANDOM_PHASE, "oracle:mean", "oracle:best-other",
 )  # fmt: skip
-_NLOPT = (
-    "LD_LBFGS", "LD_MMA", "LD_SLSQP", "LN_BOBYQA", "LN_COBYLA", "LN_SBPLX", "GN_DIRECT_L", "GN_CRS2_LM", "GN_ESCH",
-)  # fmt: skip
 SOLVERS = {
     "table-1": ("homo", "heter", "bdp", "bdp-field", *_REFERENCES),
     "table-2": (
-        "bdp", "rembo", "hesbo", "rembo@heter", "hesbo@heter", *(f"nlopt:{name}" for name in _NLOPT),
+        "bdp", "rembo", "hesbo", "rembo@heter", "hesbo@heter", *(f"nlopt:{name}" for name in BENCHMARKED),
         "turbo", "baxus", "cmaes", "vanilla-bo", "sobol", "homo", "heter", "null:disc", "null:copy",
     ),
 }  # fmt: skip

@@ -8,7 +8,7 @@ from pathlib import Path
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.bootstrap import Estimate
 from cusick_bench.leaderboard.order import direction
-from cusick_bench.runner.environment import code_text
+from cusick_bench.runner.environment import code_text, hardware_text
 
 _FOLDED = 25  # characters after which a long solver name is folded
 
@@ -274,10 +274,7 @@ def provenance(board: Leaderboard) -> list[str]:
     facts = [f"Data: {board.dataset} (sha256 {board.dataset_hash[:12]}), split: {board.protocol}"]
     if command := run.get("command"):
         facts.append(f"Command: {typed(command)}")
-    hardware = ", ".join(str(run[key]) for key in ("processor", "platform") if run.get(key))
-    if run.get("cores"):
-        hardware += f", {run['cores']} cores"
-    if hardware:
+    if hardware := hardware_text(run):
         facts.append(f"Hardware: {hardware}")
     if code := code_text(run):
         facts.append(f"Code: {code}, {run.get('time', '')}".rstrip(", "))

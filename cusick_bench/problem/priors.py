@@ -5,10 +5,10 @@ the whitened vector tau = Sigma^(-1/2) deviation (symmetric root, so that a comp
 its entry): tau = 0 is the median cloth of a given weight and tau ~ N(0, I) is the prior.
 
 Bending. Median and covariance come from a regression of log stiffness on log areal density over 618 measured
-fabrics (`derive_bending_prior` repeats it on the published table), because a heavier cloth is a stiffer one:
-density alone takes the standard deviation of log B from 1.3 to 0.8. Stretch. Membrane strains of a drape are
-tiny and silhouettes say next to nothing about them, so the median is the published program's table with a
-wide, assumed spread.
+fabrics (`tests/problem/test_problem_spaces.py` repeats it on the published table), because a heavier cloth is a
+stiffer one: density alone takes the standard deviation of log B from 1.3 to 0.8. Stretch. Membrane strains of a drape
+are tiny and silhouettes say next to nothing about them, so the median is the published program's table with a wide,
+assumed spread.
 
 References:
     Feng, Huang, Xu, Wang, Learning-Based Bending Stiffness Parameter Estimation by a Drape Tester, ACM TOG
@@ -18,7 +18,6 @@ References:
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -58,24 +57,6 @@ COUPLING_SD = 0.5  # of atanh(c12 / sqrt(c11 c22)); assumed
 BENDING_TABLE_FACTOR = {"plate": 1.0, "paper": 1.0, "published": PUBLISHED_BENDING_FACTOR}
 
 STRETCH_SIZE, BENDING_SIZE = 24, 15
-
-
-def derive_bending_prior(table: Path) -> dict[str, np.ndarray]:
-    """Repeats the regression behind the constants above on the published fabric table.
-
-    Args:
-        table: `fabrics618.csv`: areal density [kg/m2], then linear bending stiffness of warp, weft, bias
-            [1e-9 N m].
-
-    Returns:
-        `intercept`, `slope` (3,) and `covariance` (3, 3) of log B in the order weft, bias, warp.
-    """
-    columns = np.loadtxt(table, delimiter=",", skiprows=1)
-    log_bending = np.log(columns[:, [2, 3, 1]] * 1e-9)
-    design = np.stack([np.ones(len(columns)), np.log(columns[:, 0] / DENSITY_REFERENCE)], 1)
-    coefficients, *_ = np.linalg.lstsq(design, log_bending, rcond=None)
-    residuals = log_bending - design @ coefficients
-    return {"intercept": coefficients[0], "slope": coefficients[1], "covariance": np.cov(residuals.T)}
 
 
 def _symmetric_root(covariance: np.ndarray) -> np.ndarray:

@@ -48,6 +48,19 @@ def _git(folder: Path, *words: str) -> str:
     return ""
 
 
+def hardware_text(record: dict[str, Any]) -> str:
+    """The machine that a run was made on, in words.
+
+    Args:
+        record: Contents of `run.json`.
+
+    Returns:
+        Such as "AMD EPYC, Linux-6.1, 2 cores"; "" where nothing is known.
+    """
+    parts = [str(record[key]) for key in ("processor", "platform") if record.get(key)]
+    return ", ".join([*parts, *([f"{record['cores']} cores"] if record.get("cores") else [])])
+
+
 def code_text(record: Mapping[str, Any], numerics: Mapping[str, int] | None = None) -> str:
     """Which code made a record, in a line.
 

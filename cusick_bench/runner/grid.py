@@ -16,6 +16,7 @@ from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled
 from cusick_bench.runner.numerics import LAWS, cell_numerics
 from cusick_bench.runner.samples import training_rows
+from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
@@ -44,7 +45,7 @@ class ProblemSettings:
     """
 
     space: str = DEFAULT_SPACE
-    vertices: int = 2699
+    vertices: int = VERTICES_OF_PAPER
     drape: DrapeSettings = field(default_factory=DrapeSettings)
     camera: str = "protocol"
     renderer: str = "coverage"

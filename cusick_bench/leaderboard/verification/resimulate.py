@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
@@ -30,9 +29,10 @@ from cusick_bench.leaderboard.verification.comparison import (
     pixel_tolerance,
     relative,
 )
-from cusick_bench.metrics.prediction_score import from_levels, score
+from cusick_bench.metrics.prediction_score import from_levels
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, Store, build_problem, load_prediction, run_cell
+from cusick_bench.runner.cell import score_cell
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.setup import Simulators
@@ -140,14 +140,7 @@ def rescore(repetition: Repetition, cell: Cell, dataset: DrapeDataset) -> dict[s
     """
     if repetition.metrics is not None:
         return repetition.metrics
-    pairs = [(_image(dataset, row), _image(dataset, other)) for row, other in dataset.repeat_pairs(cell.cloth)]
-    tests = [dataset.sample(row) for row in cell.test]
-    train = dataset.sample(cell.train[0])
-    return score(repetition.prediction, train, tests, repeat_pairs=pairs, protocol=dataset.protocol)
-
-
-def _image(dataset: DrapeDataset, row: int) -> Float[ndarray, "size size"]:
-    return np.asarray(dataset.image(row), dtype=np.float64)
+    return score_cell(dataset, cell, repetition.prediction)
 
 
 def _stored(folder: Path) -> dict[str, ndarray]:
@@ -226,8 +219,9 @@ def _with_draws(
         _as_stored(stored), train_image=again.train_image, tau=again.tau, vertices=again.vertices, faces=again.faces
     )
     checks, told = list(_rendered(stored, problem)), "none of them was simulated again"
-    redone = shapes is not None and bool(chosen) and all(check.holds for check in checks)
-    if redone:
+    redone = False
+    if shapes is not None and chosen and all(check.holds for check in checks):
+        redone = True
         solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
         posterior = {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
         draping, pairs = problem.at_pace(solver.pace_of_draws), []

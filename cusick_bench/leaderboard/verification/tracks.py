@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.sim.constants import VERTICES_OF_PAPER
 
 
 @dataclass(frozen=True)
@@ -24,11 +25,10 @@ class Track:
     vertices: tuple[int, ...]
 
 
-PAPER_VERTICES = 2699  # of the published experiments
 TRACKS = {
-    "synthetic": Track("synthetic", (600, PAPER_VERTICES)),
-    "paper-table-1": Track("cusick", (700, PAPER_VERTICES)),
-    "paper-table-2": Track("cusick", (297, PAPER_VERTICES)),
+    "synthetic": Track("synthetic", (600, VERTICES_OF_PAPER)),
+    "paper-table-1": Track("cusick", (700, VERTICES_OF_PAPER)),
+    "paper-table-2": Track("cusick", (297, VERTICES_OF_PAPER)),
 }
 """The tracks of this project, by name."""
 

@@ -76,12 +76,10 @@ def turned_over(space: FieldSpace, tau: Float[ndarray, " dimension"]) -> Float[n
     Returns:
         Its parameter vector, the laid shape unchanged.
     """
-    turned, modes = tau.copy(), space.modes
+    turned, modes = space.turned(tau), space.modes
     mirror = np.where(modes.sine, -1.0, 1.0) * (-1.0) ** modes.order  # x -> -x
-    turned[space.weights("stiffness")] *= mirror
-    turned[space.weights("rest")] *= -mirror
-    curl = space.trait_entry("curl")
-    turned[curl] *= -1
+    for field in ("stiffness", "rest"):
+        turned[space.weights(field)] *= mirror
     return turned
 
 

@@ -43,7 +43,7 @@ from cusick_bench.report.run.content import (
 from cusick_bench.report.run.drape_models import DrapeModel, fitted_model, models_document, real_model
 from cusick_bench.report.run.figure import save_figure
 from cusick_bench.report.run.method_curves import method_curves
-from cusick_bench.runner.environment import code_text
+from cusick_bench.runner.environment import code_text, hardware_text
 
 TITLE = "Cusick drape report"
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
@@ -230,12 +230,11 @@ def _summary(cells: Cells, cloths: int) -> str:
 def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
     run: dict[str, Any] = cells.run
     command = run.get("command", "")
-    hardware = ", ".join(str(run[key]) for key in ("processor", "platform") if run.get(key))
     found = [
         ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
         ("Command", command if isinstance(command, str) else " ".join(map(str, command))),
         ("Code", code_text(run)),
-        ("Hardware", hardware + (f", {run['cores']} cores" if run.get("cores") else "")),
+        ("Hardware", hardware_text(run)),
         ("Date", str(run.get("time", ""))),
     ]
     return [(name, value) for name, value in found if value]
