@@ -105,6 +105,12 @@ class Setup:
         """Radius of the plate [m]."""
         return self.settings.plate_radius
 
+    @property
+    def simulated_settings(self) -> DrapeSettings:
+        """The settings that it is simulated with: contact of the cloth with itself is known at rest only."""
+        thickness = float(self.self_contact)
+        return replace(self.settings, mode="equilibrium", self_contact=thickness) if thickness else self.settings
+
     def cloth(self) -> Material:
         """The material with its fields, element by element."""
         mesh, material = self.mesh, self.material
@@ -210,7 +216,7 @@ def drape_setups(
     kept = Simulators() if simulators is None else simulators
     groups: dict[tuple[int, DrapeSettings], list[int]] = {}
     for index, setup in enumerate(setups):
-        groups.setdefault((id(setup.mesh), _settings(setup)), []).append(index)
+        groups.setdefault((id(setup.mesh), setup.simulated_settings), []).append(index)
     found: list[Tensor | None] = [None] * len(setups)
     for (_, settings), members in groups.items():
         simulator = kept.get(setups[members[0]].mesh, settings)
@@ -248,12 +254,6 @@ def turned(shape: Float[Tensor, "vertices 3"], degrees: float | Tensor) -> Float
     cosine, sine = torch.cos(angle), torch.sin(angle)
     x, y, z = shape.unbind(-1)
     return torch.stack([cosine * x - sine * y, sine * x + cosine * y, z], dim=-1)
-
-
-def _settings(setup: Setup) -> DrapeSettings:
-    if setup.self_contact == 0:
-        return setup.settings
-    return replace(setup.settings, mode="equilibrium", self_contact=setup.self_contact)
 
 
 def _factor(logs: Sequence[Field], points: np.ndarray) -> Tensor:

@@ -101,10 +101,7 @@ class Scene:
     @property
     def simulated(self) -> DrapeSettings:
         """The settings that they ask for."""
-        thickness = float(self._applied.self_contact)
-        if thickness == 0:
-            return self._applied.settings
-        return replace(self._applied.settings, mode="equilibrium", self_contact=thickness)
+        return self._applied.simulated_settings
 
     @cached_property
     def stateful(self) -> str:
