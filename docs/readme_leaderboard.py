@@ -15,10 +15,12 @@ HEAD = (
     f"`make bench` on the synthetic set (three cloths, {VERTICES_TO_FIT} vertices, 30 drapes each); the same numbers "
     "in full:\n`leaderboards/synthetic.csv`."
 )
-FOOT = (
-    "A disc with the right area is hard to beat on unseen samples: a pixel error mostly scores where folds happen to "
-    "lie."
-)
+FOOT = """\
+A disc with the right area is hard to beat on unseen samples: a pixel error mostly scores where folds happen to lie.
+MSE: mean squared error of silhouettes; best /N: of the best of N draws; random /N: of the best of N profiles with
+random phases of their folds. H: Hausdorff distance. DC err, folds err: errors of drape coefficient and number of folds.
+Energy dist., CRPS: errors of the predicted distribution. Rows of one rank cannot be told apart; `null:` rows use no
+physics."""
 BLOCK = re.compile(r"(?<=<!-- leaderboard:begin -->\n).*(?=<!-- leaderboard:end -->)", re.S)
 
 

@@ -176,7 +176,8 @@ Steps = Annotated[int, simulation_option(min=1, max=MOST_STEPS, help="Steps of a
 Law = Annotated[
     LawName,
     simulation_option(
-        help="Material law: plate (converges with the mesh), paper (hinges, as an energy) or published (the program's)."
+        help="Material law: plate (converges with the mesh), paper (hinges, as an energy) or published (of the paper's "
+        "code)."
     ),
 ]
 Clamp = Annotated[

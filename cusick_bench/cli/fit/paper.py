@@ -115,7 +115,7 @@ def table_1(
     workers: Workers = 1,
     as_json: Json = False,
 ) -> None:
-    """Unseen samples predicted: HOMO, HETER, BDP and ours, beside rows without physics and oracles.
+    """Unseen samples predicted: HOMO, HETER, BDP and `bdp-field`, beside rows without physics and oracles.
 
     Whether draws vary as samples do goes to table-1-variability. Repeating the command goes on where it was stopped.
     Exit status 1 if a cell failed.
@@ -161,7 +161,7 @@ def table_2(
     workers: Workers = 1,
     as_json: Json = False,
 ) -> None:
-    """Training silhouette fitted for equal cost: BDP against REMBO, HeSBO, NLopt and today's rivals.
+    """Training silhouette fitted for equal cost: BDP against REMBO, HeSBO, NLopt and later methods.
 
     Equal in drapes (a gradient counting as two), read at equal wall time as well, and with --seconds also run with wall
     time as the limit. Anytime curves go to anytime.png and anytime.json. Repeating the command goes on where it was

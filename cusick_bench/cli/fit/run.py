@@ -68,7 +68,10 @@ def run_command(
     cloth: FittedCloths = None,
     protocol: Annotated[
         str,
-        data_option(help="How samples are split into training and held out."),
+        data_option(
+            help="Which silhouettes train: paper (one of one sample; the others' are held out) or leave-one-sample-out "
+            "(each sample in turn is held out, the others train)."
+        ),
     ] = "paper",
     force: Force = False,
     solver: Solvers = None,
@@ -95,7 +98,9 @@ def run_command(
     ] = None,
     renderer: Annotated[
         str,
-        simulation_option(help="Silhouette: coverage of each pixel, or soft (DIB-R)."),
+        simulation_option(
+            help="Silhouette: coverage (exact share of each pixel) or soft (mask of DIB-R, as in the paper)."
+        ),
     ] = "coverage",
     laying: Annotated[
         str,

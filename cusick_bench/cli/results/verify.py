@@ -48,8 +48,8 @@ def verify_command(
 ) -> None:
     """Drapes the stored parameters of finished cells again and scores them again: *reported* becomes *verified*.
 
-    What was found is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell does not come
-    out again.
+    What was found is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell's scores cannot
+    be reproduced.
     """
     from cusick_bench.leaderboard.cells import load_cells
     from cusick_bench.leaderboard.source import load_data_of
