@@ -6,7 +6,8 @@ variogram score are of the radius profile as it lies, the CRPS and all that conc
 coefficient. Draws made for some samples only (an oracle's for one each, those of one face for samples that lie as they
 do) are scored against these; the comparisons of whole sets, energy distance and fold test, take all together.
 
-Held-out samples count as independent, as those of the paper's split are.
+Held-out samples are independent of each other, captures of one are not: where a sample was captured several times, its
+captures are not compared with each other, and the fold test takes the first.
 """
 
 from collections.abc import Sequence
@@ -43,7 +44,11 @@ DISTRIBUTION_METRICS = (
 
 
 def distribution_scores(
-    draws: Sequence[Shape], tests: Sequence[Shape], *, groups: Groups | None = None
+    draws: Sequence[Shape],
+    tests: Sequence[Shape],
+    *,
+    groups: Groups | None = None,
+    of: Int[ndarray, " tests"] | None = None,
 ) -> dict[str, float]:
     """Scores the distribution of draws against unseen samples.
 
@@ -51,6 +56,7 @@ def distribution_scores(
         draws: Drapes offered, at least one.
         tests: Unseen samples, at least one.
         groups: Which draws were made for which samples; all for all by default.
+        of: Number of the sample that each of `tests` shows; each another one by default.
 
     Returns:
         Smaller is better, but for `test_dc_cover_*` and `test_fold_p`:
@@ -66,11 +72,12 @@ def distribution_scores(
     dc, folds = STATISTICS.index("drape_coefficient"), STATISTICS.index("folds")
     radii = np.stack([drape.profile.radii for drape in draws])
     targets = np.stack([drape.profile.radii for drape in tests])
+    first = np.arange(len(tests)) if of is None else np.sort(np.unique(of, return_index=True)[1])
     scores = {
-        "test_energy_distance": _distance(drawn, seen, STATISTICS, tests[0].protocol),
-        "test_energy_distance_phase_free": _distance(drawn, seen, PHASE_FREE, tests[0].protocol),
-        "test_energy_distance_locked": _distance(drawn, seen, LOCKED, tests[0].protocol),
-        "test_fold_p": fold_test(drawn[:, folds], seen[:, folds], np.random.default_rng(_SEED)),
+        "test_energy_distance": _distance(drawn, seen, STATISTICS, tests[0].protocol, of),
+        "test_energy_distance_phase_free": _distance(drawn, seen, PHASE_FREE, tests[0].protocol, of),
+        "test_energy_distance_locked": _distance(drawn, seen, LOCKED, tests[0].protocol, of),
+        "test_fold_p": fold_test(drawn[:, folds], seen[first, folds], np.random.default_rng(_SEED)),
     }
     groups = [(np.arange(len(draws)), np.arange(len(tests)))] if groups is None else groups
     parts = [_sample_scores(radii[own], targets[at], drawn[own, dc], seen[at, dc]) for own, at in groups]
@@ -81,8 +88,8 @@ def distribution_scores(
     return {name: scores[name] for name in DISTRIBUTION_METRICS}
 
 
-def _distance(drawn: ndarray, seen: ndarray, names: Sequence[str], protocol: Protocol) -> float:
-    return energy_distance_of_draws(standardised(drawn, names, protocol), standardised(seen, names, protocol))
+def _distance(drawn: ndarray, seen: ndarray, names: Sequence[str], protocol: Protocol, of: ndarray | None) -> float:
+    return energy_distance_of_draws(standardised(drawn, names, protocol), standardised(seen, names, protocol), of)
 
 
 def _sample_scores(radii: ndarray, targets: ndarray, drawn: ndarray, seen: ndarray) -> dict[str, float]:

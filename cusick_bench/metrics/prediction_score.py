@@ -18,7 +18,7 @@ from dataclasses import replace
 from math import nan
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 from scipy.special import gammaln
 
@@ -177,14 +177,14 @@ def _test_scores(
         count = len(prediction.draws) if turned is None else np.count_nonzero(turned)
         return dict.fromkeys(TEST_METRICS, nan) | {"draws": float(count)}
     draws, tests = _draw_shapes(prediction, protocol), [_sample_shape(sample, protocol) for sample in samples]
-    images = np.asarray(prediction.draws)
+    images, of = np.asarray(prediction.draws), _places(samples)
     if prediction.paired:
         if len(draws) != len(tests):
             raise MetricError(f"a paired prediction needs a draw for each of {len(tests)} samples, got {len(draws)}")
         groups = [(np.array([i]), np.array([i])) for i in range(len(tests))]
-        scores = _distances(images, draws, tests, paired=True) | distribution_scores(draws, tests, groups=groups)
+        scores = _distances(images, draws, tests, paired=True) | distribution_scores(draws, tests, groups=groups, of=of)
     elif turned is None:
-        scores = _distances(images, draws, tests) | distribution_scores(draws, tests)
+        scores = _distances(images, draws, tests) | distribution_scores(draws, tests, of=of)
     else:
         other = OTHER_FACE.get(str(train_sample.row["side"]))
         lying = np.array([sample.row["side"] == other for sample in samples])
@@ -194,7 +194,7 @@ def _test_scores(
         scores = {name: np.average([part[name] for part in parts], weights=sizes) for name in parts[0]}
         offered = np.sort(np.concatenate([own for own, _ in faces]))  # without a face that none of the samples shows
         groups = [(np.searchsorted(offered, own), at) for own, at in faces]
-        scores |= distribution_scores([draws[i] for i in offered], tests, groups=groups)
+        scores |= distribution_scores([draws[i] for i in offered], tests, groups=groups, of=of)
     return {name: float(value) for name, value in scores.items()}
 
 
@@ -223,6 +223,13 @@ def _distances(
         "test_dc_error": _mean_difference(draws, tests, lambda shape: shape.drape_coefficient),
         "test_folds_error": _mean_difference(draws, tests, lambda shape: shape.folds),
     }
+
+
+def _places(samples: Sequence[DrapeSample]) -> Int[ndarray, " captures"] | None:
+    """Which captures show one sample; None where samples have no numbers."""
+    if not all("sample" in sample.row for sample in samples):
+        return None
+    return np.unique(np.array([sample.row["sample"] for sample in samples]), return_inverse=True)[1]
 
 
 def _sample_shape(sample: DrapeSample, protocol: Protocol) -> Shape:

@@ -25,7 +25,7 @@ References:
 from math import nan, sqrt
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.spatial.distance import cdist, pdist
 
@@ -55,7 +55,9 @@ def energy_score(draws: Float[ndarray, "draws numbers"], samples: Float[ndarray,
 
 
 def energy_distance_of_draws(
-    draws: Float[ndarray, "draws numbers"], samples: Float[ndarray, "samples numbers"]
+    draws: Float[ndarray, "draws numbers"],
+    samples: Float[ndarray, "captures numbers"],
+    of: Int[ndarray, " captures"] | None = None,
 ) -> float:
     """Unbiased energy distance of two sets, with root-mean-square distances; a single draw counts as a point.
 
@@ -65,6 +67,7 @@ def energy_distance_of_draws(
     Args:
         draws: Vectors of the draws.
         samples: Vectors of the held-out samples.
+        of: The sample of each of these vectors, whose captures repeat each other; each its own by default.
 
     Returns:
         The distance, in the unit of the numbers; NaN for one sample, whose distribution cannot be known.
@@ -73,9 +76,9 @@ def energy_distance_of_draws(
         MetricError: No draws, no samples, vectors of different lengths, or values that are not finite.
     """
     _check(draws, samples)
-    if len(samples) < 2:
+    if len(samples if of is None else set(of.tolist())) < 2:
         return nan
-    pairs = cluster_distances(draws, samples)
+    pairs = cluster_distances(draws, samples, second_clusters=of)
     first = pairs.in_first.astype(np.float64)
     return float(pairs.distance(first, 1 - first, spread_of_one=0.0)) / sqrt(draws.shape[1])
 

@@ -15,7 +15,7 @@ from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled
 from cusick_bench.runner.numerics import LAWS, cell_numerics
-from cusick_bench.runner.samples import training_rows
+from cusick_bench.runner.samples import shows_repeats, training_rows
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
@@ -257,9 +257,10 @@ def plan(
         )
     cells = []
     for split in dataset.split(protocol, cloths) if splits is None else splits:
-        both_faces = bool(training_rows(dataset, split.train)[1])
+        both_faces, repeats = bool(training_rows(dataset, split.train)[1]), shows_repeats(dataset, split.test)
         for text, solver in made.items():
-            numerics = cell_numerics(solver, posed[text].drape, posed[text].causes, both_faces=both_faces)
+            own = posed[text]
+            numerics = cell_numerics(solver, own.drape, own.causes, both_faces=both_faces, repeats=repeats)
             cells += [
                 Cell(
                     solver=text,
@@ -267,7 +268,7 @@ def plan(
                     seed=seed,
                     train=tuple(split.train),
                     test=tuple(split.test),
-                    settings=posed[text],
+                    settings=own,
                     dataset=dataset.name,
                     dataset_hash=dataset.content_hash,
                     protocol=protocol,

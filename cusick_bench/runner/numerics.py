@@ -41,10 +41,17 @@ def drape_numerics(law: str, *, with_contact: bool = False, with_effects: bool =
 
 BOTH_FACES = 1
 """Version of what cells do that train on both faces of a cloth."""
+REPEATS = 1
+"""Version of how held-out samples are scored that were captured several times."""
 
 
 def cell_numerics(
-    solver: Solver, drape: DrapeSettings, causes: tuple[str, ...] = (), *, both_faces: bool = False
+    solver: Solver,
+    drape: DrapeSettings,
+    causes: tuple[str, ...] = (),
+    *,
+    both_faces: bool = False,
+    repeats: bool = False,
 ) -> dict[str, int]:
     """Versions of what decides a cell's numbers.
 
@@ -53,6 +60,7 @@ def cell_numerics(
         drape: How the problem's drapes are simulated.
         causes: What is simulated that the base model leaves out.
         both_faces: Whether samples of both faces train.
+        repeats: Whether a held-out sample was captured several times.
 
     Returns:
         Version of each part, by name.
@@ -70,6 +78,8 @@ def cell_numerics(
         versions["problem"] = problem.NUMERICS_VERSION
     if both_faces:
         versions["both faces"] = BOTH_FACES
+    if repeats:
+        versions["repeats"] = REPEATS
     return dict(sorted(versions.items()))
 
 

@@ -110,6 +110,20 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     return tuple(int(row) for row in own.index), tuple(int(row) for row in other.index)
 
 
+def shows_repeats(dataset: DrapeDataset, rows: Sequence[int]) -> bool:
+    """Whether some captures are of one sample.
+
+    Args:
+        dataset: Data.
+        rows: Rows of its index, of one cloth.
+
+    Returns:
+        True where a sample stands there twice.
+    """
+    samples = dataset.table.loc[list(rows), "sample"]
+    return bool(samples.duplicated().any())
+
+
 @lru_cache(maxsize=1)
 def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Silhouette]]:
     """Pairs of captures of one drape: the floor below which no score of this cloth means anything.

@@ -230,6 +230,17 @@ def test_draws_from_the_samples_own_distribution_pass_every_score():
     assert right == distribution_scores(shapes(60, 2), tests)
 
 
+def test_captures_of_one_sample_are_no_further_samples():
+    draws, tests = shapes(40, 2), shapes(4, 1)
+    alone, thrice = distribution_scores(draws, tests), np.repeat(np.arange(4), 3)
+    again = distribution_scores(draws, [tests[i] for i in thrice], of=thrice)
+    assert again == pytest.approx(alone)
+    one = distribution_scores(draws, tests[:1] * 4, of=np.zeros(4, dtype=int))
+    assert [name for name, value in one.items() if np.isnan(value)] == [
+        "test_energy_distance", "test_energy_distance_phase_free", "test_energy_distance_locked",
+    ]  # fmt: skip
+
+
 def test_phase_is_seen_by_locked_statistics_alone():
     """A cloth whose second harmonic lies along the warp in every sample, drawn at random angles."""
 
