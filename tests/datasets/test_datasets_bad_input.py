@@ -264,6 +264,24 @@ def test_links_and_paths_out_of_the_folder_are_refused(tmp_path):
             inside_root(layout.root, path)
 
 
+@pytest.mark.parametrize("name", ["data", "data/Fabric 7"])
+def test_data_that_are_linked_from_elsewhere_are_not_found(tmp_path, name):
+    outside = write_toy(tmp_path / "outside")
+    link = tmp_path / "lab" / name
+    link.parent.mkdir(parents=True)
+    link.symlink_to(outside / name)
+    with pytest.raises(DataNotFound, match=f"{name}: linked folder is not followed, .*; copy into the folder"):
+        load(tmp_path / "lab")
+    assert audit(tmp_path / "lab").kinds["outside-link"] == 1
+
+
+def test_what_is_left_out_beside_data_is_said(tmp_path, caplog):
+    outside, root = write_toy(tmp_path / "outside"), write_toy(tmp_path / "lab")
+    (root / "data" / "Fabric 8").symlink_to(outside / "data" / "Fabric 7")
+    assert len(load(root)) == 12
+    assert "Fabric 8: linked folder is not followed" in caplog.text
+
+
 def test_errors_travel_between_processes():
     error = BadImage("shows no cloth", where="a.png", remedy="take it again", kind="empty-image")
     copy = pickle.loads(pickle.dumps(error))
