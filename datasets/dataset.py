@@ -200,7 +200,8 @@ class DrapeDataset:
     ) -> list[Split]:
         """Splits each cloth's samples.
 
-        `paper`: one silhouette of one sample trains, one silhouette of every other sample tests. In the paper's
+        `paper`: one silhouette of one sample trains, one silhouette of every other sample tests, of the same face if
+        there is one. In the paper's
         named sets the training sample is the published one, elsewhere the first, or a random one if a generator is
         given. `leave-one-sample-out`: one split per sample; all its silhouettes test, all others train.
 

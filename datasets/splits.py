@@ -52,7 +52,8 @@ def split_rows(
         hint = did_you_mean(unknown[0], present)
         raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"{hint}use one of {', '.join(present)}")
     if protocol == "paper":
-        return [_paper_split(cloth, _samples(table, cloth), generator) for cloth in chosen]
+        sides = table["side"].tolist()
+        return [_paper_split(cloth, _samples(table, cloth), sides, generator) for cloth in chosen]
     return [split for cloth in chosen for split in _leave_one_out(cloth, _samples(table, cloth))]
 
 
@@ -69,12 +70,21 @@ def _samples(table: pd.DataFrame, cloth: str) -> dict[int, tuple[int, ...]]:
     return groups
 
 
-def _paper_split(cloth: str, samples: dict[int, tuple[int, ...]], generator: np.random.Generator | None) -> Split:
+def _paper_split(
+    cloth: str, samples: dict[int, tuple[int, ...]], sides: Sequence[str], generator: np.random.Generator | None
+) -> Split:
+    """Of every sample the first row, in the tests that of the training row's face where the sample has one."""
     numbers = sorted(samples)
     train = numbers[0] if generator is None else int(generator.choice(numbers))
     if cloth in CLOTHS and CLOTHS[cloth].training_sample in samples:
         train = CLOTHS[cloth].training_sample
-    return Split(cloth, samples[train][:1], tuple(samples[number][0] for number in numbers if number != train))
+    side = sides[samples[train][0]]
+    tests = [samples[number] for number in numbers if number != train]
+    return Split(
+        cloth,
+        samples[train][:1],
+        tuple(next((row for row in rows if sides[row] == side), rows[0]) for rows in tests),
+    )
 
 
 def _leave_one_out(cloth: str, samples: dict[int, tuple[int, ...]]) -> list[Split]:

@@ -275,6 +275,21 @@ def test_splits_elsewhere(toy):
         dataset.select(sample=1).split()
 
 
+def test_tests_show_the_training_face_where_they_can(tmp_path):
+    """Sample 2 lacks the first capture, sample 3 the face."""
+    root = write_toy(tmp_path)
+    for sample, capture in ((2, 1), (3, 1), (3, 2)):
+        image_path(root, sample, capture).unlink()
+    dataset = load(root)
+    (split,) = dataset.split()
+    rows = dataset.index.loc[[*split.train, *split.test]]
+    assert list(zip(rows["sample"], rows["capture"], strict=True)) == [(1, 1), (2, 2), (3, 3)]
+    (root / "protocol.json").write_text('{"captures": {"1": "up", "2": "down", "3": "up", "4": "down"}}')
+    dataset = load(root)
+    rows = dataset.index.loc[list(dataset.split()[0].test)]
+    assert list(rows["capture"]) == [3, 3]
+
+
 def test_select(toy):
     part = load(toy).select(sample=[1, 3], side="down")
     assert list(part.index["sample"]) == [1, 1, 3, 3]
