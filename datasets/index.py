@@ -129,7 +129,7 @@ def build_index(
 def assign_meshes(
     layout: Layout, protocol: Protocol, found: Survey, alike: Mapping[str, named.Twin], correct: Collection[str]
 ) -> dict[str, pairing.Assignment]:
-    """Assigns a mesh to every silhouette, corrected as asked.
+    """Assigns a mesh to every silhouette, corrected as asked; meshes that are measured and of no cloth's size to none.
 
     Args:
         layout: Files of the folder.
@@ -142,15 +142,15 @@ def assign_meshes(
         Path of a silhouette -> its mesh.
     """
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
-    assigned = pairing.assign_by_name(captures, layout.meshes)
+    impossible = pairing.impossible_sizes(found.outlines, protocol) if correct else {}
+    meshes = [mesh for mesh in layout.meshes if mesh.path not in impossible]
+    assigned = pairing.assign_by_name(captures, layout.meshes, impossible)
     if "pairing" in correct or "rotation" in correct:
-        matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol)
+        matches = pairing.match_meshes(captures, meshes, found.images, found.outlines, protocol)
         assigned = pairing.correct_assignment(
             assigned, matches, pairing="pairing" in correct, rotation="rotation" in correct
         )
-    return assigned | named.assign_meshes(
-        layout.silhouettes, layout.meshes, alike, found.images, found.outlines, assigned
-    )
+    return assigned | named.assign_meshes(layout.silhouettes, meshes, alike, found.images, found.outlines, assigned)
 
 
 def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str]:

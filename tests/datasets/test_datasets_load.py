@@ -12,6 +12,7 @@ from torch.utils.data import DataLoader, Dataset
 from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
 
 from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.registry import REGISTRY
 
@@ -189,6 +190,18 @@ def test_a_stray_mesh_is_given_once(toy):
     meshes = list(load(toy).index["mesh"][:3])
     assert sorted(bool(mesh) for mesh in meshes) == [False, False, True]
     assert meshes[2] == ""
+
+
+@pytest.mark.parametrize(("unit", "radius"), [(1e3, r"1[12]\d"), (1 / 0.0254, r"4\.\d+")])
+def test_meshes_in_another_unit_are_left_out(toy, unit, radius):
+    for path in toy.rglob("*.obj"):
+        mesh = read_mesh(path)
+        write_mesh(path, unit * mesh.vertices, mesh.faces)
+    index = load(toy).index
+    assert (index["mesh"] == "").all()
+    assert index["notes"].str.contains(rf"^mesh left out: mean radius {radius} m, not in metres; scale it$").all()
+    assert (index["side"] != "").all()
+    assert (load(toy, correct=False).index["mesh"] != "").all()
 
 
 def test_faces_are_unknown_where_meshes_contradict_the_numbers(toy):
