@@ -45,8 +45,8 @@ def split_rows(
     if protocol not in PROTOCOLS:
         raise DataError(f"unknown split {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
     present = list(dict.fromkeys(table["cloth"]))
-    named = [cloth for cloth in present if cloth in CLOTHS]
-    chosen = list(dict.fromkeys(cloths)) if cloths is not None else named if named and protocol == "paper" else present
+    every = paper_cloths(present) if protocol == "paper" else present
+    chosen = every if cloths is None else list(dict.fromkeys(cloths))
     unknown = [cloth for cloth in chosen if cloth not in present]
     if unknown:
         hint = did_you_mean(unknown[0], present)
@@ -55,6 +55,18 @@ def split_rows(
         sides = table["side"].tolist()
         return [_paper_split(cloth, _samples(table, cloth), sides, generator) for cloth in chosen]
     return [split for cloth in chosen for split in _leave_one_out(cloth, _samples(table, cloth))]
+
+
+def paper_cloths(present: Sequence[str]) -> list[str]:
+    """Sets that the paper's split is for: the named ones if there are any, else all.
+
+    Args:
+        present: Names of a data set's sets.
+
+    Returns:
+        The names.
+    """
+    return [cloth for cloth in present if cloth in CLOTHS] or list(present)
 
 
 def _samples(table: pd.DataFrame, cloth: str) -> dict[int, tuple[int, ...]]:
