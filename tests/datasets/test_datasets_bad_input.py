@@ -18,6 +18,7 @@ from cusick_bench.datasets.errors import BadImage, BadMesh, DataNotFound
 from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.layout import inside_root, scan
 from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
 from cusick_bench.datasets.profile import Profile
 
 DRAPE = draw(wavy_profile(7))
@@ -82,6 +83,16 @@ def test_bad_images_are_refused(tmp_path, kind):
     assert caught.value.remedy
 
 
+@pytest.mark.parametrize(("foreground", "kind"), [("dark", "full-image"), ("light", "empty-image")])
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+def test_a_mask_of_0_and_1_is_told_its_levels(tmp_path, foreground, kind, depth):
+    path = tmp_path / "mask.png"
+    Image.fromarray((DRAPE >= 0.5).astype(depth)).save(path)
+    with pytest.raises(BadImage, match="levels reach only 1 of 255; save the mask as 0 and 255") as caught:
+        read_silhouette(path, Protocol(foreground=foreground))
+    assert caught.value.kind == kind
+
+
 @pytest.mark.parametrize("content", [b"", pickle.dumps(Exploit()), b"\x89PNG\r\n\x1a\n", b"GIF89a" + b"\0" * 50])
 def test_hostile_images_are_only_unreadable(tmp_path, monkeypatch, content):
     monkeypatch.chdir(tmp_path)
@@ -90,6 +101,17 @@ def test_hostile_images_are_only_unreadable(tmp_path, monkeypatch, content):
     with pytest.raises(BadImage, match="cannot be decoded"):
         read_silhouette(path)
     assert not (tmp_path / "exploited").exists()
+
+
+def test_the_largest_size_of_a_protocol_is_read(tmp_path):
+    scale = MAXIMUM_SIZE / 256
+    centre = ((MAXIMUM_SIZE - 1) / 2, (MAXIMUM_SIZE - 1) / 2)
+    protocol = Protocol(image_size_px=MAXIMUM_SIZE, px_per_m=723 * scale, centre_px=centre)
+    image = Image.fromarray(np.round(255 * (1 - DRAPE)).astype(np.uint8))
+    image.resize((MAXIMUM_SIZE, MAXIMUM_SIZE), Image.Resampling.NEAREST).save(tmp_path / "large.png")
+    assert read_silhouette(tmp_path / "large.png", protocol).shape == (MAXIMUM_SIZE, MAXIMUM_SIZE)
+    with pytest.raises(ValueError, match=f"from 16 to {MAXIMUM_SIZE}"):
+        Protocol(image_size_px=MAXIMUM_SIZE + 1, px_per_m=723 * scale, centre_px=centre)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])

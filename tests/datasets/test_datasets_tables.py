@@ -139,7 +139,7 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"px_per_m": -1}, "px_per_m must be > 0, got -1"),
         ({"px_per_m": "723"}, "px_per_m must be a finite number"),
         ({"px_per_m": True}, "finite number"),
-        ({"image_size_px": 10**9}, "image_size_px must be one whole number of pixels from 16 to 8192"),
+        ({"image_size_px": 10**9}, "image_size_px must be one whole number of pixels from 16 to 4096"),
         ({"image_size_px": [256, 128]}, "images are square"),
         ({"centre_px": [1]}, r"centre_px must be \[column, row\]"),
         ({"projection": "fisheye"}, "projection must be one of parallel, pinhole"),
