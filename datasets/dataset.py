@@ -294,8 +294,8 @@ class DrapeDataset:
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 over the files in use and over how they are used (corrections, densities, protocol)."""
-        digest = hashlib.sha256(repr(self.protocol).encode())
+        """SHA-256 over the files in use and over how they are used (corrections, densities, protocol but its notes)."""
+        digest = hashlib.sha256(repr(replace(self.protocol, extra={})).encode())
         if self.protocol.projection == "pinhole":
             digest.update(repr(self.protocol.camera_height_m).encode())
         for i in range(len(self)):

@@ -324,6 +324,14 @@ def test_content_hash_tells_other_data(toy):
     assert load(toy).content_hash not in (before, with_density)
 
 
+def test_notes_of_a_protocol_are_not_hashed(toy):
+    before = load(toy).content_hash
+    (toy / "protocol.json").write_text('{"notes": {"humidity": 0.65}, "room": "3 b"}')
+    assert load(toy).content_hash == before
+    (toy / "protocol.json").write_text('{"turn_over": "about x"}')
+    assert load(toy).content_hash != before
+
+
 def test_names(monkeypatch, toy):
     assert set(REGISTRY) >= {"synthetic", "cusick"}
     monkeypatch.delenv("CUSICK_DATA", raising=False)
