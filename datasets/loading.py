@@ -9,7 +9,7 @@ from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files.checksums import verify_checksums
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.files.fabrics import read_fabrics
-from cusick_bench.datasets.files.layout import Layout, scan
+from cusick_bench.datasets.files.layout import NUMBER_ZERO, Layout, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.index import CORRECTIONS, Progress, build_index, survey
@@ -106,9 +106,11 @@ def read_dataset(
 
 
 def _tell_problems(layout: Layout) -> None:
-    """Warns of what could not be looked at; an error where nothing else is there."""
+    """Warns of what could not be looked at; an error where nothing else is there, or where numbers begin at 0."""
     for problem in layout.problems:
         where, remedy = layout.root / problem.path, _REMEDIES.get(problem.kind, "")
+        if problem.kind == NUMBER_ZERO:
+            raise DataError(problem.detail, where=where, remedy="rename the files", kind=problem.kind)
         if not layout.silhouettes:
             what = f"{problem.detail}, and there are no other silhouettes"
             raise DataNotFound(what, where=where, remedy=remedy, kind=problem.kind)

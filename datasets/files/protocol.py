@@ -110,7 +110,10 @@ def _captures(value: Any) -> dict[int, str]:
     sides = {str(number): str(side).strip().lower() for number, side in value.items()}
     if not all(number.isdecimal() and side in ("up", "down", "") for number, side in sides.items()):
         raise ValueError(rule)
-    return {int(number): side for number, side in sides.items()}
+    captures = {int(number): side for number, side in sides.items()}
+    if 0 in captures:
+        raise ValueError(f"{rule}, and numbers begin at 1")
+    return captures
 
 
 def _words(value: Any) -> str:

@@ -304,6 +304,45 @@ def test_what_is_left_out_beside_data_is_said(tmp_path, caplog):
     assert "Fabric 8: linked folder is not followed" in caplog.text
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "data/Fabric 7/silhouettes/Fabric_7_Sample_0_Capture_1.png",
+        "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_0.png",
+        "data/Fabric 7/meshes/Fabric_7_Sample_1_Capture_00.obj",
+        "data/Fabric 0/silhouettes/Fabric_0_Sample_1_Capture_1.png",
+        "data/Fabric 7 Observations/Sample_0/silhouettes/Obs_1.png",
+        "data/Fabric 7 Observations/Sample_1/silhouettes/Obs_0.png",
+    ],
+)
+def test_numbers_begin_at_1(tmp_path, name):
+    root = write_toy(tmp_path / "Sample 0 of test")
+    path = root / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes((root / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png").read_bytes())
+    with pytest.raises(DataError, match=f"{name}: a number is 0, and numbers begin at 1; rename the files") as caught:
+        load(root)
+    assert caught.value.kind == "number-zero"
+    assert audit(root).kinds["number-zero"] == 1
+    path.unlink()
+    assert len(load(root)) == 12
+
+
+@pytest.mark.parametrize("name", ["Fabric 0/silhouettes", "Fabric 0"])
+def test_numbers_of_a_root_begin_at_1(tmp_path, name):
+    write_image(tmp_path / "Fabric 0" / "silhouettes" / "Sample_1_Capture_1.png", DRAPE)
+    with pytest.raises(DataError, match="numbers begin at 1"):
+        load(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["plots/sample_0.png", "data/Fabric 7/silhouettes/Fabric_7_Sample_010_Capture_01.png"])
+def test_zeros_elsewhere_are_no_numbers(tmp_path, name):
+    root = write_toy(tmp_path)
+    (root / name).parent.mkdir(exist_ok=True)
+    write_image(root / name, DRAPE)
+    assert len(load(root)) == 12 + name.startswith("data")
+
+
 def test_errors_travel_between_processes():
     error = BadImage("shows no cloth", where="a.png", remedy="take it again", kind="empty-image")
     copy = pickle.loads(pickle.dumps(error))
