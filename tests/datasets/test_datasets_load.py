@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from torch.utils.data import DataLoader, Dataset
 from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
 
@@ -130,6 +131,19 @@ def test_variants_of_the_layout(toy, change):
     assert dataset.cloths == ["fabric_7"]
     assert (dataset.index["mesh"] != "").all() == (change != "no-meshes")
     assert (dataset.sample(0).mesh is None) == (change == "no-meshes")
+
+
+def test_a_drape_that_is_stored_in_two_formats_counts_once(toy):
+    path = image_path(toy, 1, 1)
+    Image.open(path).save(path.with_suffix(".bmp"))
+    index = load(toy).index
+    assert len(index) == 12
+    assert index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.bmp")
+    assert index.loc[0, "notes"] == f"also stored as {path.relative_to(toy)}; left out"
+    assert index.loc[0, "mesh"] != ""
+    assert (index["notes"][1:] == "").all()
+    path.with_suffix(".bmp").write_bytes(b"junk")
+    assert load(toy).index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.png")
 
 
 def test_observations_are_a_series_of_their_own(tmp_path):
