@@ -200,7 +200,8 @@ class DrapeDataset:
     ) -> list[Split]:
         """Splits each cloth's samples.
 
-        `paper`: one silhouette of one sample trains, one silhouette of every other sample tests. In the paper's
+        `paper`: one silhouette of one sample trains, one silhouette of every other sample tests, of the same face if
+        there is one. In the paper's
         named sets the training sample is the published one, elsewhere the first, or a random one if a generator is
         given. `leave-one-sample-out`: one split per sample; all its silhouettes test, all others train.
 
@@ -293,8 +294,8 @@ class DrapeDataset:
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 over the files in use and over how they are used (corrections, densities, protocol)."""
-        digest = hashlib.sha256(repr(self.protocol).encode())
+        """SHA-256 over the files in use and over how they are used (corrections, densities, protocol but its notes)."""
+        digest = hashlib.sha256(repr(replace(self.protocol, extra={})).encode())
         if self.protocol.projection == "pinhole":
             digest.update(repr(self.protocol.camera_height_m).encode())
         for i in range(len(self)):

@@ -2,8 +2,8 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import pandas as pd
 
@@ -91,7 +91,7 @@ def build_index(
     found: Survey,
     correct: Collection[str],
 ) -> pd.DataFrame:
-    """One row per silhouette.
+    """One row per silhouette; of one that is stored in several formats the first usable one is taken.
 
     Args:
         name: Name of the data set.
@@ -104,6 +104,9 @@ def build_index(
     Returns:
         Columns as in `DrapeDataset.index`.
     """
+    copies = _stored_again(layout.silhouettes, found)
+    left_out = {path for others in copies.values() for path in others}
+    layout = replace(layout, silhouettes=tuple(entry for entry in layout.silhouettes if entry.path not in left_out))
     alike = named.twins(layout.silhouettes, found.hashes, found.images)
     assigned = assign_meshes(layout, protocol, found, alike, correct)
     origin = named.sources(layout.silhouettes, found.hashes)
@@ -118,7 +121,8 @@ def build_index(
         values = fabric_values(entry.cloth, source, fabrics, recognised)
         measured = found.silhouettes.get(entry.path)
         shift = measured.plate.shift if measured and "centre" in correct else (0.0, 0.0)
-        notes = [*mesh.notes, *side_note, *_image_notes(entry, found, correct)]
+        copy_notes = [f"also stored as {path}; left out" for path in copies.get(entry.path, ())]
+        notes = [*mesh.notes, *side_note, *_image_notes(entry, found, correct), *copy_notes]
         files = (entry.path, _identical(alike.get(entry.path)), mesh.mesh, mesh.rotation)
         known = (values.areal_density, values.thickness, "; ".join(notes))
         capture = (entry.sample, entry.capture or 1, side, entry.observation)
@@ -126,10 +130,19 @@ def build_index(
     return pd.DataFrame(rows, columns=pd.Index(COLUMNS))
 
 
+def _stored_again(silhouettes: Sequence[Entry], found: Survey) -> dict[str, list[str]]:
+    """Images that differ from an earlier, usable one by the suffix alone, by the path of that one."""
+    groups: dict[str, list[str]] = defaultdict(list)
+    for entry in silhouettes:
+        groups[entry.path.rpartition(".")[0]].append(entry.path)
+    sorted_groups = (sorted(paths, key=lambda path: path in found.faults) for paths in groups.values())
+    return {first: others for first, *others in sorted_groups if others}
+
+
 def assign_meshes(
     layout: Layout, protocol: Protocol, found: Survey, alike: Mapping[str, named.Twin], correct: Collection[str]
 ) -> dict[str, pairing.Assignment]:
-    """Assigns a mesh to every silhouette, corrected as asked.
+    """Assigns a mesh to every silhouette, corrected as asked; meshes that are measured and of no cloth's size to none.
 
     Args:
         layout: Files of the folder.
@@ -142,15 +155,15 @@ def assign_meshes(
         Path of a silhouette -> its mesh.
     """
     captures = [entry for entry in layout.silhouettes if not entry.is_named]
-    assigned = pairing.assign_by_name(captures, layout.meshes)
+    impossible = pairing.impossible_sizes(found.outlines, protocol) if correct else {}
+    meshes = [mesh for mesh in layout.meshes if mesh.path not in impossible]
+    assigned = pairing.assign_by_name(captures, layout.meshes, impossible)
     if "pairing" in correct or "rotation" in correct:
-        matches = pairing.match_meshes(captures, layout.meshes, found.images, found.outlines, protocol)
+        matches = pairing.match_meshes(captures, meshes, found.images, found.outlines, protocol)
         assigned = pairing.correct_assignment(
             assigned, matches, pairing="pairing" in correct, rotation="rotation" in correct
         )
-    return assigned | named.assign_meshes(
-        layout.silhouettes, layout.meshes, alike, found.images, found.outlines, assigned
-    )
+    return assigned | named.assign_meshes(layout.silhouettes, meshes, alike, found.images, found.outlines, assigned)
 
 
 def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str]:

@@ -11,6 +11,7 @@ KINDS = {
     "fabric-misnamed": "a file is named after another fabric than its folder",
     "sample-misnamed": "a file is named after another sample than its folder",
     "no-capture-number": "file names hold no capture number; captures are taken as 1",
+    "number-zero": "a fabric, sample, capture or observation has the number 0; numbers begin at 1",
     "duplicate-name": "several files claim the same fabric, sample and capture",
     "unused-file": "files that are no part of the layout",
     "outside-link": "a link that leads out of the folder; not followed",

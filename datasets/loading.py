@@ -5,17 +5,19 @@ from collections.abc import Collection
 from pathlib import Path
 
 from cusick_bench.datasets.dataset import DrapeDataset
-from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files.checksums import verify_checksums
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.files.fabrics import read_fabrics
-from cusick_bench.datasets.files.layout import scan
+from cusick_bench.datasets.files.layout import NUMBER_ZERO, Layout, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.index import CORRECTIONS, Progress, build_index, survey
 from cusick_bench.datasets.registry import REGISTRY, folder_of
 
 _log = logging.getLogger(__name__)
+
+_REMEDIES = {"outside-link": "copy into the folder what it leads to", "no-permission": "change its mode"}
 
 DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
 
@@ -74,11 +76,13 @@ def read_dataset(
         The data set.
 
     Raises:
-        DataError: Nothing to load, a malformed table, a shipped file that was changed, or with `strict` a bad file.
+        DataError: Nothing to load, or nothing that may be looked at, a malformed table, a shipped file that was
+            changed, or with `strict` a bad file.
     """
     root = folder_of(name_or_path)
     wanted = _corrections(correct)
     layout = scan(root)
+    _tell_problems(layout)
     if str(name_or_path) == "synthetic":
         verify_checksums(layout.root)
     table = Path(fabrics_csv) if fabrics_csv else layout.beside(FABRICS_FILE)
@@ -99,6 +103,18 @@ def read_dataset(
         protocol, table or "published ones", ", ".join(applied) or "nothing",
     )  # fmt: skip
     return dataset
+
+
+def _tell_problems(layout: Layout) -> None:
+    """Warns of what could not be looked at; an error where nothing else is there, or where numbers begin at 0."""
+    for problem in layout.problems:
+        where, remedy = layout.root / problem.path, _REMEDIES.get(problem.kind, "")
+        if problem.kind == NUMBER_ZERO:
+            raise DataError(problem.detail, where=where, remedy="rename the files", kind=problem.kind)
+        if not layout.silhouettes:
+            what = f"{problem.detail}, and there are no other silhouettes"
+            raise DataNotFound(what, where=where, remedy=remedy, kind=problem.kind)
+        _log.warning("%s: %s; %s", where, problem.detail, remedy)
 
 
 def _corrections(correct: Collection[str] | bool) -> tuple[str, ...]:

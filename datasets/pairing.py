@@ -19,6 +19,7 @@ from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.profile import Profile
 
 FIT_LIMIT = 0.0042  # [m] of a 30 cm cloth, 3 px of the release: right pairs differ by 0.3 to 2.6 px, wrong ones by 3.5
+_SIZES = (0.5, 2.0)  # a drape's mean radius lies between half the plate's and twice the cloth's
 _TIE = 0.25  # [px]: below it the silhouette of the same name counts as the best
 _ROTATION_GAIN = 0.75  # a turn must bring the difference below this share of what it was
 
@@ -150,21 +151,41 @@ class Assignment:
     notes: tuple[str, ...] = ()
 
 
-def assign_by_name(silhouettes: Sequence[Entry], meshes: Sequence[Entry]) -> dict[str, Assignment]:
+def impossible_sizes(outlines: Mapping[str, Profile], protocol: Protocol) -> dict[str, float]:
+    """Finds meshes that are of no cloth's size: those in millimetres, centimetres or inches.
+
+    Args:
+        outlines: Profiles of meshes by path.
+        protocol: Gives radii of plate and cloth.
+
+    Returns:
+        Path of such a mesh -> its mean radius [m].
+    """
+    radii = {path: float(outline.radii.mean()) for path, outline in outlines.items()}
+    least, most = _SIZES[0] * protocol.plate_radius_m, _SIZES[1] * protocol.cloth_radius_m
+    return {path: radius for path, radius in radii.items() if not least < radius < most}
+
+
+def assign_by_name(
+    silhouettes: Sequence[Entry], meshes: Sequence[Entry], impossible: Mapping[str, float] | None = None
+) -> dict[str, Assignment]:
     """Assigns to each silhouette the mesh of the same name.
 
     Args:
         silhouettes: Silhouette files.
         meshes: Mesh files.
+        impossible: Result of `impossible_sizes`: meshes that are left out, which is noted.
 
     Returns:
         Path of a silhouette -> its mesh.
     """
-    named = {mesh.key: mesh for mesh in reversed(meshes)}
-    return {
-        entry.path: Assignment(named[entry.key].path) if entry.key in named else Assignment(notes=("no mesh",))
-        for entry in silhouettes
-    }
+    impossible = impossible or {}
+    named = {mesh.key: Assignment(mesh.path) for mesh in reversed(meshes) if mesh.path not in impossible}
+    for mesh in meshes:
+        if mesh.path in impossible:
+            note = f"mesh left out: mean radius {impossible[mesh.path]:.3g} m, not in metres; scale it"
+            named.setdefault(mesh.key, Assignment(notes=(note,)))
+    return {entry.path: named.get(entry.key, Assignment(notes=("no mesh",))) for entry in silhouettes}
 
 
 def correct_assignment(

@@ -45,15 +45,28 @@ def split_rows(
     if protocol not in PROTOCOLS:
         raise DataError(f"unknown split {protocol!r}", remedy=f"use one of {', '.join(PROTOCOLS)}")
     present = list(dict.fromkeys(table["cloth"]))
-    named = [cloth for cloth in present if cloth in CLOTHS]
-    chosen = list(dict.fromkeys(cloths)) if cloths is not None else named if named and protocol == "paper" else present
+    every = paper_cloths(present) if protocol == "paper" else present
+    chosen = every if cloths is None else list(dict.fromkeys(cloths))
     unknown = [cloth for cloth in chosen if cloth not in present]
     if unknown:
         hint = did_you_mean(unknown[0], present)
         raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"{hint}use one of {', '.join(present)}")
     if protocol == "paper":
-        return [_paper_split(cloth, _samples(table, cloth), generator) for cloth in chosen]
+        sides = table["side"].tolist()
+        return [_paper_split(cloth, _samples(table, cloth), sides, generator) for cloth in chosen]
     return [split for cloth in chosen for split in _leave_one_out(cloth, _samples(table, cloth))]
+
+
+def paper_cloths(present: Sequence[str]) -> list[str]:
+    """Sets that the paper's split is for: the named ones if there are any, else all.
+
+    Args:
+        present: Names of a data set's sets.
+
+    Returns:
+        The names.
+    """
+    return [cloth for cloth in present if cloth in CLOTHS] or list(present)
 
 
 def _samples(table: pd.DataFrame, cloth: str) -> dict[int, tuple[int, ...]]:
@@ -69,12 +82,21 @@ def _samples(table: pd.DataFrame, cloth: str) -> dict[int, tuple[int, ...]]:
     return groups
 
 
-def _paper_split(cloth: str, samples: dict[int, tuple[int, ...]], generator: np.random.Generator | None) -> Split:
+def _paper_split(
+    cloth: str, samples: dict[int, tuple[int, ...]], sides: Sequence[str], generator: np.random.Generator | None
+) -> Split:
+    """Of every sample the first row, in the tests that of the training row's face where the sample has one."""
     numbers = sorted(samples)
     train = numbers[0] if generator is None else int(generator.choice(numbers))
     if cloth in CLOTHS and CLOTHS[cloth].training_sample in samples:
         train = CLOTHS[cloth].training_sample
-    return Split(cloth, samples[train][:1], tuple(samples[number][0] for number in numbers if number != train))
+    side = sides[samples[train][0]]
+    tests = [samples[number] for number in numbers if number != train]
+    return Split(
+        cloth,
+        samples[train][:1],
+        tuple(next((row for row in rows if sides[row] == side), rows[0]) for rows in tests),
+    )
 
 
 def _leave_one_out(cloth: str, samples: dict[int, tuple[int, ...]]) -> list[Split]:

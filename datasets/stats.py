@@ -296,10 +296,9 @@ def _mse_between(means: dict[str, tuple[ndarray, float]], cloth: str, others: Se
 def _mse_of_pairs(dataset: DrapeDataset, pairs: Sequence[tuple[int, int]]) -> float:
     values = []
     for first, second in pairs:
-        try:
-            values.append(float(((dataset.image(first) - dataset.image(second)) ** 2).mean()))
-        except BadImage:
-            continue
+        one, other = _usable(dataset, first), _usable(dataset, second)
+        if one is not None and other is not None:
+            values.append(float(((one - other) ** 2).mean()))
     return float(np.mean(values)) if values else nan
 
 

@@ -11,6 +11,7 @@ to write it, only pyarrow.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from PIL import Image
 
 from cusick_bench import __version__
 from cusick_bench.datasets import REGISTRY, DrapeDataset
+from cusick_bench.datasets.splits import paper_cloths
 from cusick_bench.export.errors import ExportError
 from cusick_bench.export.written import fill, require_new
 from cusick_bench.files.table_file import require_pyarrow
@@ -90,8 +92,10 @@ def _table(dataset: DrapeDataset) -> pyarrow.Table:
 
 
 def _paper_split(dataset: DrapeDataset) -> list[str]:
+    """Part of each row; none where a cloth has a single sample, which cannot be split."""
     words = [""] * len(dataset)
-    for split in dataset.split("paper"):
+    samples = Counter(cloth for cloth, _ in set(zip(dataset.table["cloth"], dataset.table["sample"], strict=True)))
+    for split in dataset.split("paper", [cloth for cloth in paper_cloths(dataset.cloths) if samples[cloth] > 1]):
         for row in split.train:
             words[row] = "train"
         for row in split.test:

@@ -9,6 +9,7 @@ from cusick_bench.files.formula import unguarded_cell
 from cusick_bench.files.regular_file import read_text
 
 _MOST_BYTES = 64 << 20
+_OTHER_MARKS = {";": "semicolons", "\t": "tabs"}  # that spreadsheets write between cells
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,8 @@ def read_csv(
         The table.
 
     Raises:
-        BadFile: See `read_text`; or it is no CSV, lacks a column or has one twice, or a line has too many cells.
+        BadFile: See `read_text`; or it is no CSV, has other marks than commas between cells, lacks a column or has one
+            twice, or a line has too many cells.
     """
     lines = read_text(path, most_bytes=most_bytes, remedy=remedy).splitlines()
     if comment is not None:
@@ -58,6 +60,8 @@ def read_csv(
     except csv.Error as error:
         raise BadFile(f"{path}, line {reader.line_num}", f"cannot be read as CSV ({error})", remedy) from error
     header = tuple(rows[0][1]) if rows else ()
+    if len(header) == 1 and (other := next((mark for mark in _OTHER_MARKS if mark in header[0]), "")):
+        raise BadFile(path, f"must have commas between cells, got {_OTHER_MARKS[other]}", "write it with commas")
     if not set(required) <= set(header):
         what = f"needs the columns {' and '.join(required)}, got {_shown(header)}"
         raise BadFile(path, what, "name them in the first line")

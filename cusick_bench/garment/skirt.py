@@ -35,8 +35,7 @@ class SkirtSize:
         hem: Radius of the hem of the A-line cone [m]; the circular skirt's is waist + length.
 
     Raises:
-        GarmentError: A measure that is not positive and finite, or a hem that is not wider than the waist, or so wide
-            that the cone is flatter than a disc.
+        GarmentError: A measure that is not positive and finite.
     """
 
     waist: float = 0.11
@@ -48,11 +47,6 @@ class SkirtSize:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise GarmentError(f"{name} must be > 0 m and finite, got {value}")
-        if not self.waist < self.hem < self.waist + self.length:
-            raise GarmentError(
-                f"the hem of an A-line skirt must be wider than its waist and narrower than waist + length, got waist "
-                f"{self.waist} m, hem {self.hem} m, length {self.length} m; give radii, not girths"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +132,14 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
         The skirt.
 
     Raises:
-        GarmentError: Too few vertices.
+        GarmentError: Too few vertices, or a hem that is not wider than the waist, or so wide that the cone is flatter
+            than a disc.
     """
+    if not size.waist < size.hem < size.waist + size.length:
+        raise GarmentError(
+            f"the hem of an A-line skirt must be wider than its waist and narrower than waist + length, got waist "
+            f"{size.waist} m, hem {size.hem} m, length {size.length} m; give radii, not girths"
+        )
     opening = np.pi * (size.hem - size.waist) / size.length
     apex = size.waist * size.length / (size.hem - size.waist)  # slant from the cone's tip to the waist
     sector = Sector(apex, apex + size.length, opening)

@@ -9,9 +9,7 @@ from cusick_bench.datasets.files.measure import content_hash
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.index import Survey
 from cusick_bench.datasets.irregularity import Irregularity
-from cusick_bench.datasets.pairing import MeshMatch
-
-_SIZES = (0.5, 2.0)  # a drape's mean radius lies between half the plate's and twice the cloth's
+from cusick_bench.datasets.pairing import MeshMatch, impossible_sizes
 
 
 def check_meshes(
@@ -62,9 +60,8 @@ def _shapes(found: Survey, protocol: Protocol) -> Iterator[Irregularity]:
         if (mesh.vertices, mesh.faces) != usual:
             detail = f"{mesh.vertices} vertices, {mesh.faces} faces; most have {usual[0]}, {usual[1]}"
             yield Irregularity(path, "mesh-topology", detail)
-        radius = float(mesh.profile.radii.mean())
-        if not _SIZES[0] * protocol.plate_radius_m < radius < _SIZES[1] * protocol.cloth_radius_m:
-            yield Irregularity(path, "mesh-units", f"mean radius is {radius:g}, in metres? scale the mesh")
+    for path, radius in impossible_sizes(found.outlines, protocol).items():
+        yield Irregularity(path, "mesh-units", f"mean radius is {radius:g}, in metres? scale the mesh")
 
 
 def _fit(match: MeshMatch) -> Iterator[Irregularity]:

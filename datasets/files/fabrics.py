@@ -15,6 +15,7 @@ _REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
 _THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; beyond them the value is in another unit
 _DENSITIES = (LIGHTEST_CLOTH, HEAVIEST_CLOTH)
+_NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,9})(_observations)?")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
@@ -36,7 +37,7 @@ class Fabric:
 
 
 def fabric_key(name: str) -> str:
-    """One spelling for a fabric: `2`, `Fabric 2` and `fabric_2` are all `fabric_2`; other names in lower case.
+    """One spelling for a fabric: `2`, `Fabric 2` and `fabric_02` are all `fabric_2`; other names in lower case.
 
     Args:
         name: Name of a fabric as somebody wrote it.
@@ -45,7 +46,8 @@ def fabric_key(name: str) -> str:
         The key under which tables hold it.
     """
     key = name.strip().lower().replace("-", "_").replace(" ", "_")
-    return f"fabric_{int(key)}" if key.isdecimal() else key
+    numbered = _NUMBERED.fullmatch(key)
+    return f"fabric_{int(numbered[1])}{numbered[2] or ''}" if numbered else key
 
 
 def read_fabrics(path: Path) -> dict[str, Fabric]:

@@ -18,7 +18,7 @@ from numpy import ndarray
 from PIL import Image
 
 from cusick_bench.datasets.errors import BadImage
-from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
 from cusick_bench.sim.constants import IMAGE_SIZE
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
@@ -26,9 +26,10 @@ _FORMATS = ("JPEG", "PNG", "BMP", "TIFF")
 _MODES = ("1", "L", "P", "LA", "RGB", "RGBA", "CMYK", "I", "I;16", "I;16B", "F", "YCbCr")
 _TRANSPARENT = {("PNG", "LA"), ("PNG", "P"), ("PNG", "RGB"), ("PNG", "RGBA")}  # elsewhere OpenCV loses transparency
 _MAXIMUM_BYTES = 32 << 20
-_MAXIMUM_PIXELS = 16 << 20  # checked before decoding
+_MAXIMUM_PIXELS = MAXIMUM_SIZE**2  # checked before decoding
 _SECOND_BLOB = 0.005  # a second object above this share of the cloth's area makes the image ambiguous
 _COLOUR_STEP = 24  # grey levels by which channels may differ (JPEG colour rounding)
+_FAINT = 25.5  # levels: a tenth of full scale
 _OUTLINE = 4.0  # [px of a 256 px image] of grey on either side of an outline are no fault
 _PLATE_TOLERANCE = 0.95  # share of the plate's radius that a silhouette must hold
 
@@ -62,7 +63,7 @@ def inspect(path: Path, protocol: Protocol) -> tuple[Float[ndarray, "size size"]
     """
     levels = _decode(path, protocol.image_size_px)
     image = coverage(levels, protocol.foreground)
-    _check(image, path)
+    _check(image, levels, path)
     return image, levels.ndim == 3 and int(np.ptp(levels.astype(int), axis=2).max()) > _COLOUR_STEP
 
 
@@ -162,13 +163,13 @@ def _levels(decoded: ndarray) -> ndarray:
     return levels[..., 0] if same else levels[..., ::-1]  # OpenCV's order is blue, green, red
 
 
-def _check(image: ndarray, path: Path) -> None:
+def _check(image: ndarray, levels: ndarray, path: Path) -> None:
     cloth = image >= 0.5
     corners = cloth[[0, 0, -1, -1], [0, -1, 0, -1]]
     if not cloth.any():
-        raise _bad(path, "empty-image", "shows no cloth, all is background", "take the image again or remove it")
+        raise _uniform(path, "empty-image", "shows no cloth, all is background", levels)
     if cloth.all():
-        raise _bad(path, "full-image", "shows no background, all is cloth", "take the image again or remove it")
+        raise _uniform(path, "full-image", "shows no background, all is cloth", levels)
     if corners.all():
         raise _bad(
             path, "inverted-image", "all four corners are cloth", 'set "foreground" in protocol.json, or invert it'
@@ -181,6 +182,14 @@ def _check(image: ndarray, path: Path) -> None:
             f"must show one cloth, found {len(areas)} separate objects of {areas[0]} and {areas[1]} pixels",
             "erase what is not the cloth",
         )
+
+
+def _uniform(path: Path, kind: str, what: str, levels: ndarray) -> BadImage:
+    """An image of one kind all over; a mask of 0 and 1 is one, and is told so."""
+    most = float(levels.max())
+    if float(levels.min()) < most < _FAINT:
+        return _bad(path, kind, f"{what}: levels reach only {most:.0f} of 255", "save the mask as 0 and 255")
+    return _bad(path, kind, what, "take the image again or remove it")
 
 
 def _areas(mask: Bool[ndarray, "height width"]) -> list[int]:

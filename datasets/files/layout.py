@@ -32,6 +32,8 @@ _CAPTURE = re.compile(r"capture[ _-]*(\d{1,6})", re.I)
 _OBSERVATION = re.compile(r"obs(?:ervation)?[ _-]*(\d{1,6})", re.I)
 _FACE = re.compile(r"(up|down)ward", re.I)
 _DRAPE = re.compile(r"drape[ _-]*(\d{1,6})", re.I)
+_ZERO = re.compile(r"((?:fabric|sample|capture|obs(?:ervation)?)[ _-]*)0+(?!\d)", re.I)
+NUMBER_ZERO = "number-zero"
 
 
 @dataclass(frozen=True)
@@ -174,8 +176,12 @@ def scan(root: str | Path) -> Layout:
     silhouettes, meshes, unused = [], [], []
     for path in _files(folder, problems):
         name = path.name.lower()
-        entry = _parse(folder, path) if name.endswith(image.SUFFIXES + obj.SUFFIXES) else None
-        if entry is None:
+        known = name.endswith(image.SUFFIXES + obj.SUFFIXES)
+        entry = _parse(folder, path) if known else None
+        if known and _has_zero(folder, path, entry):
+            where = path.relative_to(folder).as_posix()
+            problems.append(Irregularity(where, NUMBER_ZERO, "a number is 0, and numbers begin at 1"))
+        elif entry is None:
             if not _SIDE_FILES.fullmatch(path.name):
                 unused.append(path.relative_to(folder).as_posix())
         elif name.endswith(image.SUFFIXES):
@@ -262,6 +268,19 @@ def _parse(root: Path, path: Path) -> Entry | None:
         number["fabric"],
         number["sample"],
     )
+
+
+def _has_zero(root: Path, path: Path, entry: Entry | None) -> bool:
+    """Whether a file would be another entry, or one at all, if numbers of 0 in its name and folders were 1."""
+    other_root = root.parent.parent / _one(root.parent.name) / _one(root.name)
+    other = _parse(other_root, other_root / _one(path.relative_to(root).as_posix()))
+    if other is None or entry is None:
+        return other is not entry
+    return (other.fabric, *other.key[1:]) != (entry.fabric, *entry.key[1:])
+
+
+def _one(name: str) -> str:
+    return _ZERO.sub(r"\g<1>1", name)
 
 
 _HOMES = (_IMAGE_FOLDER, _MESH_FOLDER, _FABRIC_FOLDER, _SAMPLE_FOLDER)  # folders that may hold the files

@@ -34,7 +34,7 @@ GRAVITIES = (1.0, 30.0)  # [m/s2], from the Moon's to beyond Jupiter's
 CAMERA_HEIGHTS = (0.2, 20.0)  # [m] of the eye above the plate
 PLATE_SHARE = 0.1  # the plate's diameter is at least this share of the image's width
 CLOTH_BEYOND = 0.1  # a flat cloth may reach this share of its radius beyond the image: drapes hang lower than flat
-_MAXIMUM_SIZE = 8192  # [px]
+MAXIMUM_SIZE = 4096  # [px]
 _PROJECTIONS = {"parallel": ("parallel", "orthographic", "orthogonal"), "pinhole": ("pinhole", "perspective")}
 _DIRECTIONS = {"up": ("up",), "down": ("down",)}
 _FOREGROUNDS = {
@@ -92,8 +92,8 @@ def _choice(spellings: dict[str, tuple[str, ...]]) -> BeforeValidator:
 def _size(value: Any) -> int:
     sizes = value if isinstance(value, list) and len(value) == 2 else [value, value]
     numbers = [_number(size) for size in sizes]
-    if numbers[0] != numbers[1] or numbers[0] != int(numbers[0]) or not 16 <= numbers[0] <= _MAXIMUM_SIZE:
-        raise ValueError(f"must be one whole number of pixels from 16 to {_MAXIMUM_SIZE} (images are square)")
+    if numbers[0] != numbers[1] or numbers[0] != int(numbers[0]) or not 16 <= numbers[0] <= MAXIMUM_SIZE:
+        raise ValueError(f"must be one whole number of pixels from 16 to {MAXIMUM_SIZE} (images are square)")
     return int(numbers[0])
 
 
@@ -110,7 +110,10 @@ def _captures(value: Any) -> dict[int, str]:
     sides = {str(number): str(side).strip().lower() for number, side in value.items()}
     if not all(number.isdecimal() and side in ("up", "down", "") for number, side in sides.items()):
         raise ValueError(rule)
-    return {int(number): side for number, side in sides.items()}
+    captures = {int(number): side for number, side in sides.items()}
+    if 0 in captures:
+        raise ValueError(f"{rule}, and numbers begin at 1")
+    return captures
 
 
 def _words(value: Any) -> str:

@@ -7,6 +7,7 @@ References:
 from pathlib import Path
 from typing import Any
 
+NAME = "cusick-bench-synthetic"
 _FABRICS = "fabrics.csv"
 _COLUMNS = {
     "fabric": ("Number of the fabric.", "sc:Integer"),
@@ -72,7 +73,7 @@ def croissant(files: dict[str, str]) -> dict[str, Any]:
     return {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
-        "name": "cusick-bench-synthetic",
+        "name": NAME,
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "description": "Simulated Cusick drapes of five cloths of known stiffness: 12 samples x 2 faces x 2 captures.",
         "license": "https://spdx.org/licenses/Apache-2.0",

@@ -14,14 +14,16 @@ from PIL import Image
 
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.files.checksums import CHECKSUMS
+from cusick_bench.datasets.files.object_file import read_object
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe
-from cusick_bench.datasets.synthetic_set.croissant import croissant
+from cusick_bench.datasets.synthetic_set.croissant import NAME, croissant
 from cusick_bench.sim.cloth.obj import write_obj
 from cusick_bench.sim.render.silhouette import render
 
 _TRUTH = "truth.json"
+_DESCRIPTION = "croissant.json"  # written first and last: it marks a folder as this writer's, a part of the set too
 _DECIMALS = 5  # meshes are written to 0.01 mm: far above rounding noise, far below what matters
 
 
@@ -64,6 +66,20 @@ def _protocol() -> dict[str, Any]:
     return replace(RELEASE, captures=dict(recipe.CAPTURES), turn_over=turned, order=order).document()
 
 
+def _may_be_written(folder: Path) -> bool:
+    """Whether a folder is new, empty, or marked as written here."""
+    if not folder.exists():
+        return True
+    if not folder.is_dir():
+        return False
+    if not any(folder.iterdir()):
+        return True
+    try:
+        return read_object(folder / _DESCRIPTION, "invalid-data").get("name") == NAME
+    except DataError:
+        return False
+
+
 def checksums(folder: Path) -> dict[str, str]:
     """SHA-256 of every file below a folder; the checksum list itself is left out.
 
@@ -83,7 +99,7 @@ def write_synthetic(
     """Simulates the set and writes it.
 
     Args:
-        folder: Folder to write to; the parts that are written replace older ones.
+        folder: Folder to write to: new, empty, or with this set or a part of it, which is replaced.
         samples: Samples per cloth; fewer than 12 make a part of the set, e.g. for a check.
         step: Called with each capture's name when it is written.
 
@@ -91,14 +107,16 @@ def write_synthetic(
         SHA-256 of every file, as written to `sha256.json`.
 
     Raises:
-        DataError: The folder holds other data than this set.
+        DataError: The folder holds other files than those of this set.
     """
     cloths = recipe.cloths()
-    if (folder / "data").exists() and not (folder / _TRUTH).exists():
+    if not _may_be_written(folder):
         raise DataError(
-            "holds other data, which would be written over", where=folder, remedy="give another folder with --out"
+            "holds other files, which would be written over", where=folder, remedy="give a new folder with --out"
         )
     folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / _DESCRIPTION).exists():
+        (folder / _DESCRIPTION).write_text(json.dumps(croissant({}), indent=1) + "\n")
     (folder / _TRUTH).write_text(json.dumps(_truth(cloths), indent=1) + "\n")
     for cloth in cloths:
         fabric = folder / "data" / f"Fabric {cloth.number}"
@@ -111,8 +129,8 @@ def write_synthetic(
     rows = [f"{cloth.number},{float(cloth.material.density):g},{cloth.thickness:g}" for cloth in cloths]
     (folder / "fabrics.csv").write_text("\n".join(["fabric,areal_density_kg_m2,thickness_m", *rows]) + "\n")
     (folder / "protocol.json").write_text(json.dumps(_protocol(), indent=1) + "\n")
-    (folder / "croissant.json").unlink(missing_ok=True)
-    (folder / "croissant.json").write_text(json.dumps(croissant(checksums(folder)), indent=1) + "\n")
+    described = {name: digest for name, digest in checksums(folder).items() if name != _DESCRIPTION}
+    (folder / _DESCRIPTION).write_text(json.dumps(croissant(described), indent=1) + "\n")
     digests = checksums(folder)
     (folder / CHECKSUMS).write_text(json.dumps(digests, indent=1) + "\n")
     return digests

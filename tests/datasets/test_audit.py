@@ -71,6 +71,11 @@ def _no_number(root: Path) -> str:
     return f"{FABRIC}/silhouettes/Fabric_7_Sample_1.png"
 
 
+def _zero(root: Path) -> str:
+    image(root, 1, 1).rename(image(root, 0, 1))
+    return f"{FABRIC}/silhouettes/Fabric_7_Sample_0_Capture_1.png"
+
+
 def _twice(root: Path) -> str:
     Image.open(image(root, 1, 1)).convert("RGB").save(image(root, 1, 1).with_suffix(".bmp"))
     return f"{FABRIC}/silhouettes/Fabric_7_Sample_1_Capture_1.png"  # the later name
@@ -196,6 +201,7 @@ PLANTED = {
     "fabric-misnamed": _misname_fabric,
     "sample-misnamed": _misname_sample,
     "no-capture-number": _no_number,
+    "number-zero": _zero,
     "duplicate-name": _twice,
     "unused-file": _unused,
     "missing-capture": _missing_capture,

@@ -18,6 +18,7 @@ from cusick_bench.datasets.errors import BadImage, BadMesh, DataNotFound
 from cusick_bench.datasets.files.image import read_silhouette
 from cusick_bench.datasets.files.layout import inside_root, scan
 from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
 from cusick_bench.datasets.profile import Profile
 
 DRAPE = draw(wavy_profile(7))
@@ -82,6 +83,16 @@ def test_bad_images_are_refused(tmp_path, kind):
     assert caught.value.remedy
 
 
+@pytest.mark.parametrize(("foreground", "kind"), [("dark", "full-image"), ("light", "empty-image")])
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+def test_a_mask_of_0_and_1_is_told_its_levels(tmp_path, foreground, kind, depth):
+    path = tmp_path / "mask.png"
+    Image.fromarray((DRAPE >= 0.5).astype(depth)).save(path)
+    with pytest.raises(BadImage, match="levels reach only 1 of 255; save the mask as 0 and 255") as caught:
+        read_silhouette(path, Protocol(foreground=foreground))
+    assert caught.value.kind == kind
+
+
 @pytest.mark.parametrize("content", [b"", pickle.dumps(Exploit()), b"\x89PNG\r\n\x1a\n", b"GIF89a" + b"\0" * 50])
 def test_hostile_images_are_only_unreadable(tmp_path, monkeypatch, content):
     monkeypatch.chdir(tmp_path)
@@ -90,6 +101,17 @@ def test_hostile_images_are_only_unreadable(tmp_path, monkeypatch, content):
     with pytest.raises(BadImage, match="cannot be decoded"):
         read_silhouette(path)
     assert not (tmp_path / "exploited").exists()
+
+
+def test_the_largest_size_of_a_protocol_is_read(tmp_path):
+    scale = MAXIMUM_SIZE / 256
+    centre = ((MAXIMUM_SIZE - 1) / 2, (MAXIMUM_SIZE - 1) / 2)
+    protocol = Protocol(image_size_px=MAXIMUM_SIZE, px_per_m=723 * scale, centre_px=centre)
+    image = Image.fromarray(np.round(255 * (1 - DRAPE)).astype(np.uint8))
+    image.resize((MAXIMUM_SIZE, MAXIMUM_SIZE), Image.Resampling.NEAREST).save(tmp_path / "large.png")
+    assert read_silhouette(tmp_path / "large.png", protocol).shape == (MAXIMUM_SIZE, MAXIMUM_SIZE)
+    with pytest.raises(ValueError, match=f"from 16 to {MAXIMUM_SIZE}"):
+        Protocol(image_size_px=MAXIMUM_SIZE + 1, px_per_m=723 * scale, centre_px=centre)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])
@@ -262,6 +284,63 @@ def test_links_and_paths_out_of_the_folder_are_refused(tmp_path):
     for path in ("../outside/secret.png", "/etc/passwd", "data/../../outside/x.obj"):
         with pytest.raises(DataError, match="must stay within"):
             inside_root(layout.root, path)
+
+
+@pytest.mark.parametrize("name", ["data", "data/Fabric 7"])
+def test_data_that_are_linked_from_elsewhere_are_not_found(tmp_path, name):
+    outside = write_toy(tmp_path / "outside")
+    link = tmp_path / "lab" / name
+    link.parent.mkdir(parents=True)
+    link.symlink_to(outside / name)
+    with pytest.raises(DataNotFound, match=f"{name}: linked folder is not followed, .*; copy into the folder"):
+        load(tmp_path / "lab")
+    assert audit(tmp_path / "lab").kinds["outside-link"] == 1
+
+
+def test_what_is_left_out_beside_data_is_said(tmp_path, caplog):
+    outside, root = write_toy(tmp_path / "outside"), write_toy(tmp_path / "lab")
+    (root / "data" / "Fabric 8").symlink_to(outside / "data" / "Fabric 7")
+    assert len(load(root)) == 12
+    assert "Fabric 8: linked folder is not followed" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "data/Fabric 7/silhouettes/Fabric_7_Sample_0_Capture_1.png",
+        "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_0.png",
+        "data/Fabric 7/meshes/Fabric_7_Sample_1_Capture_00.obj",
+        "data/Fabric 0/silhouettes/Fabric_0_Sample_1_Capture_1.png",
+        "data/Fabric 7 Observations/Sample_0/silhouettes/Obs_1.png",
+        "data/Fabric 7 Observations/Sample_1/silhouettes/Obs_0.png",
+    ],
+)
+def test_numbers_begin_at_1(tmp_path, name):
+    root = write_toy(tmp_path / "Sample 0 of test")
+    path = root / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes((root / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png").read_bytes())
+    with pytest.raises(DataError, match=f"{name}: a number is 0, and numbers begin at 1; rename the files") as caught:
+        load(root)
+    assert caught.value.kind == "number-zero"
+    assert audit(root).kinds["number-zero"] == 1
+    path.unlink()
+    assert len(load(root)) == 12
+
+
+@pytest.mark.parametrize("name", ["Fabric 0/silhouettes", "Fabric 0"])
+def test_numbers_of_a_root_begin_at_1(tmp_path, name):
+    write_image(tmp_path / "Fabric 0" / "silhouettes" / "Sample_1_Capture_1.png", DRAPE)
+    with pytest.raises(DataError, match="numbers begin at 1"):
+        load(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["plots/sample_0.png", "data/Fabric 7/silhouettes/Fabric_7_Sample_010_Capture_01.png"])
+def test_zeros_elsewhere_are_no_numbers(tmp_path, name):
+    root = write_toy(tmp_path)
+    (root / name).parent.mkdir(exist_ok=True)
+    write_image(root / name, DRAPE)
+    assert len(load(root)) == 12 + name.startswith("data")
 
 
 def test_errors_travel_between_processes():

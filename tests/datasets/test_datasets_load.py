@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from torch.utils.data import DataLoader, Dataset
 from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
 
 from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.registry import REGISTRY
 
@@ -131,6 +133,19 @@ def test_variants_of_the_layout(toy, change):
     assert (dataset.sample(0).mesh is None) == (change == "no-meshes")
 
 
+def test_a_drape_that_is_stored_in_two_formats_counts_once(toy):
+    path = image_path(toy, 1, 1)
+    Image.open(path).save(path.with_suffix(".bmp"))
+    index = load(toy).index
+    assert len(index) == 12
+    assert index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.bmp")
+    assert index.loc[0, "notes"] == f"also stored as {path.relative_to(toy)}; left out"
+    assert index.loc[0, "mesh"] != ""
+    assert (index["notes"][1:] == "").all()
+    path.with_suffix(".bmp").write_bytes(b"junk")
+    assert load(toy).index.loc[0, "image"].endswith("Fabric_7_Sample_1_Capture_1.png")
+
+
 def test_observations_are_a_series_of_their_own(tmp_path):
     root = write_toy(tmp_path)
     for sample, folder, word in ((1, "Sample 1", "Obs"), (2, "Sample_2", "Observation")):
@@ -189,6 +204,18 @@ def test_a_stray_mesh_is_given_once(toy):
     meshes = list(load(toy).index["mesh"][:3])
     assert sorted(bool(mesh) for mesh in meshes) == [False, False, True]
     assert meshes[2] == ""
+
+
+@pytest.mark.parametrize(("unit", "radius"), [(1e3, r"1[12]\d"), (1 / 0.0254, r"4\.\d+")])
+def test_meshes_in_another_unit_are_left_out(toy, unit, radius):
+    for path in toy.rglob("*.obj"):
+        mesh = read_mesh(path)
+        write_mesh(path, unit * mesh.vertices, mesh.faces)
+    index = load(toy).index
+    assert (index["mesh"] == "").all()
+    assert index["notes"].str.contains(rf"^mesh left out: mean radius {radius} m, not in metres; scale it$").all()
+    assert (index["side"] != "").all()
+    assert (load(toy, correct=False).index["mesh"] != "").all()
 
 
 def test_faces_are_unknown_where_meshes_contradict_the_numbers(toy):
@@ -275,6 +302,21 @@ def test_splits_elsewhere(toy):
         dataset.select(sample=1).split()
 
 
+def test_tests_show_the_training_face_where_they_can(tmp_path):
+    """Sample 2 lacks the first capture, sample 3 the face."""
+    root = write_toy(tmp_path)
+    for sample, capture in ((2, 1), (3, 1), (3, 2)):
+        image_path(root, sample, capture).unlink()
+    dataset = load(root)
+    (split,) = dataset.split()
+    rows = dataset.index.loc[[*split.train, *split.test]]
+    assert list(zip(rows["sample"], rows["capture"], strict=True)) == [(1, 1), (2, 2), (3, 3)]
+    (root / "protocol.json").write_text('{"captures": {"1": "up", "2": "down", "3": "up", "4": "down"}}')
+    dataset = load(root)
+    rows = dataset.index.loc[list(dataset.split()[0].test)]
+    assert list(rows["capture"]) == [3, 3]
+
+
 def test_select(toy):
     part = load(toy).select(sample=[1, 3], side="down")
     assert list(part.index["sample"]) == [1, 1, 3, 3]
@@ -294,6 +336,14 @@ def test_content_hash_tells_other_data(toy):
     assert with_density != before
     write_image(image_path(toy, 3, 4), draw(toy_profile(7, 1, 4)))
     assert load(toy).content_hash not in (before, with_density)
+
+
+def test_notes_of_a_protocol_are_not_hashed(toy):
+    before = load(toy).content_hash
+    (toy / "protocol.json").write_text('{"notes": {"humidity": 0.65}, "room": "3 b"}')
+    assert load(toy).content_hash == before
+    (toy / "protocol.json").write_text('{"turn_over": "about x"}')
+    assert load(toy).content_hash != before
 
 
 def test_names(monkeypatch, toy):

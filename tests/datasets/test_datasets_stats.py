@@ -133,6 +133,17 @@ def test_bad_images_are_counted_not_hidden(toy):
     assert np.isfinite(found[0].drape_coefficient)
 
 
+def test_a_shrunken_capture_does_not_raise_the_floor(tmp_path):
+    drape = toy_profile(7, 1, 1)
+    for capture in (1, 2, 3, 4):
+        write_image(tmp_path / f"Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_{capture}.png", draw(drape))
+    (before,) = statistics(load(tmp_path))
+    write_image(tmp_path / "Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_4.png", draw(Profile(0.5 * drape.radii)))
+    (after,) = statistics(load(tmp_path))
+    assert (before.unusable, after.unusable) == (0, 1)
+    assert before.mse_repeat == after.mse_repeat == 0
+
+
 def test_difference():
     known = Difference.of([1.0, 2.0, 3.0])
     assert (known.mean, known.count) == (2.0, 3)

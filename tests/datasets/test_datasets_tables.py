@@ -15,7 +15,7 @@ from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.datasets.files.checksums import verify_checksums
-from cusick_bench.datasets.files.fabrics import read_fabrics
+from cusick_bench.datasets.files.fabrics import fabric_key, read_fabrics
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 
 
@@ -29,7 +29,7 @@ def toy(tmp_path) -> Path:
     return write_toy(tmp_path / "lab")
 
 
-@pytest.mark.parametrize("key", ["7", "Fabric 7", "fabric_7"])
+@pytest.mark.parametrize("key", ["7", "Fabric 7", "fabric_7", "Fabric 07", "fabric-007"])
 def test_densities_come_from_the_users_table(toy, key):
     (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2,thickness_m,maker\n{key},0.21,0.0004,Mill\n")
     dataset = load(toy)
@@ -39,6 +39,11 @@ def test_densities_come_from_the_users_table(toy, key):
     other = toy / "other.csv"
     other.write_text(f"fabric,areal_density_kg_m2\n{key},0.3\n")
     assert load(toy, fabrics_csv=other).require_density(0) == 0.3
+
+
+def test_names_of_fabrics_have_one_spelling():
+    assert fabric_key("Fabric 01 Observations") == "fabric_1_observations"
+    assert [fabric_key(name) for name in ("Cotton Blue", "fabric_x", "fabric")] == ["cotton_blue", "fabric_x", "fabric"]
 
 
 def test_published_densities_are_not_given_to_another_labs_fabric(tmp_path):
@@ -139,12 +144,13 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"px_per_m": -1}, "px_per_m must be > 0, got -1"),
         ({"px_per_m": "723"}, "px_per_m must be a finite number"),
         ({"px_per_m": True}, "finite number"),
-        ({"image_size_px": 10**9}, "image_size_px must be one whole number of pixels from 16 to 8192"),
+        ({"image_size_px": 10**9}, "image_size_px must be one whole number of pixels from 16 to 4096"),
         ({"image_size_px": [256, 128]}, "images are square"),
         ({"centre_px": [1]}, r"centre_px must be \[column, row\]"),
         ({"projection": "fisheye"}, "projection must be one of parallel, pinhole"),
         ({"captures": {"1": "left"}}, "captures must map"),
         ({"captures": ["up"]}, "captures must map"),
+        ({"captures": {"0": "up", "1": "down"}}, "captures must map .* and numbers begin at 1"),
         ({"plate_radius_m": 0.2}, "plate_radius_m must be below cloth_radius_m"),
         ([1, 2], "must hold one JSON object"),
         ({"plate_radius_m": 90}, r"plate_radius_m must be from 0.01 to 0.4 m \(90 mm are 0.09 m\), got 90"),

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -49,6 +50,13 @@ def test_what_is_unknown_is_null(make_lab, tmp_path: Path):
     write_huggingface(load(make_lab((2.0, 4.0), samples=2, weighed=1)), tmp_path / "lab")
     densities = {row["cloth"]: row["areal_density"] for row in _table(tmp_path / "lab").to_pylist()}
     assert densities == {"fabric_1": 0.2, "fabric_2": None}
+
+
+def test_a_cloth_of_one_sample_is_written_without_a_part(tmp_path: Path):
+    write_toy(tmp_path / "lab", fabrics=(1,), samples=3, captures=1)
+    write_toy(tmp_path / "lab", fabrics=(2,), samples=1, captures=1)
+    write_huggingface(load(tmp_path / "lab"), tmp_path / "out")
+    assert [row["paper_split"] for row in _table(tmp_path / "out").to_pylist()] == ["train", "test", "test", ""]
 
 
 def test_the_table_says_that_images_are_images(written: Path):

@@ -249,7 +249,25 @@ def test_a_cell_is_read(cell: Path):
     found = read_material(cell)
     assert (found.name, found.solver, found.density) == (CLOTHS[0], "homo", 0.2)
     assert (found.bending, found.stretch) == (FABRIC.bending, FABRIC.stretch)
-    assert read_material(cell, density=0.3).density == 0.3
+
+
+def test_another_weight_leaves_what_a_drape_tells(cell: Path, tmp_path: Path):
+    _change(cell, stiffness_curve={name: [1e-6, 2e-6, 3e-6, 4e-6, 5e-6] for name in FABRIC.bending})
+    fitted, heavier = read_material(cell), read_material(cell, density=0.3)
+    assert heavier.density == 0.3
+    for name, one in fitted.bending.items():
+        other = heavier.bending[name]
+        assert other.value / 0.3 == pytest.approx(one.value / 0.2)
+        assert np.divide(other.ci90, 0.3) == pytest.approx(np.divide(one.ci90, 0.2))
+        assert np.divide(heavier.curve[name], 0.3) == pytest.approx(np.divide(fitted.curve[name], 0.2))
+    for name, one in fitted.stretch.items():
+        assert heavier.stretch[name].value / 0.3 == pytest.approx(one.value / 0.2)
+    write_material(tmp_path / "out", heavier, "newton")
+    readme = " ".join((tmp_path / "out" / "README.md").read_text().split())
+    assert "The result is of a cloth of 0.2 kg/m2." in readme
+    assert "times 1.5, the ratio of the weights" in readme
+    write_material(tmp_path / "as-fitted", read_material(cell, density=0.2), "newton")
+    assert "The result is of a cloth" not in (tmp_path / "as-fitted" / "README.md").read_text()
 
 
 @pytest.mark.parametrize(
@@ -287,6 +305,8 @@ def test_an_identification_is_read(toy_data: Path, tmp_path: Path):
     found = read_material(tmp_path / "lab")
     assert (found.name, found.density) == (first.fabric, DENSITY)
     assert found.bending["weft"] == Quantity(7e-6, (3e-6, 15.5e-6))
+    heavier = read_material(tmp_path / "lab", density=2 * DENSITY)
+    assert heavier.bending["weft"].value == pytest.approx(14e-6)
     path = tmp_path / "lab" / "identify.json"
     with pytest.raises(ExportError, match="its weight is not known"):
         read_material(path, fabric=second.fabric)
@@ -300,7 +320,8 @@ def test_an_identification_is_read(toy_data: Path, tmp_path: Path):
         read_material(path)
     with pytest.raises(ExportError, match="give it by --density"):
         read_material(path, fabric=second.fabric)
-    assert read_material(path, fabric=second.fabric, density=0.1).density == 0.1
+    unweighed = read_material(path, fabric=second.fabric, density=0.1)
+    assert (unweighed.density, unweighed.bending) == (0.1, found.bending)
 
 
 def test_the_command_writes_and_refuses(cell: Path, tmp_path: Path):

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from cusick_bench.files import read_csv
+from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
 
@@ -37,6 +37,14 @@ def test_what_is_read_is_what_was_written(tmp_path):
     names = [text for text in (*FORMULAS, *HARMLESS) if text.strip() == text != ""]
     (tmp_path / "t.csv").write_text(csv_text(pd.DataFrame({"cloth": names})))
     assert [row["cloth"] for _, row in read_csv(tmp_path / "t.csv", remedy="").rows] == names
+
+
+@pytest.mark.parametrize(("mark", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_other_marks_between_cells_are_named(tmp_path, mark, name):
+    path = tmp_path / "t.csv"
+    path.write_text(f"fabric{mark}areal_density_kg_m2\n1{mark}0,2\n")
+    with pytest.raises(BadFile, match=f"must have commas between cells, got {name}; write it with commas"):
+        read_csv(path, remedy="", required=("fabric",))
 
 
 def test_a_baseline_of_hostile_cloths_is_read_back(tmp_path):

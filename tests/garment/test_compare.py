@@ -82,6 +82,12 @@ def test_the_same_skirt_of_every_cloth_is_compared(run: Path):
     ]
 
 
+def test_a_motion_is_not_asked_of_skirts_that_stand_still(run: Path):
+    result = _compare(str(run), *SMALL, "--static", "--motion", "turn")
+    assert result.exit_code == 2
+    assert "--motion is about a waist that moves" in " ".join(result.output.split())
+
+
 def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
     _cell(run, "heter", "limp", 1e-5)
     result = _compare(str(run), *SMALL)

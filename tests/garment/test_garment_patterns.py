@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from cusick_bench.garment import a_line_skirt, circular_skirt
+from cusick_bench.garment import GarmentError, a_line_skirt, circular_skirt
+from cusick_bench.garment.skirt import SkirtSize
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.triangles.elements import elements_of
@@ -89,6 +90,13 @@ def test_skirts_are_tubes_of_the_asked_size(make):
     np.testing.assert_allclose(np.hypot(*hem[:, :2].T), outer, atol=1e-12)
     area = np.pi * (0.11 + outer) * 0.4  # mantle of a truncated cone, flat or not
     assert mesh.areas.sum() == pytest.approx(area, rel=0.02)
+
+
+def test_only_an_a_line_skirt_needs_a_hem_between_waist_and_length():
+    for size in (SkirtSize(waist=0.25, length=0.6), SkirtSize(waist=0.11, length=0.1)):
+        assert circular_skirt(size, 300).size is size
+        with pytest.raises(GarmentError, match="must be wider than its waist and narrower than waist"):
+            a_line_skirt(size, 300)
 
 
 def test_the_a_line_cone_is_free_of_strain_up_to_its_chords():

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Annotation, Text
 
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.diagnosis.document.build import _measured
 from cusick_bench.diagnosis.document.model import Profiles
 from cusick_bench.diagnosis.measure.captures import captures_from_profiles
 from cusick_bench.report.diagnosis.bars import Bar, bars_graph, closure_graph, gap_graph
@@ -158,6 +160,26 @@ def test_face_down_is_mirrored_into_the_cloths_frame():
     sides = read({"data": drapes_})["data"]
     assert sides["up"].radii.argmax(1).tolist() == [30, 30]
     assert sides["down"].radii.argmax(1).tolist() == [150]
+
+
+def test_a_cloth_that_is_turned_about_x_is_shown_as_one_turned_about_y():
+    labels = {"sample": np.array([1, 1]), "side": ["up", "down"], "capture": np.array([1, 3])}
+    seen = {"about y": 200, "about x": 20}  # where the camera sees the bump of the lower face
+    about_y, about_x = (
+        sided_profiles(
+            Profiles(
+                data=_measured(
+                    captures_from_profiles(
+                        np.stack([ring(30), ring(at)]), protocol=Protocol(turn_over=turn_over), **labels
+                    )
+                )
+            )
+        )["data"]
+        for turn_over, at in seen.items()
+    )
+    assert about_x["down"].radii.argmax(1).tolist() == about_y["down"].radii.argmax(1).tolist() == [340]
+    for side in ("up", "down"):
+        np.testing.assert_allclose(about_x[side].radii, about_y[side].radii, atol=1e-9)
 
 
 def test_profiles_agree_with_the_frame_of_the_diagnosis():

@@ -46,6 +46,10 @@ def test_contact_sheet_fills_rows_of_three():
     assert (sheet[4:, 4:, 3] == 0).all()
 
 
+def test_contact_sheet_takes_images_of_an_odd_size():
+    assert contact_sheet(np.zeros((3, 301, 301))).shape == (150, 450, 4)
+
+
 def test_drape_is_drawn_lit_from_above_with_its_shadow_beside():
     mesh = ruled_surface(radii(), strips=6)
     view = View(width=160, height=105)

@@ -1,15 +1,20 @@
 """The spread of draws beside that of samples, on draws whose spread is known."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from finished_cell import CLOTHS, held_out_images, write_cell
+from other_laboratory import write_protocol
+from PIL import Image
+from toy_cloths import write_image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
-from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.report.figures.fold_variability import ALL, SAMPLES, fold_variability, variability_table
 
@@ -54,12 +59,30 @@ class TestFoldVariability:
         row = self.rows(run, toy_dataset)[ALL, "half"]
         assert row["pair_mse_ratio"] == pytest.approx(1, rel=1e-9)
 
+    def test_the_same_drapes_in_twice_as_many_pixels_have_the_same_rows(self, run, toy_dataset, toy_data, tmp_path):
+        data, finer = tmp_path / "finer", tmp_path / "finer-run"
+        for path in sorted(toy_data.rglob("*.png")):
+            write_image(data / path.relative_to(toy_data), _twice(1 - np.asarray(Image.open(path)) / 255))
+        centre = tuple(2 * place + 0.5 for place in RELEASE.centre_px)
+        write_protocol(data, replace(RELEASE, image_size_px=512, px_per_m=2 * RELEASE.px_per_m, centre_px=centre))
+        dataset = load(data)
+        for cloth in CLOTHS:
+            write_cell(finer, dataset, "still", cloth, np.repeat(held_out_images(dataset, cloth)[:1], 5, axis=0))
+        rows = self.rows(run, toy_dataset)
+        for key, row in self.rows(finer, dataset).items():
+            for measure in ("pair_mse", "dc_sd", "folds_sd"):
+                assert row[measure] == pytest.approx(rows[key][measure], rel=0.02, abs=1e-12), (key, measure)
+
     def test_the_table_begins_with_the_means(self, run, toy_dataset):
         table = variability_table(fold_variability(load_cells(run), toy_dataset))
         assert [entry[:2] for entry in table.entries[:3]] == [(ALL, SAMPLES), (ALL, "still"), (ALL, "turned")]
         ratio = [column.head for column in table.columns].index("ratio")
         assert table.entries[0][ratio] == ""
         assert table.entries[2][ratio].startswith("1.00 ±")
+
+
+def _twice(image: np.ndarray) -> np.ndarray:
+    return image.repeat(2, axis=0).repeat(2, axis=1)
 
 
 def test_table_1_writes_the_variability_of_its_draws(toy_data, tmp_path):

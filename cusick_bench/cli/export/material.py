@@ -27,7 +27,9 @@ def material(
     fabric: Annotated[
         str | None, cloth_option(help="Fabric, where identify.json has several with a stiffness.")
     ] = None,
-    density: Annotated[float | None, cloth_option(help="Areal density [kg/m2]; by default the result's.")] = None,
+    density: Annotated[
+        float | None, cloth_option(help="Areal density [kg/m2], by default the result's; stiffness is scaled alike.")
+    ] = None,
     edge_length: Annotated[
         float | None, simulation_option(help="Edge length of the program's mesh [m]; for newton, by default 0.01.")
     ] = None,

@@ -17,8 +17,6 @@ from cusick_bench.cli.options import (
     Json,
     LawName,
     Seed,
-    Shear,
-    Stretch,
     Vertices,
     bending_stiffnesses,
     checked_density,
@@ -39,10 +37,12 @@ from cusick_bench.cli.simulate.garment_options import (
     LayingHeight,
     Length,
     Motion,
-    MotionName,
     Period,
+    Shear,
+    Stretch,
     WaistRadius,
     motion_option,
+    no_motion,
     waist_motion,
     wearing_of,
 )
@@ -73,13 +73,13 @@ def skirt(
     ] = None,
     density: Annotated[float | None, DENSITY] = None,
     bending: Annotated[str | None, BENDING] = None,
-    stretch: Stretch = 300.0,
-    shear: Shear = 60.0,
+    stretch: Stretch = None,
+    shear: Shear = None,
     heterogeneity: Heterogeneity = 0.1,
     name: Annotated[str | None, cloth_option(help="Name of the cloth; a colour in it is used.")] = None,
     kind: Kind = KindName.circular,
     dynamic: Annotated[bool, motion_option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
-    motion: Motion = MotionName.sway,
+    motion: Motion = None,
     amplitude: Amplitude = None,
     period: Period = 1.2,
     duration: Duration = 2.4,
@@ -106,6 +106,8 @@ def skirt(
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
+    if not dynamic:
+        no_motion(motion, amplitude)
     cloth = _cloth(result, density, bending, stretch, shear, heterogeneity, name)
     _check_law(law, cloth)
     size, moving = SkirtSize(waist, length, hem), waist_motion(motion, amplitude, period, duration)
@@ -143,7 +145,7 @@ def compare(
     heterogeneity: Heterogeneity = 0.1,
     kind: Kind = KindName.circular,
     static: Annotated[bool, motion_option("--static/--dynamic", help="Leave out the motion.")] = False,
-    motion: Motion = MotionName.sway,
+    motion: Motion = None,
     amplitude: Amplitude = None,
     period: Period = 1.2,
     duration: Duration = 2.4,
@@ -172,6 +174,8 @@ def compare(
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
+    if static:
+        no_motion(motion, amplitude)
     cells = _cells_of(run, solver or [])
     moving = None if static else waist_motion(motion, amplitude, period, duration)
     wearing = wearing_of(
@@ -230,15 +234,18 @@ def _tell_stage(bar: Bar, what: str, done: int, total: int) -> None:
 
 
 def _cloth(
-    result: Path | None, density: float | None, bending: str | None, stretch: float, shear: float, deviation: float,
-    name: str | None,
+    result: Path | None, density: float | None, bending: str | None, stretch: float | None, shear: float | None,
+    deviation: float, name: str | None,
 ) -> Cloth:  # fmt: skip
     """The cloth of a result, or of numbers."""
     from cusick_bench.garment import cloth_of_cell, cloth_of_numbers
 
     if (result is None) == (density is None and bending is None):
         raise GarmentError("give either --from RESULT, or --density and --bending")
+    membrane = {name: value for name, value in (("stretch", stretch), ("shear", shear)) if value is not None}
     if result is not None:
+        if membrane:
+            raise GarmentError(f"--{next(iter(membrane))} is about a cloth given by numbers; leave it out with --from")
         cloth = cloth_of_cell(result, spread=deviation)
     elif density is None or bending is None:
         raise GarmentError("a cloth given by numbers needs both --density and --bending")
@@ -246,9 +253,8 @@ def _cloth(
         cloth = cloth_of_numbers(
             density=checked_density(density),
             bending=bending_stiffnesses(bending),
-            stretch=stretch,
-            shear=shear,
             spread=deviation,
+            **membrane,
         )
     return cloth if name is None else replace(cloth, name=name)
 

@@ -37,12 +37,24 @@ class MotionName(StrEnum):
 Heterogeneity = Annotated[
     float, cloth_option(max=3, help="Standard deviation of log stiffness between elements, where the fit has none.")
 ]
+Stretch = Annotated[
+    float | None,
+    cloth_option(
+        min=1e-3,
+        max=1e9,
+        help="Membrane stiffness along warp and weft [N/m], of a cloth given by numbers; by default 300.",
+    ),
+]
+Shear = Annotated[
+    float | None,
+    cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m], of a cloth given by numbers; by default 60."),
+]
 Kind = Annotated[KindName, _skirt_option(help="Cut of the skirt.")]
 WaistRadius = Annotated[float, _skirt_option("--waist", max=1, help="Radius of the waist [m].")]
 Length = Annotated[float, _skirt_option(max=2, help="Length from waist to hem [m].")]
 HemRadius = Annotated[float, _skirt_option("--hem", max=3, help="Radius of the A-line skirt's hem [m].")]
 HipRadius = Annotated[float, _skirt_option("--hip", max=2, help="Radius of the hips [m]; 0 for no body in the skirt.")]
-Motion = Annotated[MotionName, motion_option(help="How the waist moves.")]
+Motion = Annotated[MotionName | None, motion_option(help="How the waist moves, by default sway.")]
 Amplitude = Annotated[
     float | None, motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg.")
 ]
@@ -56,11 +68,28 @@ LayingHeight = Annotated[
 ]
 
 
-def waist_motion(motion: MotionName, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
+def no_motion(motion: MotionName | None, amplitude: float | None) -> None:
+    """Makes sure that nothing is asked of the motion of a skirt that is not moved.
+
+    Args:
+        motion: Kind that is asked for, or None.
+        amplitude: Amplitude that is asked for, or None.
+
+    Raises:
+        GarmentError: Something is.
+    """
+    from cusick_bench.garment import GarmentError
+
+    for name, value in (("--motion", motion), ("--amplitude", amplitude)):
+        if value is not None:
+            raise GarmentError(f"{name} is about a waist that moves; leave it out, or give --dynamic")
+
+
+def waist_motion(motion: MotionName | None, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
     """The motion that the options ask for.
 
     Args:
-        motion: Its kind.
+        motion: Its kind, or None for the usual one.
         amplitude: Its amplitude [m or deg], or None for the usual one.
         period: Its period [s].
         seconds: How long it lasts [s].
@@ -73,7 +102,7 @@ def waist_motion(motion: MotionName, amplitude: float | None, period: float, sec
     """
     from cusick_bench.garment import WaistMotion
 
-    if motion is MotionName.sway:
+    if motion is not MotionName.turn:
         return WaistMotion(sway=0.08 if amplitude is None else amplitude, period=period, seconds=seconds)
     return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), period=period, seconds=seconds)
 

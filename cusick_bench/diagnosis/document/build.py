@@ -304,8 +304,11 @@ def _counts(captures: Captures) -> model.DataCounts:
 
 
 def _measured(captures: Captures) -> tuple[model.Profile, ...]:
-    """Profiles of the data, as if the cloth had the radius of the simulated ones."""
+    """Profiles of the data, as if the cloth had the radius of the simulated ones and were turned over about y."""
     scaled = np.round(captures.radii * CLOTH_RADIUS / captures.protocol.cloth_radius_m, 5)
+    if captures.warp_seen_down == 0:
+        down = captures.side == "down"
+        scaled[down] = np.roll(scaled[down], scaled.shape[1] // 2, axis=1)
     return tuple(
         model.Profile(sample=sample, side=side, radii_m=tuple(radii))
         for sample, side, radii in zip(captures.sample.tolist(), captures.side.tolist(), scaled.tolist(), strict=True)

@@ -202,7 +202,7 @@ class StatisticRow(Part):
 
 
 class Profile(Part):
-    """Outline of one drape, as the camera sees it.
+    """Outline of one drape, as the camera sees it; of a cloth that lies face down, as if it was turned over about y.
 
     Attributes:
         sample: Number of the sample.

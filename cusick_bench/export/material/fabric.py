@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cusick_bench.export.errors import ExportError
 from cusick_bench.metrics.found_stiffness import Quantity
@@ -26,6 +26,8 @@ class FabricMaterial:
             (or shear angle), at rest [N/m].
         curve: Bending stiffness by direction at curvatures of 0, 10, 20, 30 and 40 /m [N m]; empty where the result
             does not say.
+        fitted_density: Areal density of the result, by which the stiffness was scaled to this one [kg/m2]; None where
+            it was not.
 
     Raises:
         ExportError: A stiffness that is not above 0, or a weight that no cloth has.
@@ -38,6 +40,7 @@ class FabricMaterial:
     bending: Mapping[str, Quantity]
     stretch: Mapping[str, Quantity]
     curve: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    fitted_density: float | None = None
 
     def __post_init__(self) -> None:
         if not LIGHTEST_CLOTH <= self.density <= HEAVIEST_CLOTH:
@@ -56,6 +59,30 @@ class FabricMaterial:
                         f"{self.source}: {kind} stiffness of {name} must be > 0 with an ordered interval, got "
                         f"{one.value} {list(one.ci90 or ())}; make the result again"
                     )
+
+    def weighing(self, density: float) -> FabricMaterial:
+        """The fabric of another weight that drapes alike: its stiffness changes as its weight does.
+
+        Args:
+            density: Its areal density [kg/m2].
+
+        Returns:
+            The fabric.
+
+        Raises:
+            ExportError: A weight that no cloth has.
+        """
+        if density == self.density:
+            return self
+        factor = density / self.density
+        return replace(
+            self,
+            density=density,
+            bending={name: one.times(factor) for name, one in self.bending.items()},
+            stretch={name: one.times(factor) for name, one in self.stretch.items()},
+            curve={name: tuple(factor * value for value in values) for name, values in self.curve.items()},
+            fitted_density=self.density,
+        )
 
     @property
     def mean_bending(self) -> Quantity:

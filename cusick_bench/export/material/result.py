@@ -21,7 +21,8 @@ def read_material(result: Path, *, fabric: str | None = None, density: float | N
     Args:
         result: A cell's folder RUN/cells/KEY, or `identify.json` or the folder that it lies in.
         fabric: Name of the fabric, needed where `identify.json` has several with a stiffness.
-        density: Areal density to take instead of the result's [kg/m2].
+        density: Areal density to take instead of the result's [kg/m2]. A drape tells of a cloth only the ratios of its
+            stiffness to its weight, so that the stiffness is scaled as the weight is.
 
     Returns:
         The material.
@@ -59,22 +60,24 @@ def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricM
             f"{folder} has no stiffness: its solver ({solver}) predicts drapes without simulating a cloth; give a cell "
             "of a solver that fits stiffness, such as homo"
         )
-    weight = cloth_of_cell(folder).density if density is None else density
-    return FabricMaterial(cloth, solver, f"cell {folder.name}", weight, found.bending, found.stretch, found.curve)
+    weight = cloth_of_cell(folder).density
+    material = FabricMaterial(cloth, solver, f"cell {folder.name}", weight, found.bending, found.stretch, found.curve)
+    return material if density is None else material.weighing(density)
 
 
 def _of_document(path: Path, fabric: str | None, density: float | None) -> FabricMaterial:
     chosen = _fabric(IdentifyDocument.read(path), fabric, path)
     if chosen.fit is None:
         raise ExportError(f"{path} has no stiffness of {chosen.fabric}: {chosen.fit_missing or 'no reason recorded'}")
-    weight = chosen.areal_density if density is None else density
+    weight = density if chosen.areal_density is None else chosen.areal_density
     if weight is None:
         raise ExportError(f"{path} does not know the areal density of {chosen.fabric}; give it by --density [kg/m2]")
     bending, stretch = (
         {name: Quantity(one.value, one.ci90) for name, one in values.items()}
         for values in (chosen.fit.stiffness, chosen.fit.stretch)
     )
-    return FabricMaterial(chosen.fabric, chosen.fit.solver, path.name, weight, bending, stretch)
+    found = FabricMaterial(chosen.fabric, chosen.fit.solver, path.name, weight, bending, stretch)
+    return found if density is None else found.weighing(density)
 
 
 def _fabric(document: IdentifyDocument, name: str | None, path: Path) -> FabricIdentity:

@@ -143,4 +143,9 @@ def _drape(path: Path, folder: Path) -> DrapePicture:
             kind="unknown-name",
         )
     numbers = (int(found["fabric"][-1]), int(found["sample"][-1]), int((found["capture"] or ["1"])[-1]))
+    if 0 in numbers:
+        raise BadPhotograph(
+            "numbers of fabric, sample and capture begin at 1, got 0", where=path, remedy="rename the pictures",
+            kind="unknown-name",
+        )  # fmt: skip
     return DrapePicture(*numbers, path)

@@ -110,5 +110,7 @@ def _faces(text: str) -> dict[int, str]:
         number, _, side = (word.strip() for word in part.partition("="))
         if not number.isdecimal() or side not in ("up", "down", ""):
             raise BadPhotograph(f"--captures must be NUMBER=up|down,..., got {part!r}", remedy="such as 1=up,2=down")
+        if int(number) == 0:
+            raise BadPhotograph(f"numbers of --captures begin at 1, got {part!r}", remedy="such as 1=up,2=down")
         sides[int(number)] = side
     return sides

@@ -77,7 +77,7 @@ def drape_picture(
 
 
 def contact_sheet(images: Float[ndarray, "draws height width"], columns: int = 3) -> UInt8[ndarray, "rows columns 4"]:
-    """Silhouettes at half size, side by side.
+    """Silhouettes at half size, side by side; the last row or column of an odd number is left out.
 
     Args:
         images: The silhouettes, cloth = 1.
@@ -87,7 +87,8 @@ def contact_sheet(images: Float[ndarray, "draws height width"], columns: int = 3
         RGBA picture.
     """
     count, height, width = images.shape
-    halves = images.reshape(count, height // 2, 2, width // 2, 2).mean((2, 4))
+    even = images[:, : height // 2 * 2, : width // 2 * 2]
+    halves = even.reshape(count, height // 2, 2, width // 2, 2).mean((2, 4))
     filled = np.concatenate([halves, np.zeros((-count % columns, *halves.shape[1:]))])
     rows = [np.concatenate(list(filled[at : at + columns]), axis=1) for at in range(0, len(filled), columns)]
     return silhouette_picture(np.concatenate(rows))

@@ -51,7 +51,7 @@ def fold_variability(cells: Cells, dataset: DrapeDataset, *, draws: int = DRAWS)
         samples = np.stack([to_levels(np.asarray(dataset.image(row))) for row in held_out_rows(cells, cloth)])
         if len(samples) < FEWEST:
             continue
-        own, *others = variability_rows({SAMPLES: samples} | _drawn(cells, cloth, draws))
+        own, *others = variability_rows({SAMPLES: samples} | _drawn(cells, cloth, draws), dataset.protocol)
         rows += [{"cloth": cloth} | row | _ratios(row, own) for row in (own, *others)]
     return rows + _means(rows)
 

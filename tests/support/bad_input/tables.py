@@ -54,7 +54,7 @@ _REFUSED: dict[str, tuple[str | bytes, str]] = {
     "empty file": ("", "needs the columns"),
     "no head": ("7,0.2,0.0004\n", "needs the columns"),
     "other columns": ("cloth,weight\n7,0.2\n", "needs the columns"),
-    "semicolons": (HEAD.replace(",", ";") + "7;0.2;0.0004\n", "needs the columns"),
+    "semicolons": (HEAD.replace(",", ";") + "7;0.2;0.0004\n", "must have commas between cells, got semicolons"),
     "decimal commas": (HEAD + "7,0,2,0,0004\n", "5 fields for 3 columns"),
     "quoted decimal comma": (HEAD + '7,"0,2",0.0004\n', "areal density must be a number"),
     "weight in g/m2": (HEAD + "7,190,0.0004\n", "at most 5.0 kg/m2, got 190"),

@@ -1,0 +1,59 @@
+"""The writer of the shipped set: it repeats its own work and overwrites nobody else's."""
+
+from pathlib import Path
+
+import pytest
+from toy_cloths import surface, wavy_profile, write_toy
+
+from cusick_bench.datasets import DataError
+from cusick_bench.datasets.synthetic_set import recipe
+from cusick_bench.datasets.synthetic_set.files import write_synthetic
+
+
+@pytest.fixture(autouse=True)
+def _toy_drapes(monkeypatch):
+    """One drape of one cloth, which nobody simulates."""
+    vertices, faces = surface(wavy_profile(7))
+    cloths = recipe.cloths()[:1]
+    monkeypatch.setattr(recipe, "cloths", lambda: cloths)
+    monkeypatch.setattr(
+        recipe, "drapes", lambda cloth, *, samples: iter([recipe.TrueDrape(cloth, 1, 1, "up", vertices, faces)])
+    )
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("root", [".", "data", "data/Fabric 1"])
+def test_a_laboratorys_folder_keeps_every_byte(tmp_path, root):
+    write_toy(tmp_path, fabrics=(1,), samples=1)
+    for name in ("fabrics.csv", "protocol.json", "truth.json"):
+        (tmp_path / root / name).write_text("{}")
+    before = contents(tmp_path)
+    with pytest.raises(DataError, match=r"holds other files, .*; give a new folder with --out"):
+        write_synthetic(tmp_path / root)
+    assert contents(tmp_path) == before
+
+
+def test_a_description_of_another_set_is_no_mark(tmp_path):
+    (tmp_path / "croissant.json").write_text('{"name": "drapes-of-a-laboratory"}')
+    with pytest.raises(DataError, match="holds other files"):
+        write_synthetic(tmp_path)
+
+
+def test_a_folder_of_this_writer_is_written_again(tmp_path):
+    written = write_synthetic(tmp_path / "set")
+    before = contents(tmp_path / "set")
+    assert set(before) == {*written, "sha256.json"}
+    assert write_synthetic(tmp_path / "set") == written
+    assert contents(tmp_path / "set") == before
+
+
+def test_an_interrupted_run_is_repeated(tmp_path):
+    def interrupt(name: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_synthetic(tmp_path, step=interrupt)
+    assert "data/Fabric 1/silhouettes/Fabric_1_Sample_1_Capture_1.png" in write_synthetic(tmp_path)
