@@ -1,5 +1,6 @@
 """The same drapes under another laboratory's protocol are diagnosed alike, or it is said why not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,18 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
+from cusick_bench.diagnosis.diagnose import diagnose
+from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.residuals.samples import to_atlas
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.measure.statistics import FREE, RESOLUTION, capture_statistics
+from cusick_bench.diagnosis.options import Options
+from cusick_bench.problem.scene import parse_causes
 from cusick_bench.report.diagnosis.words import cloth_in_words
 
 CLOTH = "fabric_3"
@@ -69,6 +76,37 @@ def test_lengths_of_another_cloth_are_said_to_be_scaled(laboratories):
         "lengths are those of the atlas' cloth of 150 mm radius; for this one, of 120 mm, multiply them by 0.8"
     ]
     assert to_atlas(captures(laboratories, "large images"))[1] == []
+
+
+def test_causes_to_simulate_are_in_the_laboratorys_lengths(laboratories):
+    emulator, _ = load_uncalibrated()
+    known = {one.name: one for one in hypotheses(emulator)}
+    values = {
+        "local-mass-patch": {"mass": 1.0, "direction": 30.0, "radius": 0.12, "size": 0.02},
+        "perspective": {"inverse_height": 1.0},
+        "camera-scale": {"error": 0.02},
+        "rest-curvature": {"curvature": 190.0, "direction": 45.0},
+    }
+    causes = tuple(Candidate(known[name], value, 0.0, 0.0, 0.0) for name, value in values.items())
+    nominal = captures(laboratories, "release")
+    found = replace(diagnose(nominal, emulator, options=Options(samples=0)), causes=causes)
+    listed = [
+        document(found, captures(laboratories, name), emulator, command="", version="").with_effect
+        for name in ("release", "small cloth")
+    ]
+    assert listed[0] == (
+        "local-mass-patch:mass=1,direction=30,radius=0.12,size=0.02",
+        "perspective:inverse_height=1",
+        "camera-scale:error=0.02",
+        "rest-curvature:curvature=190,direction=45",
+    )
+    assert listed[1] == (
+        "local-mass-patch:mass=1,direction=30,radius=0.096,size=0.016",
+        "perspective:inverse_height=1.25",
+        "camera-scale:error=0.02",
+        "rest-curvature:curvature=200,direction=45",  # its bound
+    )
+    assert len(parse_causes(listed[1])) == len(causes)
 
 
 def test_perspective_is_taken_out_and_said(laboratories):
