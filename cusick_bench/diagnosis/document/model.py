@@ -130,7 +130,7 @@ class BaseParameters(Part):
 
     Attributes:
         bending: ln of B / (rho g R^3), B the geometric mean of the bending stiffness in warp and weft.
-        anisotropy: ln of B_warp / B_weft.
+        anisotropy: ln of B_weft / B_warp.
         bias: ln of B at 45 degrees over B.
         growth: ln of B at a curvature of 40 /m over B at 0.
         shear: ln of shear stiffness / (rho g R).

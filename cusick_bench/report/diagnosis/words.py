@@ -236,7 +236,7 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
             stiffness = bending * density * data.gravity_m_s2 * data.cloth_radius_m**3
             rows.append(("", f"{1e6 * stiffness:.2g} µN m", f"at {1e3 * density:.0f} g/m²"))
     for level, words, meaning in (
-        (base.anisotropy, "warp to weft", "factor between the bending stiffness of the two"),
+        (base.anisotropy, "weft to warp", "factor between the bending stiffness of the two"),
         (base.bias, "diagonal to mean", "factor on the bending stiffness at 45°"),
         (base.growth, "stiffening", "factor from little to sharply bent cloth"),
     ):
