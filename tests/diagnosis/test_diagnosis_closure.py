@@ -1,6 +1,7 @@
 """Base model and cause fitted by simulation, against a world whose answer is known: the atlas with a known error."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,6 +132,21 @@ def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pyte
     assert both.gap.closure == right.gap.closure
     assert shares == sorted(shares)
     assert shares[-1] <= 1
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+def test_too_few_samples_have_pictures_but_no_gap(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch, samples: int
+) -> None:
+    """All of them are fitted, so that none is left unseen."""
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
+    every = fabric(emulator, [scale], NOTHING)
+    data = replace(every, specimens=every.specimens[:samples], drift=every.drift[:samples])
+    (found,) = closures(emulator, data, residual_of(emulator, data), [(scale,)], Draping(8))
+    assert found.gap is None
+    assert len(found.base.specimens) == 8
+    assert found.effect is not None
 
 
 def test_distance_to_what_is_fitted() -> None:

@@ -131,7 +131,7 @@ def gap_in_words(base: float | None, floor: float | None, effect: float | None, 
         A sentence.
     """
     if base is None:
-        return "The gap was not measured: no drapes were simulated."
+        return "The gap was not measured: no drapes were simulated, or there are too few samples to leave some unseen."
     if floor is None:
         return "The gap has no floor to be read against: too few samples."
     if base <= floor:
