@@ -9,7 +9,7 @@ given.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -144,8 +144,9 @@ def diagnose(
     simulated = None
     if chosen.samples and (evidence.causes or chosen.always):
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
+        turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
         simulated = closures(
-            emulator, evidence.samples, sets.residual, [evidence.causes], draping,
+            turned, evidence.samples, sets.residual, [evidence.causes], draping,
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)

@@ -90,7 +90,7 @@ def closures(
     Fewer than four samples make no folds: models are then fitted to all of them, and there is no gap on unseen ones.
 
     Args:
-        emulator: The atlas.
+        emulator: The atlas, which knows how the cloth was turned over.
         samples: Statistics of a fabric's samples.
         residual: What the best base model leaves of all of them.
         alternatives: What is taken to act, together; nothing for the base model alone. Creep is left out: the gap
@@ -141,7 +141,8 @@ def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, 
     """
     samples = sample_statistics(to_atlas(captures)[0])
     residual = against_base(emulator, samples.features(), scatter=scatter_of(samples.specimens), drift=samples.later)
-    return closures(emulator, samples, residual, [causes], draping, refit=False)[0].gap
+    turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
+    return closures(turned, samples, residual, [causes], draping, refit=False)[0].gap
 
 
 def _closure(
@@ -199,6 +200,7 @@ class _Model:
         return simulate(
             theta, causes, self.draping.samples, self.seed,
             drift=self.drift, model=self.base_model, simulators=self.draping.simulators,
+            warp_seen_down=self.emulator.warp_seen_down,
         )  # fmt: skip
 
     def distance(self, drapes: Simulated) -> float:
