@@ -70,7 +70,7 @@ def document(
         with_effect=tuple(with_effect(one, captures.protocol.cloth_scale) for one in diagnosis.causes),
         base=_base(diagnosis),
         data=_counts(captures),
-        statistics=statistic_rows(diagnosis, emulator),
+        statistics=statistic_rows(diagnosis),
         profiles=model.Profiles(
             data=_measured(captures),
             base=_simulated(diagnosis.simulated and diagnosis.simulated.base),
