@@ -10,14 +10,15 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
-from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
-from cusick_bench.diagnosis.inference.residuals.samples import to_atlas
+from cusick_bench.diagnosis.inference.residuals.refusal import doubts
+from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
@@ -116,6 +117,18 @@ def test_perspective_is_taken_out_and_said(laboratories):
     assert "radii are corrected for the pinhole camera" in note
 
 
+def test_a_large_cloth_under_a_near_camera_is_scaled(laboratories):
+    """The scaled eye, at 0.1875 m, is nearer than a protocol allows."""
+    protocol = Protocol(
+        cloth_radius_m=0.24, plate_radius_m=0.144, px_per_m=450.0, projection="pinhole", camera_height_m=0.3
+    )
+    nominal = captures(laboratories, "release")
+    ours = replace(nominal, radii=1.6 * nominal.radii, area=1.6**2 * nominal.area, protocol=protocol)
+    scaled, _ = to_atlas(ours)
+    assert scaled.radii == pytest.approx(nominal.radii)
+    assert scaled.protocol.cloth_radius_m == RELEASE.cloth_radius_m
+
+
 def test_another_ratio_of_plate_to_cloth_is_refused_with_the_reason(tmp_path):
     root = write_laboratory(tmp_path, RELEASE, samples=3, captures=(1,))
     (root / "protocol.json").write_text('{"plate_radius_m": 0.075}')
@@ -132,3 +145,15 @@ def test_stiffness_is_that_of_the_laboratorys_cloth_and_gravity():
     (_, nominal, _), (_, scaled, _) = cloth_in_words(base, data)[1], cloth_in_words(base, other)[1]
     assert nominal == f"{1e6 * np.exp(-6.5) * 0.2 * 9.8 * 0.15**3:.2g} µN m"
     assert scaled == f"{1e6 * np.exp(-6.5) * 0.2 * 9.81 * 0.12**3:.2g} µN m"
+
+
+def test_faces_that_no_sample_shows_both_of_are_not_called_one_face(laboratories):
+    both = captures(laboratories, "release")
+    chosen = (both.side == "up") == (both.sample % 2 == 0)
+    cases = {"no sample shows both faces": chosen, "one face only": both.side == "up"}
+    for words, rows in cases.items():
+        ours = both.select(rows)
+        (note,) = (
+            one for one in doubts(ours, sample_statistics(ours).features()) if "in part" in one and "face" in one
+        )
+        assert words in note

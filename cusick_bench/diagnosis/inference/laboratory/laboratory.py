@@ -1,4 +1,4 @@
-"""Effects of the laboratory, which all fabrics of a data set share: camera, plate, cut, order of captures.
+"""Effects of the laboratory, which all fabrics of a data set share: camera, plate, cut.
 
 A camera that stands off its place does so for every fabric. So an effect of the laboratory has one severity and one
 direction, in the camera's frame, for all fabrics; those of the cloth are each fabric's own. Both are sampled together:

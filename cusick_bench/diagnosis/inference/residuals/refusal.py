@@ -47,10 +47,15 @@ def doubts(captures: Captures, features: Features) -> list[str]:
     number = int(features.samples.max())
     if number < _FEW:
         notes.append(f"only {number} samples: natural variability is the model's, and only strong effects show")
-    if features.both == 0:
+    if features.single:
         notes.append(
             "answered in part: one face only, so what belongs to the cloth and what to the laboratory cannot be told "
             "apart"
+        )
+    elif features.both == 0:
+        notes.append(
+            f"answered in part: no sample shows both faces ({features.samples[0]} face up, {features.samples[1]} face "
+            "down), so faces are compared between samples"
         )
     elif features.samples.min() < features.samples.max():
         notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
