@@ -190,5 +190,22 @@ def test_distance_to_what_is_fitted() -> None:
     generator = np.random.default_rng(1)
     near, far = generator.standard_normal((2, 14, 2, len(NAMES)))
     sd = np.ones(len(NAMES))
-    assert abs(fit_of(near, far, sd)) < 0.2 < fit_of(near, far + 1.0, sd)
-    assert fit_of(near[:1], far, sd) == np.inf
+    both = (0, 1)
+    assert abs(fit_of(near, far, sd, both)) < 0.2 < fit_of(near, far + 1.0, sd, both)
+    assert fit_of(near[:1], far, sd, both) == np.inf
+
+
+def test_folds_of_few_samples_are_fitted_on_both_faces(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As they are scored, though a fold alone has too few samples to tell."""
+    compared: list[tuple[int, ...]] = []
+
+    def noted(data: np.ndarray, model: np.ndarray, sd: np.ndarray, faces: tuple[int, ...]) -> float:
+        compared.append(faces)
+        return fit_of(data, model, sd, faces)
+
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    monkeypatch.setattr(closure, "fit_of", noted)
+    every = fabric(emulator, [], NOTHING)
+    data = replace(every, specimens=every.specimens[:6], drift=every.drift[:6])
+    closures(emulator, data, residual_of(emulator, data), [()], Draping(8))
+    assert set(compared) == {(0, 1)}

@@ -33,7 +33,7 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, 
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import features
-from cusick_bench.diagnosis.measure.gap import Fold, Gap, fit_of, gap
+from cusick_bench.diagnosis.measure.gap import Fold, Gap, faces_of, fit_of, gap
 from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
 from cusick_bench.sim.setup import Simulators
 
@@ -177,7 +177,7 @@ class _Model:
         self.base_model = BaseModel()
         self.specimens, self.features = samples.specimens[chosen], samples.features(chosen)
         self.scatter, self.drift = scatter_of(self.specimens), samples.later
-        self.start, self.sd = residual.theta, residual.sd
+        self.start, self.sd, self.faces = residual.theta, residual.sd, faces_of(samples.specimens)
         self.nothing = np.zeros(len(residual.kept))
 
     def against(self, theta: ndarray, shift: ndarray, *, fixed: bool = False, exact: bool = True) -> Residual:
@@ -205,7 +205,7 @@ class _Model:
 
     def distance(self, drapes: Simulated) -> float:
         """G between simulated samples and those that the model is fitted to."""
-        return fit_of(self.specimens, drapes.specimens, self.sd)
+        return fit_of(self.specimens, drapes.specimens, self.sd, self.faces)
 
 
 def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> Simulated:
