@@ -275,7 +275,7 @@ class DiagnosisDocument(Part):
         baselines: Answers of simpler methods, by their names.
         sets: Sets of effects, the likeliest first; of those above 0.5 %.
         fit: How well base model and effects fit.
-        with_effect: Arguments of `--with-effect` that simulate the causes together.
+        with_effect: Arguments of `--with-effect` that simulate the causes together, in the lengths of the data's cloth.
         base: The best base model.
         data: How much data there is.
         statistics: Statistics of data and models.
