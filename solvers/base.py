@@ -222,6 +222,23 @@ def require_positive(solver: Solver, *names: str) -> None:
             )
 
 
+def require_at_least(solver: Solver, least: int, *names: str) -> None:
+    """Refuses options that are too small.
+
+    Args:
+        solver: Solver that has these options.
+        least: Their smallest value.
+        names: Names of the options.
+
+    Raises:
+        SolverError: One of them is smaller.
+    """
+    for name in names:
+        value = getattr(solver, name)
+        if not value >= least:
+            raise SolverError(f"{solver.name}'s {name} must be >= {least}, got {value}; leave it out for the usual one")
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """What an oracle is shown: test images, and for each the images of repeats of the same drape."""

@@ -9,7 +9,7 @@ given.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -67,6 +67,7 @@ class Diagnosis:
         plain: What the best base model without effects leaves of the data's features.
         residual: The same, linearised at the joint optimum with the likeliest set.
         features: Features of the data.
+        emulator: The atlas, with the fabric's own outlines.
         baselines: Probabilities by simpler methods.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
@@ -94,6 +95,7 @@ class Diagnosis:
     plain: Residual
     residual: Residual
     features: Features
+    emulator: Emulator
     baselines: Mapping[str, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
@@ -144,8 +146,9 @@ def diagnose(
     simulated = None
     if chosen.samples and (evidence.causes or chosen.always):
         draping = Draping(chosen.samples, chosen.seed, simulators or Simulators(most=20))
+        turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
         simulated = closures(
-            emulator, evidence.samples, sets.residual, [evidence.causes], draping,
+            turned, evidence.samples, sets.residual, [evidence.causes], draping,
             progress=lambda share: progress("simulating", share),
         )[0]  # fmt: skip
     progress("done", 1.0)
@@ -171,6 +174,7 @@ def diagnose(
         plain=evidence.plain,
         residual=sets.residual,
         features=evidence.features,
+        emulator=evidence.data.emulator,
         baselines=_baselines(
             evidence.data.emulator,
             evidence.features,

@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cusick_bench.solvers.base import SolverError
+from cusick_bench.solvers.base import SolverError, require_at_least
 from cusick_bench.solvers.bayesian_optimisation.embedding import balanced_embedding, lifted, split
 from cusick_bench.solvers.bayesian_optimisation.search import check_initial, design
 from cusick_bench.solvers.bayesian_optimisation.trust_region import FIRST, SHORTEST, TrustRegion, local_search
@@ -91,6 +91,7 @@ class Baxus(BoxSolver):
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)
+        require_at_least(self, 1, "candidates")
         if self.parts < 2:
             raise SolverError(f"baxus splits a bin into at least 2, got parts={self.parts}")
 

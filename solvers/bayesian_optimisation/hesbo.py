@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cusick_bench.solvers.base import require_at_least
 from cusick_bench.solvers.bayesian_optimisation.embedding import hash_embedding, lifted
 from cusick_bench.solvers.bayesian_optimisation.search import bayesian_search, check_initial
 from cusick_bench.solvers.black_box.box import BoxSolver, Search
@@ -34,6 +35,7 @@ class Hesbo(BoxSolver):
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)
+        require_at_least(self, 1, "embedded")
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
         """Searches one hashed subspace."""

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cusick_bench.solvers.base import SolverError
+from cusick_bench.solvers.base import SolverError, require_at_least
 from cusick_bench.solvers.bayesian_optimisation.embedding import gaussian_embedding, lifted
 from cusick_bench.solvers.bayesian_optimisation.search import bayesian_search, check_initial
 from cusick_bench.solvers.black_box.box import BoxSolver, Search
@@ -38,6 +38,7 @@ class Rembo(BoxSolver):
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)
+        require_at_least(self, 1, "embedded")
         if self.embeddings < 1:
             raise SolverError(f"rembo searches at least one embedding, got embeddings={self.embeddings}")
 

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cusick_bench.solvers.base import require_at_least
 from cusick_bench.solvers.bayesian_optimisation.search import check_initial, design
 from cusick_bench.solvers.bayesian_optimisation.trust_region import TrustRegion, local_search
 from cusick_bench.solvers.black_box.box import BoxSolver, Search
@@ -32,6 +33,7 @@ class Turbo(BoxSolver):
 
     def __post_init__(self) -> None:
         check_initial(self.name, self.initial)
+        require_at_least(self, 1, "candidates")
 
     def search(self, dimension: int, evaluations: int, generator: np.random.Generator) -> Search:
         """Searches one trust region after the other."""

@@ -22,7 +22,15 @@ import numpy as np
 
 from cusick_bench.problem import BudgetExceeded
 from cusick_bench.sim.errors import did_you_mean
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at
+from cusick_bench.solvers.base import (
+    Prediction,
+    Progress,
+    Solver,
+    SolverError,
+    prediction_at,
+    require_at_least,
+    require_positive,
+)
 from cusick_bench.solvers.incumbent import PENALTY, Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 
@@ -62,6 +70,10 @@ class NloptSolver(Solver):
     step: float = 0.5
     tolerance: float = 1e-6
     algorithm: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        require_at_least(self, 0, "search", "tolerance")
+        require_positive(self, "step")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         budget = problem.meter.budget

@@ -32,7 +32,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.problem import BudgetExceeded
-from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at, require_positive
+from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at, require_at_least, require_positive
 from cusick_bench.solvers.gradient.gauss_newton import Adjoints, damped_step
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
@@ -212,7 +212,8 @@ class Heter(Solver):
     needs_gradient: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        require_positive(self, "radius", "blur")
+        require_at_least(self, 0, "search", "steps")
+        require_positive(self, "radius", "blur", "amplitude", "length")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         incumbent, finished = BlurredIncumbent(problem, self.blur), False

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from cusick_bench.problem import BudgetExceeded
-from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at
+from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at, require_at_least, require_positive
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 
@@ -44,6 +44,10 @@ class Homo(Solver):
     summary: ClassVar[str] = "gradient fit of one stretch and one bending table (Adam and L-BFGS in turn)"
     reference: ClassVar[str] = "Gong, Mao, Wang, CVPR 2024, Table 1 HOMO; Kingma, Ba 2015; Liu, Nocedal 1989"
     needs_gradient: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        require_at_least(self, 0, "search", "adam_steps", "lbfgs_iterations")
+        require_positive(self, "adam_rate")
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         from cusick_bench.solvers.descent import rounds

@@ -28,7 +28,15 @@ from jaxtyping import Float
 
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.problem import BudgetExceeded
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
+from cusick_bench.solvers.base import (
+    Prediction,
+    Progress,
+    Solver,
+    SolverError,
+    prediction_at,
+    require_at_least,
+    require_positive,
+)
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.variational.gaussian_posterior import (
@@ -85,6 +93,7 @@ class Bdp(Solver):
     def __post_init__(self) -> None:
         if self.reduction not in REDUCTIONS:
             raise SolverError(f"reduction must be one of {', '.join(REDUCTIONS)}, got {self.reduction!r}")
+        require_at_least(self, 0, "search")
         require_positive(self, "draws", "steps", "samples", "rate", "sigma", "scale")
 
     @property

@@ -92,6 +92,7 @@ class BdpField(Solver):
             ("first", 0),
             ("rounds", 0),
             ("cloths", 1),
+            ("search", 0),
             ("refinement", 0),
             ("samples", 0),
         ):

@@ -10,7 +10,7 @@ from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, LIMP, NOT_SIMULATED, Design, at_fine
 from cusick_bench.diagnosis.atlas.drapes import build, make_points, random_value
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.points import point_file, read_point, read_points
+from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_point, read_points
 from cusick_bench.diagnosis.atlas.ridge import ridge
 from cusick_bench.diagnosis.atlas.store import Calibration, load, load_uncalibrated, save
 from cusick_bench.diagnosis.errors import DiagnosisError
@@ -84,12 +84,13 @@ def test_atlas_build_goes_on_where_it_was(tmp_path: Path, one_thread: None) -> N
     build(tmp_path, SMALL)
     kept, lost = (point_file(tmp_path, point, BASE) for point in (0, 1))
     before = read_point(lost).statistics
-    written = kept.stat().st_mtime_ns
+    written, designed = (path.stat().st_mtime_ns for path in (kept, tmp_path / DESIGN_FILE))
     lost.unlink()
     told: list[tuple[int, int]] = []
     build(tmp_path, SMALL, progress=lambda done, total: told.append((done, total)))
     assert told == [(1, 2), (2, 2)]
     assert kept.stat().st_mtime_ns == written
+    assert (tmp_path / DESIGN_FILE).stat().st_mtime_ns == designed
     design, points = read_points(tmp_path)
     assert design == SMALL
     assert list(points[BASE]) == [0, 1]

@@ -1,11 +1,12 @@
 """Base model and cause fitted by simulation, against a world whose answer is known: the atlas with a known error."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import load_uncalibrated
 from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
@@ -18,7 +19,7 @@ from cusick_bench.diagnosis.measure.gap import fit_of
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.simulation import closure
 from cusick_bench.diagnosis.simulation.closure import Draping, closures
-from cusick_bench.diagnosis.simulation.samples import Simulated
+from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 RADII = np.zeros((1, 2, 360))
@@ -46,8 +47,12 @@ def drawn(
 def world(emulator: Emulator, error: np.ndarray) -> Callable[..., Simulated]:
     """Its simulator."""
 
-    def simulate(theta: np.ndarray, causes: Sequence[Candidate], samples: int, seed: tuple[int, ...], **_: object):
-        return Simulated(drawn(emulator, theta, causes, samples, sum(seed), error), RADII)
+    def simulate(
+        theta: np.ndarray, causes: Sequence[Candidate], samples: int, seed: tuple[int, ...], *,
+        warp_seen_down: float, **_: object,
+    ):  # fmt: skip
+        turned = replace(emulator, warp_seen_down=warp_seen_down)
+        return Simulated(drawn(turned, theta, causes, samples, sum(seed), error), RADII)
 
     return simulate
 
@@ -133,9 +138,74 @@ def test_alternatives_share_the_base_model(emulator: Emulator, monkeypatch: pyte
     assert shares[-1] <= 1
 
 
+def test_closure_is_the_same_however_the_cloth_is_turned_over(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A camera beside its place, of cloths turned about y and about x."""
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    offset = Candidate(hypothesis_of(emulator, "camera-offset"), {"shift": 6e-3, "direction": 20.0}, 0.0, 0.0, 0.0)
+    found = []
+    for warp in (np.pi, 0.0):
+        turned = replace(emulator, warp_seen_down=warp)
+        data = fabric(turned, [offset], NOTHING)
+        gap = closures(turned, data, residual_of(turned, data), [(offset,)], Draping(60), refit=False)[0].gap
+        assert gap is not None
+        found.append(gap.closure)
+    assert found[0] == pytest.approx(found[1], abs=0.05)
+    assert found[0] > 0.8
+
+
+def test_directions_of_the_laboratory_in_simulated_drapes_of_a_cloth_turned_about_x(emulator: Emulator) -> None:
+    """The warp of such a cloth points to x on either face: 20 degrees of the laboratory are -20 of the lower face."""
+    lab, cloth = (one for one in hypotheses(emulator) if one.name == "camera-offset")
+    assert (lab.frame, cloth.frame) == ("lab", "cloth")
+    turned = Candidate(lab, {"shift": 6e-3, "direction": 20.0}, 0.0, 0.0, 0.0)
+    same = Candidate(cloth, {"shift": 6e-3, "direction": 340.0}, 0.0, 0.0, 0.0)
+    model = BaseModel(vertices=250)
+    one, other = (
+        simulate(THETA, [cause], 1, (3,), model=model, warp_seen_down=warp)
+        for cause, warp in ((turned, 0.0), (same, np.pi))
+    )
+    assert one.specimens[:, 1] == pytest.approx(other.specimens[:, 1])
+    assert one.specimens[:, 0] != pytest.approx(other.specimens[:, 0])
+    assert one.radii[:, 1] == pytest.approx(np.roll(other.radii[:, 1], 180, axis=1))
+
+
+@pytest.mark.parametrize("samples", [2, 3])
+def test_too_few_samples_have_pictures_but_no_gap(
+    emulator: Emulator, monkeypatch: pytest.MonkeyPatch, samples: int
+) -> None:
+    """All of them are fitted, so that none is left unseen."""
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
+    every = fabric(emulator, [scale], NOTHING)
+    data = replace(every, specimens=every.specimens[:samples], drift=every.drift[:samples])
+    (found,) = closures(emulator, data, residual_of(emulator, data), [(scale,)], Draping(8))
+    assert found.gap is None
+    assert len(found.base.specimens) == 8
+    assert found.effect is not None
+
+
 def test_distance_to_what_is_fitted() -> None:
     generator = np.random.default_rng(1)
     near, far = generator.standard_normal((2, 14, 2, len(NAMES)))
     sd = np.ones(len(NAMES))
-    assert abs(fit_of(near, far, sd)) < 0.2 < fit_of(near, far + 1.0, sd)
-    assert fit_of(near[:1], far, sd) == np.inf
+    both = (0, 1)
+    assert abs(fit_of(near, far, sd, both)) < 0.2 < fit_of(near, far + 1.0, sd, both)
+    assert fit_of(near[:1], far, sd, both) == np.inf
+
+
+def test_folds_of_few_samples_are_fitted_on_both_faces(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As they are scored, though a fold alone has too few samples to tell."""
+    compared: list[tuple[int, ...]] = []
+
+    def noted(data: np.ndarray, model: np.ndarray, sd: np.ndarray, faces: tuple[int, ...]) -> float:
+        compared.append(faces)
+        return fit_of(data, model, sd, faces)
+
+    monkeypatch.setattr(closure, "simulate", world(emulator, NOTHING))
+    monkeypatch.setattr(closure, "fit_of", noted)
+    every = fabric(emulator, [], NOTHING)
+    data = replace(every, specimens=every.specimens[:6], drift=every.drift[:6])
+    closures(emulator, data, residual_of(emulator, data), [()], Draping(8))
+    assert set(compared) == {(0, 1)}

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.controls import run
@@ -208,6 +209,18 @@ class TestCatalogue:
         assert levels["shift", "larger"].amount == Amount("camera-offset", 3 / 723, SHIFT_DIRECTION)
         assert sum(one.kind == "null" for one in controls) == 2
         assert not [one for one in controls if one.name in ("slip", "observations")]
+
+    def test_amounts_are_in_the_lengths_of_the_atlas_cloth(self, under_control):
+        """The same pictures of a cloth of 120 mm; the eye is as high, and so farther off in units of the cloth."""
+        protocol = replace(RELEASE, cloth_radius_m=0.12, plate_radius_m=0.072, px_per_m=RELEASE.px_per_m / 0.8)
+        small = replace(under_control, data=replace(under_control.data, protocol=protocol))
+        names = ["shift", "blur-cut", "pinhole", "scale", "turn"]
+        nominal, ours = (controls_of(one, names)[0] for one in (under_control, small))
+        for first, second in zip(nominal, ours, strict=True):
+            assert first.amount
+            assert second.amount
+            factor = 0.8 if first.name == "pinhole" else 1.0
+            assert second.amount.severity == pytest.approx(factor * first.amount.severity)
 
     def test_only_those_that_are_asked_for(self, under_control):
         controls, references = controls_of(under_control, ["halves"])

@@ -1,5 +1,6 @@
 """The same drapes under another laboratory's protocol are diagnosed alike, or it is said why not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,21 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
-from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
+from cusick_bench.diagnosis.diagnose import diagnose
+from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
-from cusick_bench.diagnosis.inference.residuals.samples import to_atlas
+from cusick_bench.diagnosis.inference.residuals.refusal import doubts
+from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics, to_atlas
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.measure.statistics import FREE, RESOLUTION, capture_statistics
+from cusick_bench.diagnosis.options import Options
+from cusick_bench.problem.scene import parse_causes
 from cusick_bench.report.diagnosis.words import cloth_in_words
 
 CLOTH = "fabric_3"
@@ -71,11 +79,54 @@ def test_lengths_of_another_cloth_are_said_to_be_scaled(laboratories):
     assert to_atlas(captures(laboratories, "large images"))[1] == []
 
 
+def test_causes_to_simulate_are_in_the_laboratorys_lengths(laboratories):
+    emulator, _ = load_uncalibrated()
+    known = {one.name: one for one in hypotheses(emulator)}
+    values = {
+        "local-mass-patch": {"mass": 1.0, "direction": 30.0, "radius": 0.12, "size": 0.02},
+        "perspective": {"inverse_height": 1.0},
+        "camera-scale": {"error": 0.02},
+        "rest-curvature": {"curvature": 190.0, "direction": 45.0},
+    }
+    causes = tuple(Candidate(known[name], value, 0.0, 0.0, 0.0) for name, value in values.items())
+    nominal = captures(laboratories, "release")
+    found = replace(diagnose(nominal, emulator, options=Options(samples=0)), causes=causes)
+    listed = [
+        document(found, captures(laboratories, name), emulator, command="", version="").with_effect
+        for name in ("release", "small cloth")
+    ]
+    assert listed[0] == (
+        "local-mass-patch:mass=1,direction=30,radius=0.12,size=0.02",
+        "perspective:inverse_height=1",
+        "camera-scale:error=0.02",
+        "rest-curvature:curvature=190,direction=45",
+    )
+    assert listed[1] == (
+        "local-mass-patch:mass=1,direction=30,radius=0.096,size=0.016",
+        "perspective:inverse_height=1.25",
+        "camera-scale:error=0.02",
+        "rest-curvature:curvature=200,direction=45",  # its bound
+    )
+    assert len(parse_causes(listed[1])) == len(causes)
+
+
 def test_perspective_is_taken_out_and_said(laboratories):
     ours, nominal = captures(laboratories, "near camera"), captures(laboratories, "release")
     assert np.abs(ours.radii - nominal.radii).mean() < 1.5e-3
     (note,) = to_atlas(ours)[1]
     assert "radii are corrected for the pinhole camera" in note
+
+
+def test_a_large_cloth_under_a_near_camera_is_scaled(laboratories):
+    """The scaled eye, at 0.1875 m, is nearer than a protocol allows."""
+    protocol = Protocol(
+        cloth_radius_m=0.24, plate_radius_m=0.144, px_per_m=450.0, projection="pinhole", camera_height_m=0.3
+    )
+    nominal = captures(laboratories, "release")
+    ours = replace(nominal, radii=1.6 * nominal.radii, area=1.6**2 * nominal.area, protocol=protocol)
+    scaled, _ = to_atlas(ours)
+    assert scaled.radii == pytest.approx(nominal.radii)
+    assert scaled.protocol.cloth_radius_m == RELEASE.cloth_radius_m
 
 
 def test_another_ratio_of_plate_to_cloth_is_refused_with_the_reason(tmp_path):
@@ -94,3 +145,15 @@ def test_stiffness_is_that_of_the_laboratorys_cloth_and_gravity():
     (_, nominal, _), (_, scaled, _) = cloth_in_words(base, data)[1], cloth_in_words(base, other)[1]
     assert nominal == f"{1e6 * np.exp(-6.5) * 0.2 * 9.8 * 0.15**3:.2g} µN m"
     assert scaled == f"{1e6 * np.exp(-6.5) * 0.2 * 9.81 * 0.12**3:.2g} µN m"
+
+
+def test_faces_that_no_sample_shows_both_of_are_not_called_one_face(laboratories):
+    both = captures(laboratories, "release")
+    chosen = (both.side == "up") == (both.sample % 2 == 0)
+    cases = {"no sample shows both faces": chosen, "one face only": both.side == "up"}
+    for words, rows in cases.items():
+        ours = both.select(rows)
+        (note,) = (
+            one for one in doubts(ours, sample_statistics(ours).features()) if "in part" in one and "face" in one
+        )
+        assert words in note

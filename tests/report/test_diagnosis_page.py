@@ -210,6 +210,14 @@ def test_a_gap_of_which_something_is_unknown_is_shown(lacking):
     assert section.has_floor == (lacking != "floor")
 
 
+def test_simulated_drapes_of_too_few_samples_are_shown_without_a_gap(profiles, tmp_path):
+    made = document(profiles)
+    text = page(made | {"gap": {"p": 0.01}, "closure": {}}, tmp_path).text
+    assert "too few samples to leave some unseen" in text
+    assert "samples are too few" in text
+    assert "no drapes were simulated." not in text
+
+
 def test_an_empty_diagnosis_says_what_is_not_known(tmp_path):
     text = page(EMPTY, tmp_path).text
     for expected in (

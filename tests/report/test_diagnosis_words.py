@@ -12,6 +12,7 @@ from cusick_bench.report.diagnosis.number_format import measure, percent, plain
 from cusick_bench.report.diagnosis.statistics import ShownStatistic, statistic_table
 from cusick_bench.report.diagnosis.words import cloth_in_words, entropy_of, statistic_name, worth
 from cusick_bench.sim.effects import registered
+from cusick_bench.sim.laws.plate import curvature_shares, plate_stiffness
 
 
 def test_cloth_in_words_is_the_base_models_cloth():
@@ -26,6 +27,18 @@ def test_cloth_in_words_is_the_base_models_cloth():
     ratio = float(material.bending[0, 0] / material.bending[2, 0])
     assert values["factor between the bending stiffness of the two"] == f"× {ratio:.2f}"
     assert len(cloth_in_words(BaseParameters(bending=-6.5), DataCounts())) == 1
+
+
+def test_the_ratio_of_stiffness_is_that_of_weft_to_warp():
+    """D11 is the stiffness of bending along x, the warp."""
+    theta = np.zeros(len(NAMES))
+    theta[NAMES.index("anisotropy")] = np.log(2)
+    material, shares, d = cloth(theta), np.zeros((3, 5)), np.zeros((3, 4))
+    curvature_shares(0.0, shares)
+    plate_stiffness(material.bending.numpy(), float(material.poisson), shares, d)
+    values = {name: value for name, value, _ in cloth_in_words(BaseParameters(anisotropy=np.log(2)), DataCounts())}
+    assert d[0, 1] / d[0, 0] == pytest.approx(2)
+    assert values["weft to warp"] == "× 2.00"
 
 
 @pytest.mark.parametrize(

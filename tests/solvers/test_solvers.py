@@ -161,6 +161,15 @@ class TestRegistry:
             with pytest.raises(SolverError, match="has no option"):
                 make_solver(text)
 
+    @pytest.mark.parametrize("text", [
+        "nlopt:LN_BOBYQA,step=0.0", "nlopt:LN_BOBYQA,search=-3", "homo,search=-3",
+        "homo,adam_rate=0", "homo,adam_steps=-1", "heter,length=0", "turbo,candidates=0", "baxus,candidates=0",
+        "hesbo,embedded=0", "rembo,embedded=0", "bdp,search=-1", "bdp-field,search=-1",
+    ])  # fmt: skip
+    def test_options_out_of_bounds_are_refused(self, text):
+        with pytest.raises(SolverError, match="must be >"):
+            make_solver(text)
+
     def test_other_packages_register_theirs(self, monkeypatch):
         @dataclass(frozen=True)
         class Foreign(Solver):

@@ -14,7 +14,7 @@ from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.simulation.closure import Draping
 from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_folders
-from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures
+from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answers
 from cusick_bench.withheld.format.label import LabelDocument, read_label_documents
@@ -62,7 +62,7 @@ def test_a_suite_that_was_stopped_goes_on(
     first = read_answers(small_answers).answers
     out = tmp_path / "answers.json"
     shutil.copytree(small_answers.with_name("answers.json.parts"), tmp_path / "answers.json.parts")
-    parts = sorted((tmp_path / "answers.json.parts").rglob("*.json"))
+    parts = sorted((tmp_path / "answers.json.parts").rglob("*.json"), key=lambda part: part.stem)
     assert [part.stem for part in parts] == ["case_0001", "case_0002", "case_0003"]
     changed = json.loads(parts[0].read_text()) | {"verdict": "unknown", "code": "kept"}
     parts[0].write_text(json.dumps(changed))  # an answer that is there is not made again
@@ -83,6 +83,18 @@ def test_other_options_are_other_answers(
     (answer,) = answer_suite(tmp_path / "cases", tmp_path / "answers.json", SHIPPED, options).answers.values()
     assert set(answer.left_out) == set(EFFECTS)
     assert {name for name, _ in answer.causes} <= {"none", "unknown", "density-bias"}
+
+
+def test_another_case_of_the_same_name_is_another_answer(
+    small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None
+) -> None:
+    shutil.copytree(small_suite / "cases" / "case_0001", tmp_path / "cases" / "case_0001")
+    shutil.copytree(small_answers.with_name("answers.json.parts"), tmp_path / "answers.json.parts")
+    others = sorted((small_suite / "cases" / "case_0002").rglob("*.jpg"))
+    for path, other in zip(sorted((tmp_path / "cases").rglob("*.jpg")), others, strict=True):
+        shutil.copy(other, path)
+    (found,) = answer_suite(tmp_path / "cases", tmp_path / "answers.json", SHIPPED, QUICK).answers.values()
+    assert found.causes != read_answers(small_answers).answers["case_0001"].causes
 
 
 @pytest.mark.parametrize(
@@ -130,12 +142,18 @@ def test_oracle_closure_is_judged(small_suite: Path, small_answers: Path, tmp_pa
     truth = {"effect": "camera-scale", "class": "imaging", "severity": 0.1, "parameters": {"error": 0.1}}
     camera = LabelDocument.model_validate(labels[single].content() | truth | {"location": None})
     out = tmp_path / "oracle.json"
-    found = oracle_closures(small_suite / "cases", labels | {single: camera}, out, SHIPPED, Draping(2))
+    known = labels | {single: camera}
+    out.write_text(json.dumps({"case_0099": 0.1}))
+    found = oracle_closures(small_suite / "cases", known, out, SHIPPED, Draping(2))
     assert list(found) == [single]
+    assert read_oracle_closures(out) == found, "of these cases alone"
     absent = camera.model_copy(update={"effect": "density-bias"})
     assert oracle_closure(small_suite / "cases" / single, absent, SHIPPED, Draping(2)) is None
-    out.write_text(json.dumps({single: 0.5}))
-    again = oracle_closures(small_suite / "cases", labels | {single: camera}, out, SHIPPED, Draping(2))
+    (part,) = out.with_name("oracle.json.parts").rglob("*.json")
+    part.write_text(json.dumps({single: 0.5}))
+    more = oracle_closures(small_suite / "cases", known, out, SHIPPED, Draping(4))
+    assert read_oracle_closures(out) == more != {single: 0.5}, "more samples are another closure"
+    again = oracle_closures(small_suite / "cases", known, out, SHIPPED, Draping(2))
     assert again == {single: 0.5}, "what is there already is kept"
     arguments = ["withheld", "score", str(small_answers), str(small_suite / "labels" / "labels.json")]
     result = CliRunner().invoke(app, [*arguments, "--oracle", str(out), "--json"])

@@ -262,6 +262,17 @@ class TestJudgement:
         assert read_label(label(["creep", "threshold"], None, severity=severities), "l").level == "1x"
         assert read_label(label("creep", None, multiple_of_typical=0.5), "l").level == "0.5x"
 
+    def test_a_severity_that_was_cut_off_counts_as_it_is(self):
+        """Four times a typical stiffening of ln 3 is more than an effect can be."""
+        known = {"multiple_of_typical": 4.0}
+        found = read_label(label("local-stiff-patch", None, severity=-3.0, **known), "l")
+        assert found.multiple == pytest.approx(2.73, abs=0.01)
+        assert found.level == "2x"
+        pair = read_label(label(["creep", "rim-stiffening"], None, severity=[0.6, 3.0], **known), "l")
+        assert pair.multiple == pytest.approx(2.73, abs=0.01)
+        rounded = read_label(label("local-stiff-patch", None, severity=2.197, multiple_of_typical=2.0), "l")
+        assert rounded.multiple == 2.0
+
     def test_a_direction_is_no_place(self):
         said = answer(
             "effect", ("plate-tilt", 0.9), where={"kind": "direction", "angle_deg": [3, 9], "localisable": True}

@@ -16,7 +16,7 @@ from cusick_bench.withheld.format.seal import sealed
 from cusick_bench.withheld.scoring.calibration import (
     wilson_interval,
 )
-from cusick_bench.withheld.scoring.failures import confusion_by_class, failures
+from cusick_bench.withheld.scoring.failures import confusion_by_class, confusion_by_effect, failures
 from cusick_bench.withheld.scoring.labelled_answers import read_labelled_answers
 from cusick_bench.withheld.scoring.score import ANSWERS
 from cusick_bench.withheld.scoring.table import markdown
@@ -53,6 +53,16 @@ class TestFailures:
         confusion = confusion_by_class(score(both).cases)
         assert confusion.loc["boundary", "history"] == 1
         assert confusion.to_numpy().sum() == len(labels)
+
+    def test_a_refusal_is_taken_for_nothing(self, tmp_path):
+        labels = {"listed": label("creep"), "outside": label("unknown", None, hidden="wind"), "null": label("none")}
+        both = revealed(tmp_path, labels, dict.fromkeys(labels, answer("refused")))
+        cases = score(both).cases
+        assert {item.case: item.faults for item in failures(both, cases)} == dict.fromkeys(
+            ("listed", "outside"), ("refused",)
+        )
+        assert confusion_by_class(cases)["refused"].sum() == confusion_by_effect(cases)["refused"].sum() == 3
+        assert confusion_by_class(cases)["unknown"].sum() == 0
 
 
 class TestFiles:

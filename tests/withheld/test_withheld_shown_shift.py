@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -19,6 +20,7 @@ from cusick_bench.diagnosis.inference.residuals.residual import Residual, agains
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics
 from cusick_bench.diagnosis.inference.single_effects.evidence import grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
+from cusick_bench.withheld.answers import shown_shift as shown_shifts
 from cusick_bench.withheld.answers.blind import case_captures
 from cusick_bench.withheld.answers.shown_shift import (
     ShownShift,
@@ -37,7 +39,7 @@ from cusick_bench.withheld.scoring.labelled_answers import (
 )
 from cusick_bench.withheld.scoring.measures import CLEAR, DISTINCT
 from cusick_bench.withheld.scoring.score import score
-from cusick_bench.withheld.suite.generate import SUITE, read_suite
+from cusick_bench.withheld.suite.generate import SUITE, Suite, read_suite
 
 SIZES = {"plate-radius", "cut-size", "camera-scale", "threshold"}
 
@@ -149,10 +151,11 @@ class TestCommands:
             acting = json.loads(labels.read_text())[case]["effect"]
             assert set(one.each) == (set(acting) if kinds[case] == "pair" else set())
         strong = {case: ShownShift(3 * NEEDED, "threshold", 0.8, 1.8 * NEEDED) for case in shown}
-        out.write_text(json.dumps({case: asdict(one) for case, one in strong.items()}))
+        for part in out.with_name("twins.json.parts").rglob("*.json"):
+            part.write_text(json.dumps({part.stem: asdict(strong[part.stem])}))
         suite, documents = read_suite(small_suite / "labels" / SUITE), read_label_documents(labels)
         again = measure_shown_shifts(suite, small_suite / "cases", documents, out, SHIPPED)
-        assert again == strong, "what is there already is kept"
+        assert again == read_shown_shifts(out) == strong, "what is there already is kept"
         result = invoke("score", small_answers, labels, "--twins", out)
         assert result.exit_code == 0, result.output
         found = json.loads(result.stdout)
@@ -164,6 +167,20 @@ class TestCommands:
             cases = {figure["name"]: figure["cases"] for figure in own if figure["subset"] == subset}
             assert cases["power"] == cases["unknown recalled"] == 1
         assert any("twin" in note for note in found["notes"])
+
+    def test_twins_are_draped_on_one_thread(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+        """As the cases are, so that a twin differs by its effect alone."""
+        threads: list[int] = []
+        monkeypatch.setattr(
+            shown_shifts, "write_case", lambda suite, plan, out: threads.append(torch.get_num_threads())
+        )
+        monkeypatch.setattr(shown_shifts, "_data", lambda folder: None)
+        before = torch.get_num_threads()
+        torch.set_num_threads(2)
+        suite = Suite(4, {"null": 0, "single": 1, "pair": 0, "unknown": 0})
+        shown_shifts._twin(suite, suite.plans()[0], ())  # pyright: ignore[reportPrivateUsage]
+        torch.set_num_threads(before)
+        assert threads == [1]
 
     @pytest.mark.parametrize(("shown", "subsets"), [
         (ShownShift(3 * NEEDED, "threshold", 0.8, 1.8 * NEEDED), {CLEAR, DISTINCT}),

@@ -67,7 +67,7 @@ def oracle(
     from cusick_bench.withheld.format.label import PAIR, SINGLE, read_label_documents
 
     known = read_label_documents(labels)
-    kept = interruptible(f"the closures that were ready are kept in {out}", go_on=True)
+    kept = interruptible(f"the closures that were ready are kept beside {out}", go_on=True)
     with progress_bar("cases", sum(label.kind in (SINGLE, PAIR) for label in known.values())) as bar, kept:
         found = oracle_closures(
             cases, known, out, atlas, Draping(samples, seed), workers=workers, step=lambda case: bar.advance()
@@ -98,7 +98,7 @@ def twins(
     from cusick_bench.withheld.suite.generate import SUITE, read_suite
 
     suite = read_suite(labels.with_name(SUITE))
-    kept = interruptible(f"the cases that were ready are kept in {out}", go_on=True)
+    kept = interruptible(f"the cases that were ready are kept beside {out}", go_on=True)
     with progress_bar("cases", sum(bool(plan.causes) for plan in suite.plans())) as bar, kept:
         found = measure_shown_shifts(
             suite, cases, read_label_documents(labels), out, atlas, workers=workers, step=lambda case: bar.advance()

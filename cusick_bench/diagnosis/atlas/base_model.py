@@ -3,7 +3,7 @@
 A fabric has nine numbers theta; lengths are in units of the cloth's radius R, stiffness in units of weight:
 
     bending      ln of B / (rho g R^3), B the geometric mean of warp and weft
-    anisotropy   ln of B_warp / B_weft
+    anisotropy   ln of B_weft / B_warp
     bias         ln of B at 45 degrees over B
     growth       ln of B at 40 /m over B at 0
     shear        ln of shear stiffness / (rho g R)

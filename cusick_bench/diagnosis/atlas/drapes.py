@@ -35,6 +35,7 @@ from cusick_bench.diagnosis.atlas.observation import drape_and_observe, observe
 from cusick_bench.diagnosis.atlas.points import DESIGN_FILE, point_file, read_design, write_point
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.runner.processes import process_pool
+from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import Effect, registered
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 
@@ -145,11 +146,12 @@ def random_value(effect: Effect, generator: np.random.Generator) -> dict[str, fl
 
 def _check_design(folder: Path, design: Design) -> None:
     path = folder / DESIGN_FILE
-    if path.exists() and (known := read_design(path)) != design:
+    if not path.exists():
+        write_atomically(path, json.dumps(asdict(design)).encode())
+    elif (known := read_design(path)) != design:
         raise DiagnosisError(
             f"{folder} holds an atlas of another design, {known}; give another --out, or the same options"
         )
-    path.write_text(json.dumps(asdict(design)))
 
 
 def _make_all(folder: Path, design: Design, fabrics: list[tuple[int, list[str]]], workers: int) -> Iterator[int]:

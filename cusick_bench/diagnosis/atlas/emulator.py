@@ -42,6 +42,7 @@ class Emulator:
         responses: Response of each effect, by its name.
         outlines: Outlines of the fabric that is diagnosed, on which effects that act on the outline alone are undone
             instead of being emulated; None to emulate all.
+        warp_seen_down: Angle at which the camera sees the warp of a cloth that lies face down [rad], as in `Captures`.
     """
 
     base: SummedFit
@@ -51,6 +52,7 @@ class Emulator:
     discrepancy: Float[ndarray, "2 statistics statistics"]
     responses: Mapping[str, Response]
     outlines: OwnOutlines | None = None
+    warp_seen_down: float = np.pi
 
     def mean(self, theta: Float[ndarray, "*rows parameters"]) -> Float[ndarray, "*rows statistics"]:
         """Mean of every statistic, the same on both faces.

@@ -38,6 +38,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.datasets.dataset import DrapeDataset
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.diagnosis.controls.pictures import (
     GrainTurn,
     Magnification,
@@ -83,7 +84,8 @@ class Amount:
 
     Attributes:
         effect: Name of the effect.
-        severity: Value of its severity, in the unit of its parameter.
+        severity: Value of its severity, in the unit of its parameter and, as its estimates, in the lengths of the
+            atlas' cloth.
         direction: Its direction [deg]; None for an effect without one.
     """
 
@@ -231,8 +233,13 @@ def _planted(
         )  # fmt: skip
 
 
+def _pixels_per_metre(protocol: Protocol) -> float:
+    """Pixels to a metre of the atlas' cloth."""
+    return protocol.px_per_m * protocol.cloth_scale
+
+
 def _shift(fabric: FabricUnderControl) -> Iterator[Control]:
-    per_metre = fabric.data.protocol.px_per_m
+    per_metre = _pixels_per_metre(fabric.data.protocol)
     yield from _planted(
         fabric,
         "shift",
@@ -257,7 +264,7 @@ def _turn(fabric: FabricUnderControl) -> Iterator[Control]:
 
 
 def _blur_cut(fabric: FabricUnderControl) -> Iterator[Control]:
-    per_metre = fabric.data.protocol.px_per_m
+    per_metre = _pixels_per_metre(fabric.data.protocol)
     levels = {f"{out:g} px outwards": (OtherCut(out), Amount("threshold", out / per_metre)) for out in CUTS}
     yield from _planted(fabric, "blur-cut", levels)
 
@@ -266,9 +273,10 @@ def _pinhole(fabric: FabricUnderControl) -> Iterator[Control]:
     if not fabric.has_meshes or fabric.data.protocol.projection != "parallel":
         return
     for strength, inverse in zip(_STRENGTHS, INVERSE_HEIGHTS, strict=True):
+        amount = Amount("perspective", inverse * fabric.data.protocol.cloth_scale)
         yield Control(
             fabric.name, "pinhole", f"eye at {1 / inverse:g} m", "planted", alike("perspective"),
-            rendered(fabric.data, inverse), _PARALLEL, strength, Amount("perspective", inverse),
+            rendered(fabric.data, inverse), _PARALLEL, strength, amount,
         )  # fmt: skip
 
 

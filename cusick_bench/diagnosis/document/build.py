@@ -67,10 +67,10 @@ def document(
             novelty_p=diagnosis.novelty.p,
             misfit=finite(diagnosis.misfit),
         ),
-        with_effect=tuple(with_effect(one) for one in diagnosis.causes),
+        with_effect=tuple(with_effect(one, captures.protocol.cloth_scale) for one in diagnosis.causes),
         base=_base(diagnosis),
         data=_counts(captures),
-        statistics=statistic_rows(diagnosis, emulator),
+        statistics=statistic_rows(diagnosis),
         profiles=model.Profiles(
             data=_measured(captures),
             base=_simulated(diagnosis.simulated and diagnosis.simulated.base),
@@ -213,19 +213,24 @@ def _unexplained(diagnosis: Diagnosis) -> stated.Unexplained:
     return stated.Unexplained(share=left.value, ci90=left.interval)
 
 
-def with_effect(one: Candidate) -> str:
-    """Argument of `--with-effect` that adds a cause to simulations.
+def with_effect(one: Candidate, scale: float) -> str:
+    """Argument of `--with-effect` that adds a cause to simulations of the laboratory's cloth.
 
     Args:
-        one: The cause; captures in the other order are no effect of the cloth, so a loss counts as it is.
+        one: The cause, in the lengths of the atlas' cloth; captures in the other order are no effect of the cloth, so a
+            loss counts as it is.
+        scale: Radius of the laboratory's cloth, in those of the atlas'.
 
     Returns:
-        Such as "camera-offset:shift=0.0027,direction=120".
+        Such as "camera-offset:shift=0.0027,direction=120", in the laboratory's lengths and within the effect's bounds.
     """
-    severity = one.hypothesis.effect.severity
-    value = dict(one.value)
-    if acts_later(one.hypothesis.effect):
-        value[severity.name] = abs(value[severity.name])
+    effect, value = one.hypothesis.effect, dict(one.value)
+    if acts_later(effect):
+        value[effect.severity.name] = abs(value[effect.severity.name])
+    for p in effect.parameters:
+        if p.unit in ("m", "1/m"):
+            scaled = value[p.name] * (scale if p.unit == "m" else 1 / scale)
+            value[p.name] = float(np.clip(scaled, p.low, p.high))
     listed = ",".join(f"{name}={number:.6g}" for name, number in value.items())
     return f"{one.hypothesis.name}:{listed}"
 

@@ -130,7 +130,7 @@ class BaseParameters(Part):
 
     Attributes:
         bending: ln of B / (rho g R^3), B the geometric mean of the bending stiffness in warp and weft.
-        anisotropy: ln of B_warp / B_weft.
+        anisotropy: ln of B_weft / B_warp.
         bias: ln of B at 45 degrees over B.
         growth: ln of B at a curvature of 40 /m over B at 0.
         shear: ln of shear stiffness / (rho g R).
@@ -275,7 +275,7 @@ class DiagnosisDocument(Part):
         baselines: Answers of simpler methods, by their names.
         sets: Sets of effects, the likeliest first; of those above 0.5 %.
         fit: How well base model and effects fit.
-        with_effect: Arguments of `--with-effect` that simulate the causes together.
+        with_effect: Arguments of `--with-effect` that simulate the causes together, in the lengths of the data's cloth.
         base: The best base model.
         data: How much data there is.
         statistics: Statistics of data and models.

@@ -5,7 +5,6 @@ from math import isfinite
 import numpy as np
 from numpy import ndarray
 
-from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document.model import StatisticRow
 from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN
@@ -26,24 +25,23 @@ _LENGTHS = (
 """Beginnings of the names of statistics in metres."""
 
 
-def statistic_rows(diagnosis: Diagnosis, emulator: Emulator) -> tuple[StatisticRow, ...]:
+def statistic_rows(diagnosis: Diagnosis) -> tuple[StatisticRow, ...]:
     """Statistics of data and models, and by how many standard errors data and base model differ.
 
     Args:
-        diagnosis: The diagnosis.
-        emulator: The atlas, which tells the means where nothing was simulated.
+        diagnosis: The diagnosis; where nothing was simulated, its atlas tells the means.
 
     Returns:
         A row for each statistic.
     """
     sd, features = diagnosis.residual.sd, diagnosis.features
-    base, effect, simulated = _means(diagnosis, emulator)
-    error = sd * np.sqrt(1 / max(int(features.samples.sum()), 1) + (1 / simulated if simulated else 0))
+    base, effect, simulated = _means(diagnosis)
+    error = sd * np.sqrt(1 / np.maximum(features.samples, 1) + (1 / simulated if simulated else 0))[:, None]
+    score = (features.mean - base) / error
     group_of = {column: name for name, columns in GROUPS.items() for column in columns}
     rows = []
     for k, name in enumerate(NAMES):
-        known = (features.mean[:, k] - base[k])[np.isfinite(features.mean[:, k])]
-        difference = known[np.argmax(np.abs(known))] if len(known) else np.nan
+        known = score[np.isfinite(score[:, k]), k]
         rows.append(
             StatisticRow(
                 name=name,
@@ -53,7 +51,7 @@ def statistic_rows(diagnosis: Diagnosis, emulator: Emulator) -> tuple[StatisticR
                 down=finite(features.mean[1, k]),
                 base=finite(base[k]),
                 effect=finite(effect[k]),
-                z=finite(difference / error[k]),
+                z=finite(known[np.argmax(np.abs(known))]) if len(known) else None,
             )
         )
     return tuple(rows)
@@ -71,14 +69,14 @@ def finite(value: float) -> float | None:
     return float(value) if isfinite(value) else None
 
 
-def _means(diagnosis: Diagnosis, emulator: Emulator) -> tuple[ndarray, ndarray, int]:
+def _means(diagnosis: Diagnosis) -> tuple[ndarray, ndarray, int]:
     """Mean statistics of base model and base with the causes, and of how many drapes; 0 where the atlas tells them."""
     drapes = diagnosis.simulated
     if drapes is not None and np.isfinite(drapes.base.specimens).any((0, 1)).all():
         base = np.nanmean(drapes.base.specimens, (0, 1))
         changed = np.nan * base if drapes.effect is None else np.nanmean(drapes.effect.specimens, (0, 1))
         return base, changed, int(np.isfinite(drapes.base.specimens[..., 0]).sum())
-    residual = diagnosis.residual
+    residual, emulator = diagnosis.residual, diagnosis.emulator
     base, moved = emulator.mean(residual.theta), np.zeros(len(NAMES))
     for one in diagnosis.causes:
         point = {name: np.array([value]) for name, value in one.value.items()}

@@ -120,9 +120,10 @@ def fabric_evidence(
         notes.append(f"undetectable in this fabric, whatever their strength: {', '.join(hidden)}")
     sampled = fabric_sets(data, plain, generator, shared=shared, progress=progress)
     sets = replace(sampled, posterior=evened_out(sampled.posterior))
-    notes += domain_doubts(emulator, data.features, sets.residual)
     likeliest = [*(one.hypothesis.name for one in shared), *next(iter(sets.posterior.sets))]
-    best = named_set(data, sets, named_causes(data, sets, likeliest))
+    likely = named_causes(data, sets, likeliest)
+    notes += domain_doubts(emulator, data.features, sets.residual, data.shift(likely, sets.residual))
+    best = named_set(data, sets, likely)
     together = refitted(data, sets, best.causes)
     best = named_set(data, together, best.causes)
     test = novelty(together, best, generator)

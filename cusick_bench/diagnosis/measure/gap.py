@@ -106,6 +106,7 @@ def fit_of(
     data: Float[ndarray, "samples 2 statistics"],
     model: Float[ndarray, "simulated 2 statistics"],
     sd: Float[ndarray, "statistics"],
+    faces: Sequence[int],
 ) -> float:
     """G between samples and a model of them; infinite where either has fewer than two.
 
@@ -113,11 +114,11 @@ def fit_of(
         data: Statistics of the samples and sides.
         model: Those of simulated samples.
         sd: Unit of the statistics.
+        faces: The faces to compare, from `faces_of` all samples of the fabric.
 
     Returns:
         The squared energy distance.
     """
-    faces = faces_of(data)
     real, simulated = side_by_side(data, sd, faces), side_by_side(model, sd, faces)
     return cluster_distances(real, simulated).observed if min(len(real), len(simulated)) >= 2 else inf
 

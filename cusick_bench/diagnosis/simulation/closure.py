@@ -33,12 +33,13 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, 
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import features
-from cusick_bench.diagnosis.measure.gap import Fold, Gap, fit_of, gap
+from cusick_bench.diagnosis.measure.gap import Fold, Gap, faces_of, fit_of, gap
 from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
 from cusick_bench.sim.setup import Simulators
 
 ROUNDS = 1
 """Of mending; the nearest of all rounds to the fitted samples counts."""
+_LEAST = 4  # samples that make two folds
 _SEED = 20
 _SWEEPS = 3  # of cause and base parameters in turn, in one round
 _POLISH = 120  # evaluations of the emulated misfit for a cause's parameters between the grid's points
@@ -49,7 +50,8 @@ class Closure:
     """Gap between a fabric and simulations of it, and how far causes close it.
 
     Attributes:
-        gap: Gap, floor and closure; None where a fold has fewer than two samples.
+        gap: Gap, floor and closure; None with fewer than four samples, or where a fold has fewer than two with the
+            faces to compare.
         base, effect: Simulated samples of the last fold's base model, and with the cause.
     """
 
@@ -85,8 +87,10 @@ def closures(
 ) -> list[Closure]:
     """Gap and closure over two folds: each is fitted to one half of the samples and scored on the other.
 
+    Fewer than four samples make no folds: models are then fitted to all of them, and there is no gap on unseen ones.
+
     Args:
-        emulator: The atlas.
+        emulator: The atlas, which knows how the cloth was turned over.
         samples: Statistics of a fabric's samples.
         residual: What the best base model leaves of all of them.
         alternatives: What is taken to act, together; nothing for the base model alone. Creep is left out: the gap
@@ -100,7 +104,7 @@ def closures(
     """
     compared = [tuple(one for one in causes if not acts_later(one.hypothesis.effect)) for causes in alternatives]
     every = np.arange(len(samples.specimens))
-    parts = [every] if len(every) < 4 else [every[0::2], every[1::2]]
+    parts = [every] if len(every) < _LEAST else [every[0::2], every[1::2]]
     steps = len(parts) * (1 + sum(bool(causes) for causes in compared))
     held_out, base, with_causes = [], [], [[] for _ in compared]
     for number, held in enumerate(parts):
@@ -112,6 +116,8 @@ def closures(
             progress((len(base) + sum(map(len, with_causes))) / steps)
             if causes:
                 drapes.append(_simulated(model, causes, refit))
+    if len(parts) == 1:
+        return [Closure(None, base[-1], effect[-1] if effect else None) for effect in with_causes]
     return [
         _closure(held_out, base, effect, residual.sd, np.random.default_rng([_SEED, draping.seed]))
         for effect in with_causes
@@ -128,14 +134,15 @@ def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, 
         draping: How models are simulated.
 
     Returns:
-        The gap, or None where a fold has fewer than two samples.
+        The gap, or None where there are too few samples for it.
 
     Raises:
         DiagnosisError: Another geometry than the atlas', or no usable drape.
     """
     samples = sample_statistics(to_atlas(captures)[0])
     residual = against_base(emulator, samples.features(), scatter=scatter_of(samples.specimens), drift=samples.later)
-    return closures(emulator, samples, residual, [causes], draping, refit=False)[0].gap
+    turned = replace(emulator, warp_seen_down=captures.warp_seen_down)
+    return closures(turned, samples, residual, [causes], draping, refit=False)[0].gap
 
 
 def _closure(
@@ -170,7 +177,7 @@ class _Model:
         self.base_model = BaseModel()
         self.specimens, self.features = samples.specimens[chosen], samples.features(chosen)
         self.scatter, self.drift = scatter_of(self.specimens), samples.later
-        self.start, self.sd = residual.theta, residual.sd
+        self.start, self.sd, self.faces = residual.theta, residual.sd, faces_of(samples.specimens)
         self.nothing = np.zeros(len(residual.kept))
 
     def against(self, theta: ndarray, shift: ndarray, *, fixed: bool = False, exact: bool = True) -> Residual:
@@ -193,11 +200,12 @@ class _Model:
         return simulate(
             theta, causes, self.draping.samples, self.seed,
             drift=self.drift, model=self.base_model, simulators=self.draping.simulators,
+            warp_seen_down=self.emulator.warp_seen_down,
         )  # fmt: skip
 
     def distance(self, drapes: Simulated) -> float:
         """G between simulated samples and those that the model is fitted to."""
-        return fit_of(self.specimens, drapes.specimens, self.sd)
+        return fit_of(self.specimens, drapes.specimens, self.sd, self.faces)
 
 
 def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> Simulated:

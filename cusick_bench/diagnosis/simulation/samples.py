@@ -29,21 +29,28 @@ class Simulated:
     radii: Float[ndarray, "samples 2 angles"]
 
 
-def with_cause(setup: Setup, effect: Effect, value: dict[str, float], frame: Frame) -> Setup:
+def with_cause(
+    setup: Setup, effect: Effect, value: dict[str, float], frame: Frame, warp_seen_down: float = np.pi
+) -> Setup:
     """A setup with an effect whose direction keeps to a frame other than the effect's own.
+
+    A setup turns the cloth over about y. Turned about x it lies as that does after half a turn on the plate, so
+    directions of the laboratory are half a turn away from it.
 
     Args:
         setup: A drape about to be made.
         effect: What acts.
         value: Its parameters; the direction is that with the face up.
         frame: Frame that the direction keeps to when the cloth is turned over.
+        warp_seen_down: Angle at which the camera sees the warp of a cloth that lies face down [rad].
 
     Returns:
         The setup with the effect.
     """
     name = next((p.name for p in effect.parameters if p.role == "direction"), None)
-    if name is not None and in_lab(effect) and frame == "cloth" and setup.side == "down":
-        value = value | {name: (180.0 - value[name]) % 360}
+    if name is not None and in_lab(effect) and setup.side == "down":
+        direction = 180.0 - value[name] if frame == "cloth" else value[name] + 180.0 - float(np.rad2deg(warp_seen_down))
+        value = value | {name: direction % 360}
     return effect.apply(setup, value)
 
 
@@ -56,6 +63,7 @@ def simulate(
     drift: float = 0.5,
     model: BaseModel | None = None,
     simulators: Simulators | None = None,
+    warp_seen_down: float = np.pi,
 ) -> Simulated:
     """Drapes samples on both sides.
 
@@ -67,31 +75,39 @@ def simulate(
         drift: Share of later captures in a specimen's mean, where a cause acts on these alone.
         model: The base model.
         simulators: Kept from call to call.
+        warp_seen_down: Angle at which the camera sees the warp of a cloth that lies face down [rad].
 
     Returns:
         Their statistics and profiles.
     """
     setups = (model or BaseModel()).samples(theta, samples, seed)
-    first = _draped(setups, causes, simulators, later=False)
+    first = _draped(setups, causes, simulators, warp_seen_down, later=False)
     if not any(acts_later(cause.hypothesis.effect) for cause in causes) or drift == 0:
         return first
-    second = _draped(setups, causes, simulators, later=True)
+    second = _draped(setups, causes, simulators, warp_seen_down, later=True)
     return Simulated((1 - drift) * first.specimens + drift * second.specimens, second.radii)
 
 
 def _draped(
-    setups: list[Setup], causes: Sequence[Candidate], simulators: Simulators | None, *, later: bool
+    setups: list[Setup],
+    causes: Sequence[Candidate],
+    simulators: Simulators | None,
+    warp_seen_down: float,
+    *,
+    later: bool,
 ) -> Simulated:
     with_causes = []
     for setup in setups:
         changed = replace(setup, later=later)
         for cause in causes:
-            changed = with_cause(changed, cause.hypothesis.effect, cause.value, cause.hypothesis.frame)
+            hypothesis = cause.hypothesis
+            changed = with_cause(changed, hypothesis.effect, cause.value, hypothesis.frame, warp_seen_down)
         with_causes.append(changed)
     positions = drape_setups(with_causes, simulators)
     statistics = statistics_of(observe(with_causes, positions))
     radii = np.full((len(with_causes), ANGLES), np.nan)
     for index, where in enumerate(positions):
         if where is not None:
-            radii[index] = silhouette(with_causes[index], where)
+            turn = np.pi - warp_seen_down if with_causes[index].side == "down" else 0.0
+            radii[index] = np.roll(silhouette(with_causes[index], where), round(turn * ANGLES / (2 * np.pi)))
     return Simulated(statistics.reshape(-1, 2, statistics.shape[1]), radii.reshape(-1, 2, ANGLES))

@@ -14,8 +14,8 @@ from cusick_bench.report.drawing.palette import CAUSE, FLOOR, MODEL
 
 _NO_CLOSURE = {
     "none": "There is no gap to close.",
-    "effect": "Not given: the cause was not simulated, or there is no gap above the floor.",
-    "several": "Not given: the causes were not simulated, or there is no gap above the floor.",
+    "effect": "Not given: the cause was not simulated, samples are too few, or there is no gap above the floor.",
+    "several": "Not given: the causes were not simulated, samples are too few, or there is no gap above the floor.",
     "ambiguous": "Not given: no single cause was named that could be simulated.",
     "unknown": "Not given: no known cause was named that could be simulated.",
     "refused": "Not given: nothing was simulated.",

@@ -131,7 +131,7 @@ def gap_in_words(base: float | None, floor: float | None, effect: float | None, 
         A sentence.
     """
     if base is None:
-        return "The gap was not measured: no drapes were simulated."
+        return "The gap was not measured: no drapes were simulated, or there are too few samples to leave some unseen."
     if floor is None:
         return "The gap has no floor to be read against: too few samples."
     if base <= floor:
@@ -236,7 +236,7 @@ def cloth_in_words(base: BaseParameters, data: DataCounts) -> list[tuple[str, st
             stiffness = bending * density * data.gravity_m_s2 * data.cloth_radius_m**3
             rows.append(("", f"{1e6 * stiffness:.2g} µN m", f"at {1e3 * density:.0f} g/m²"))
     for level, words, meaning in (
-        (base.anisotropy, "warp to weft", "factor between the bending stiffness of the two"),
+        (base.anisotropy, "weft to warp", "factor between the bending stiffness of the two"),
         (base.bias, "diagonal to mean", "factor on the bending stiffness at 45°"),
         (base.growth, "stiffening", "factor from little to sharply bent cloth"),
     ):

@@ -5,7 +5,6 @@ other case. Answers are kept one file a case, so that a crash loses one; a case 
 `refused` with the reason, never with a guess.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import load
-from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document import answer as stated
@@ -23,12 +21,11 @@ from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.runner.environment import version_text
-from cusick_bench.runner.labels import numerics_text
-from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
+from cusick_bench.withheld.answers.parts import answer_numerics, case_part, file_digest
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object
@@ -119,7 +116,7 @@ def answer_each(
     Returns:
         The document that was written.
     """
-    parts = {folder: _part(folder, out, atlas, options) for folder, options in asked.items()}
+    parts = {folder: case_part(out, folder, atlas, options) for folder, options in asked.items()}
     todo: list[_Task] = []
     for folder, part in parts.items():
         if part.exists():
@@ -130,15 +127,10 @@ def answer_each(
     answers = {folder.name: read_answer(read_object(part), str(part)) for folder, part in parts.items()}
     more = {} if leave_out is None else {"leave_out": leave_out}
     document = AnswersDocument(
-        code_version=version_text(_numerics()), atlas_sha256=_digest(atlas), answers=answers, **more
+        code_version=version_text(answer_numerics()), atlas_sha256=file_digest(atlas), answers=answers, **more
     )
     write_atomically(out, json.dumps(document.content(), indent=1).encode())
     return document
-
-
-def _part(folder: Path, out: Path, atlas: Path, options: Options) -> Path:
-    """Where the answer to one case is kept."""
-    return out.with_name(out.name + ".parts") / _fingerprint(atlas, options) / f"{folder.name}.json"
 
 
 def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulators | None = None) -> Answer:
@@ -215,20 +207,6 @@ def _answer_and_write(task: _Task, atlas: Path, simulators: Simulators) -> None:
     found = answer_case(task.folder, atlas, task.options, simulators)
     task.part.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(task.part, json.dumps(found.content()).encode())
-
-
-def _numerics() -> dict[str, int]:
-    """Versions of what decides an answer."""
-    return diagnosis_numerics(diagnosis=NUMERICS_VERSION)
-
-
-def _fingerprint(atlas: Path, options: Options) -> str:
-    """Answers of other numerics, another atlas or other options are not taken over."""
-    return hashlib.sha256(f"{numerics_text(_numerics())} {_digest(atlas)} {options}".encode()).hexdigest()[:16]
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _rounded(value: Any) -> Any:

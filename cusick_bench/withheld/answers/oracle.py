@@ -20,6 +20,7 @@ from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
+from cusick_bench.withheld.answers.parts import case_part
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number
 from cusick_bench.withheld.format.label import DETECTABLE, PAIR, SINGLE, LabelDocument, truth_of
@@ -55,12 +56,13 @@ def oracle_closures(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> OracleClosures:
-    """Closure by the true cause of every case that has one, the strongest first, or goes on with a file that was begun.
+    """Closure by the true cause of every case that has one, the strongest first, or goes on with what was begun.
 
     Args:
         cases: Folder of the cases.
         labels: Content of labels.json.
-        out: File for the closures by case; null where there is no gap, or no such effect in the atlas.
+        out: File for the closures by case; null where there is no gap, or no such effect in the atlas. Single closures
+            lie beside it.
         atlas: Fitted atlas.
         draping: Samples and seed of the simulations.
         workers: Number of processes.
@@ -69,23 +71,36 @@ def oracle_closures(
     Returns:
         The closure of each case.
     """
-    closures = read_oracle_closures(out) if out.exists() else {}
     truth = {case: truth_of(label) for case, label in labels.items()}
-    todo = [
-        case
-        for case, label in truth.items()
-        if case not in closures and label.kind in (SINGLE, PAIR) and (cases / case).is_dir()
-    ]
-    todo.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
-    for case in closures:
-        step(case)
+    asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and (cases / case).is_dir()]
+    asked.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
+    parts = {case: _part(out, cases / case, labels[case], atlas, draping) for case in asked}
+    closures: OracleClosures = {}
+    for case, part in parts.items():
+        if part.exists():
+            closures |= read_oracle_closures(part)
+            step(case)
+    _write(out, closures)
     with process_pool(workers) as pool:
+        todo = [case for case in asked if case not in closures]
         futures = {pool.submit(oracle_closure, cases / case, labels[case], atlas, draping): case for case in todo}
         for future in as_completed(futures):
-            closures[futures[future]] = future.result()
-            write_atomically(out, json.dumps(closures, indent=1, sort_keys=True).encode())
-            step(futures[future])
+            case = futures[future]
+            closures[case] = future.result()
+            parts[case].parent.mkdir(parents=True, exist_ok=True)
+            _write(parts[case], {case: closures[case]})
+            _write(out, closures)
+            step(case)
     return closures
+
+
+def _part(out: Path, folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> Path:
+    """Where the closure of one case is kept."""
+    return case_part(out, folder, atlas, label.unsealed(), f"samples {draping.samples}, seed {draping.seed}")
+
+
+def _write(path: Path, closures: OracleClosures) -> None:
+    write_atomically(path, json.dumps(closures, indent=1, sort_keys=True).encode())
 
 
 def oracle_closure(folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> float | None:

@@ -42,9 +42,11 @@ from cusick_bench.diagnosis.inference.residuals.residual import Residual, agains
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.single_effects.evidence import Grid, grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
-from cusick_bench.runner.processes import process_pool
+from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.answers.blind import case_captures
+from cusick_bench.withheld.answers.parts import case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number, broken_rule
@@ -109,13 +111,13 @@ def measure_shown_shifts(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> dict[str, ShownShift]:
-    """Measures what every case with an effect shows of it, or goes on with a file that was begun.
+    """Measures what every case with an effect shows of it, or goes on with what was begun.
 
     Args:
         suite: The suite as it was generated.
         cases: Folder of its cases.
         labels: Content of its labels.json.
-        out: File for what is measured, by case.
+        out: File for what is measured, by case; what is measured of single cases lies beside it.
         atlas: Fitted atlas.
         workers: Number of processes.
         step: Called with the name of every case that is done.
@@ -126,22 +128,38 @@ def measure_shown_shifts(
     Raises:
         WithheldError: Labels of another suite, or a twin that cannot be draped.
     """
-    shifts = read_shown_shifts(out) if out.exists() else {}
     todo = [plan for plan in suite.plans() if plan.causes and (cases / plan.case).is_dir()]
     for plan in todo:
         if plan.case not in labels or labels[plan.case].unsealed() != label_of(plan).content():
             raise WithheldError(f"{plan.case} has another label than its suite; give labels.json and suite.json of one")
-    missing = [plan for plan in todo if plan.case not in shifts]
-    for case in shifts:
-        step(case)
+    parts = {plan.case: _part(out, cases / plan.case, suite, plan, atlas) for plan in todo}
+    shifts: dict[str, ShownShift] = {}
+    for case, part in parts.items():
+        if part.exists():
+            shifts |= read_shown_shifts(part)
+            step(case)
+    _write(out, shifts)
     with process_pool(workers) as pool:
+        missing = [plan for plan in todo if plan.case not in shifts]
         futures = {pool.submit(_beside_twin, suite, plan, cases, atlas): plan.case for plan in missing}
         for future in as_completed(futures):
-            shifts[futures[future]] = future.result()
-            content = _SHIFTS.dump_python(dict(sorted(shifts.items())))
-            write_atomically(out, json.dumps(content, indent=1).encode())
-            step(futures[future])
+            case = futures[future]
+            shifts[case] = future.result()
+            parts[case].parent.mkdir(parents=True, exist_ok=True)
+            _write(parts[case], {case: shifts[case]})
+            _write(out, shifts)
+            step(case)
     return shifts
+
+
+def _part(out: Path, folder: Path, suite: Suite, plan: Plan, atlas: Path) -> Path:
+    """Where what one case shows is kept."""
+    return case_part(out, folder, atlas, suite, plan, f"withheld {NUMERICS_VERSION}")
+
+
+def _write(path: Path, shifts: dict[str, ShownShift]) -> None:
+    content = _SHIFTS.dump_python(dict(sorted(shifts.items())))
+    write_atomically(path, json.dumps(content, indent=1).encode())
 
 
 def read_shown_shifts(path: Path) -> dict[str, ShownShift]:
@@ -172,7 +190,7 @@ def _beside_twin(suite: Suite, plan: Plan, cases: Path, atlas: Path) -> ShownShi
 def _twin(suite: Suite, plan: Plan, lacking: Collection[str]) -> SampleStatistics:
     """Statistics of the case as it would be without some of its effects."""
     causes = {name: values for name, values in plan.causes.items() if name not in lacking}
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, one_thread():
         write_case(suite, replace(plan, causes=causes), Path(folder))
         return _data(Path(folder) / plan.case)
 

@@ -227,8 +227,8 @@ class BaselineAnswer(Document):
 
     @property
     def leading(self) -> str:
-        """What the verdict amounts to: the likeliest effect, `none` or `unknown`."""
-        if self.verdict in (causes.NONE, causes.UNKNOWN):
+        """What the verdict amounts to: the likeliest effect, `none`, `unknown` or `refused`."""
+        if self.verdict in (causes.NONE, causes.UNKNOWN, REFUSED):
             return self.verdict
         return self.effects[0] if self.effects else causes.UNKNOWN
 

@@ -31,6 +31,7 @@ DETECTABLE, TYPICAL = "detectable shift", "typical severity"
 _LABELS = ("labels", "cases")  # keys under which they may stand in a document
 _MOST_EFFECTS = 2  # of a case
 _LOWEST, _HIGHEST = -3, 4  # powers of two
+_ROUNDING = 1e-3  # of severities as they are written, relative to themselves
 
 
 class LabelPlace(Place):
@@ -267,15 +268,21 @@ def _hidden_name(label: LabelDocument) -> str:
 
 
 def _severity(label: LabelDocument, effects: tuple[str, ...]) -> tuple[float, str]:
-    """Severity of the weakest effect: as a multiple if the label has one, else in typical severities."""
+    """Severity of the weakest effect: as a multiple if the label has one, else in typical severities.
+
+    Multiples of what is typical are what was asked for; an effect that cannot be so severe has its largest severity.
+    """
     if not effects:
         return nan, ""
-    for given, unit in ((label.multiple, DETECTABLE), (label.multiple_of_typical, TYPICAL)):
-        multiples = _for_each(given, len(effects))
-        if all(map(isfinite, multiples)):
-            return min(map(abs, multiples)), unit
+    multiples = _for_each(label.multiple, len(effects))
+    if all(map(isfinite, multiples)):
+        return min(map(abs, multiples)), DETECTABLE
     severities = _for_each(label.severity, len(effects))
     shares = [abs(value) / causes.typical_severity(name) for value, name in zip(severities, effects, strict=True)]
+    multiples = _for_each(label.multiple_of_typical, len(effects))
+    if all(map(isfinite, multiples)):
+        pairs = zip(shares, multiples, strict=True)
+        shares = [share if share < (1 - _ROUNDING) * multiple else multiple for share, multiple in pairs]
     return (min(shares), TYPICAL) if all(map(isfinite, shares)) else (nan, "")
 
 

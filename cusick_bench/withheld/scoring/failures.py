@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.withheld.format import causes
-from cusick_bench.withheld.format.answer import BaselineAnswer
+from cusick_bench.withheld.format.answer import REFUSED, BaselineAnswer
 from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, Label
 from cusick_bench.withheld.scoring.labelled_answers import LabelledAnswers
 
 CLASSES = (causes.NONE, *causes.CLASSES, "pair", causes.UNKNOWN)
-"""Rows and columns of the confusion by class."""
+"""Rows of the confusion by class; its columns have no pair, but refusals."""
 
 _FAULTS = {
     "covered": "not in the 90 % set",
@@ -71,6 +71,8 @@ def _faults(row: dict[Hashable, Any]) -> tuple[str, ...]:
         return ("false positive",) if row["detected"] else ()
     if row["verdict"] == causes.NONE:
         return ("missed",)
+    if row["verdict"] == REFUSED:
+        return ("refused",)
     if row["abstained"] == 1:
         first = "abstained"
     elif row["class_right"] == 0:
@@ -119,10 +121,10 @@ def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
         cases: Judgements, of `Scores`.
 
     Returns:
-        The counts; pairs have no column.
+        The counts; pairs have no column, and refusals no row.
     """
     counts = pd.crosstab(cases["truth_class"], cases["said_class"])
-    columns = [name for name in CLASSES if name != "pair"]
+    columns = [*(name for name in CLASSES if name != "pair"), REFUSED]
     return counts.reindex(index=list(CLASSES), columns=columns, fill_value=0)
 
 
@@ -137,5 +139,5 @@ def confusion_by_effect(cases: pd.DataFrame) -> pd.DataFrame:
     """
     known = cases.loc[cases["kind"] != PAIR]
     counts = pd.crosstab(known["truth"], known["said"])
-    order = {name: place for place, name in enumerate(causes.outcomes())}
+    order = {name: place for place, name in enumerate((*causes.outcomes(), REFUSED))}
     return counts.loc[sorted(counts.index, key=order.__getitem__), sorted(counts.columns, key=order.__getitem__)]

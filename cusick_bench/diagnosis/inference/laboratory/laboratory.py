@@ -1,4 +1,4 @@
-"""Effects of the laboratory, which all fabrics of a data set share: camera, plate, cut, order of captures.
+"""Effects of the laboratory, which all fabrics of a data set share: camera, plate, cut.
 
 A camera that stands off its place does so for every fabric. So an effect of the laboratory has one severity and one
 direction, in the camera's frame, for all fabrics; those of the cloth are each fabric's own. Both are sampled together:
@@ -31,7 +31,7 @@ from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk, 
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
-from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets
+from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets, named_causes
 from cusick_bench.diagnosis.inference.sets.refined import shared_set
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.measure.captures import Captures
@@ -120,7 +120,8 @@ def laboratory_of(
         try:
             _, data, _ = fabric_data(one, emulator, calibration, without)
             sets = fabric_sets(data, data.against(), generator, steps=_OWN_STEPS)
-            domain_doubts(emulator, data.features, sets.residual)
+            likely = named_causes(data, sets, next(iter(sets.posterior.sets)))
+            domain_doubts(emulator, data.features, sets.residual, data.shift(likely, sets.residual))
         except Refused:
             continue
         fabrics.append(LaboratoryFabric(one.fabric, data, sets))

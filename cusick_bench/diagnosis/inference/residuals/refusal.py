@@ -1,10 +1,13 @@
 """What data cannot be diagnosed, and what they can be diagnosed for only in part, in words."""
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.base_model import HIGH, LOW, NAMES
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.inference.residuals.feature_rows import FACE_EVEN, as_seen
 from cusick_bench.diagnosis.inference.residuals.residual import Residual
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
@@ -47,10 +50,15 @@ def doubts(captures: Captures, features: Features) -> list[str]:
     number = int(features.samples.max())
     if number < _FEW:
         notes.append(f"only {number} samples: natural variability is the model's, and only strong effects show")
-    if features.both == 0:
+    if features.single:
         notes.append(
             "answered in part: one face only, so what belongs to the cloth and what to the laboratory cannot be told "
             "apart"
+        )
+    elif features.both == 0:
+        notes.append(
+            f"answered in part: no sample shows both faces ({features.samples[0]} face up, {features.samples[1]} face "
+            "down), so faces are compared between samples"
         )
     elif features.samples.min() < features.samples.max():
         notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
@@ -65,13 +73,14 @@ def doubts(captures: Captures, features: Features) -> list[str]:
     return notes
 
 
-def domain_doubts(emulator: Emulator, features: Features, at: Residual) -> list[str]:
+def domain_doubts(emulator: Emulator, features: Features, at: Residual, shift: Float[ndarray, "rows"]) -> list[str]:
     """Whether the cloth lies within the atlas.
 
     Args:
         emulator: The atlas.
         features: Features of the fabric.
         at: What its best base parameters leave, with the effects that act.
+        shift: Shift of the features by these, in the rows of `feature_rows` [sd].
 
     Returns:
         A note for each parameter at the end of its range.
@@ -86,7 +95,7 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual) -> list[
         if not (low or high):
             continue
         end = LOW[place] if low else HIGH[place]
-        if name == "bending" and _beyond(emulator, features, at):
+        if name == "bending" and _beyond(emulator, features, at, shift):
             raise Refused(
                 f"this cloth is {'limper' if low else 'stiffer'} than any of the atlas, whose ln B/(rho g R^3) "
                 f"{'begins' if low else 'ends'} at {end:g}: what it differs by is no effect; use another sample size"
@@ -98,14 +107,15 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual) -> list[
     return notes
 
 
-def _beyond(emulator: Emulator, features: Features, at: Residual) -> bool:
-    """Whether the atlas misses the drape coefficient at the end of its range, by far."""
+def _beyond(emulator: Emulator, features: Features, at: Residual, shift: Float[ndarray, "rows"]) -> bool:
+    """Whether the atlas misses the drape coefficient at the end of its range, by far, and no effect explains that."""
     area = STATISTICS.index("area_dc")
-    missed = np.nanmean(features.mean[:, area]) - emulator.mean(at.theta)[area]
-    return abs(float(missed)) > _BEYOND * float(at.sd[area])
+    missed = (np.nanmean(features.mean[:, area]) - emulator.mean(at.theta)[area]) / at.sd[area]
+    explained = as_seen(shift, features.single)[FACE_EVEN][area]
+    return bool(min(abs(missed), abs(missed - explained)) > _BEYOND)
 
 
-def _capture_counts(captures: Captures) -> np.ndarray:
+def _capture_counts(captures: Captures) -> ndarray:
     """Number of captures of every sample and face."""
     drapes = list(zip(captures.sample.tolist(), captures.side.tolist(), strict=True))
     return np.array([drapes.count(one) for one in sorted(set(drapes))])

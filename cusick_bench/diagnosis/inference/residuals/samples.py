@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import CAMERA_HEIGHTS
 from cusick_bench.diagnosis.errors import Refused
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
@@ -80,7 +81,7 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
         cloth_radius_m=CLOTH_RADIUS,
         plate_radius_m=PLATE_RADIUS,
         px_per_m=protocol.px_per_m / factor,
-        camera_height_m=protocol.camera_height_m * factor,
+        camera_height_m=float(np.clip(protocol.camera_height_m * factor, *CAMERA_HEIGHTS)),  # no radius needs it
     )
     scaled = replace(captures, radii=captures.radii * factor, area=captures.area * factor**2, protocol=nominal)
     return scaled, notes

@@ -163,7 +163,7 @@ def fabric_data(
     scaled, notes = to_atlas(captures)
     require_enough(captures)
     samples = sample_statistics(scaled)
-    own = replace(emulator, outlines=OwnOutlines(scaled))
+    own = replace(emulator, outlines=OwnOutlines(scaled), warp_seen_down=scaled.warp_seen_down)
     scatter = scatter_of(samples.specimens)
     data = FabricData(own, calibration, samples.features(), scatter, samples.later, tuple(without))
     return samples, data, notes + doubts(captures, data.features)

@@ -172,7 +172,7 @@ def shifts(
         moved, doubt = response.shift(at, signed, place)
         moved = moved * scatter
         variance += doubt.mean(1) / 2
-        angle = _angle(emulator.outlines, hypothesis, given, face)
+        angle = _angle(emulator.warp_seen_down, hypothesis, given, face)
         faces.append((moved if angle is None else rotated(moved, angle)) / sd)
     spreads = response.spreads(at, severity)
     orders = np.zeros((len(severity), len(ORDERS)))
@@ -188,10 +188,11 @@ def shifts(
 def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, ndarray], sd: ndarray) -> Shifts:
     """Shifts that the fabric's own outlines have."""
     severity = np.asarray(given[hypothesis.effect.severity.name], dtype=np.float64)
-    in_cloth = _angle(outlines, hypothesis, given, 0), _angle(outlines, hypothesis, given, 1)
+    warp = outlines.captures.warp_seen_down
+    in_cloth = _angle(warp, hypothesis, given, 0), _angle(warp, hypothesis, given, 1)
     direction = None
     if in_cloth[0] is not None and in_cloth[1] is not None:
-        seen_down = outlines.captures.warp_seen_down - in_cloth[1]  # the camera sees the other face mirrored
+        seen_down = warp - in_cloth[1]  # the camera sees the other face mirrored
         direction = np.stack([in_cloth[0], seen_down])
     found = outlines.change(hypothesis.name, severity, direction)
     means = (found.contrast / sd).reshape(len(severity), -1)
@@ -199,14 +200,12 @@ def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, n
     return Shifts(np.concatenate([means, found.spread, orders], axis=1), np.zeros(len(severity)))
 
 
-def _angle(
-    outlines: OwnOutlines | None, hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int
-) -> ndarray | None:
-    """Direction of the effect in the cloth's frame [rad]; simulated cloths, without outlines, are turned about y."""
+def _angle(warp_seen_down: float, hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int) -> ndarray | None:
+    """Direction of the effect in the cloth's frame [rad]."""
     name = next((p.name for p in hypothesis.effect.parameters if p.role == "direction"), None)
     if name is None:
         return None
     angle = np.deg2rad(np.asarray(values[name], dtype=np.float64))
     if not face or hypothesis.frame != "lab":
         return angle
-    return (np.pi if outlines is None else outlines.captures.warp_seen_down) - angle
+    return warp_seen_down - angle

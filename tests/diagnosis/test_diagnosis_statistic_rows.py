@@ -1,0 +1,62 @@
+"""Statistics of data and models side by side: differences in standard errors, shifts by the fabric's own outlines."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cusick_bench.datasets import load
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import load_uncalibrated
+from cusick_bench.diagnosis.diagnose import diagnose
+from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
+from cusick_bench.diagnosis.measure.captures import read_captures
+from cusick_bench.diagnosis.measure.features import features
+from cusick_bench.diagnosis.measure.statistics import NAMES
+from cusick_bench.diagnosis.options import Options
+
+
+@pytest.fixture(scope="module")
+def emulator() -> Emulator:
+    return load_uncalibrated()[0]
+
+
+def scores(emulator: Emulator, specimens: np.ndarray, simulated: np.ndarray | None) -> np.ndarray:
+    """z of a fabric whose base model is at the prior means."""
+    drapes = None if simulated is None else SimpleNamespace(base=SimpleNamespace(specimens=simulated), effect=None)
+    diagnosis = SimpleNamespace(
+        residual=SimpleNamespace(theta=PRIOR_MEAN, sd=emulator.sd(PRIOR_MEAN)),
+        features=features(specimens), emulator=emulator, causes=(), simulated=drapes,
+    )  # fmt: skip
+    return np.array([row.z for row in statistic_rows(diagnosis)], dtype=np.float64)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("faces", ["both", "up", "unequal"])
+@pytest.mark.parametrize("simulated", [0, 6])
+def test_differences_by_chance_are_one_standard_error(emulator: Emulator, faces: str, simulated: int) -> None:
+    """Of two faces the one that differs more counts: the larger of two such numbers has the mean square 1 + 2 / pi."""
+    generator, made = np.random.default_rng(3), []
+    for _ in range(60):
+        noise = generator.standard_normal((12 + simulated, 2, len(NAMES)))
+        drawn = emulator.mean(PRIOR_MEAN) + noise * emulator.sd(PRIOR_MEAN)
+        data = drawn[:12].copy()
+        data[0 if faces == "up" else 3 if faces == "unequal" else 12 :, 1] = np.nan
+        made.append(scores(emulator, data, drawn[12:] if simulated else None))
+    expected = 1.0 if faces == "up" else np.sqrt(1 + 2 / np.pi)
+    assert np.sqrt(np.mean(np.square(made))) == pytest.approx(expected, rel=0.05)
+
+
+def test_effects_of_the_camera_move_the_fabrics_own_outlines(emulator: Emulator) -> None:
+    captures = read_captures(load("synthetic"), "fabric_2")
+    found = diagnose(captures, emulator, options=Options(samples=0))
+    (scale,) = (one for one in hypotheses(emulator) if one.name == "camera-scale")
+    found = replace(found, causes=(Candidate(scale, {"error": 0.02}, 0.0, 0.0, 0.0),))
+    (row,) = (row for row in statistic_rows(found) if row.name == "mean_radius")
+    assert row.up is not None
+    assert row.base is not None
+    assert row.effect is not None
+    assert row.effect - row.base == pytest.approx(row.up * (1 - 1 / 1.02), rel=1e-3)
