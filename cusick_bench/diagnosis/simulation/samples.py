@@ -22,7 +22,7 @@ class Simulated:
 
     Attributes:
         specimens: Statistics of every sample and side (up, down), in the cloth's frame; NaN where a drape failed.
-        radii: Profiles of the same drapes as the camera sees them [m].
+        radii: Profiles of the same drapes as the camera sees them, cloth that lies face down turned about y [m].
     """
 
     specimens: Float[ndarray, "samples 2 statistics"]
@@ -108,6 +108,5 @@ def _draped(
     radii = np.full((len(with_causes), ANGLES), np.nan)
     for index, where in enumerate(positions):
         if where is not None:
-            turn = np.pi - warp_seen_down if with_causes[index].side == "down" else 0.0
-            radii[index] = np.roll(silhouette(with_causes[index], where), round(turn * ANGLES / (2 * np.pi)))
+            radii[index] = silhouette(with_causes[index], where)
     return Simulated(statistics.reshape(-1, 2, statistics.shape[1]), radii.reshape(-1, 2, ANGLES))
