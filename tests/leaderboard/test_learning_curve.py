@@ -51,7 +51,8 @@ def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -
     dataset = load("synthetic")
     (before,) = learning_splits(dataset, ["fabric_1"], [8], 4)[8]
     table = dataset.table.copy()
-    table.loc[before.train[1], "side"] = "down" if table.loc[before.train[0], "side"] == "up" else "up"
+    second = (table["cloth"] == "fabric_1") & (table["sample"] == table.loc[before.train[1], "sample"])
+    table.loc[second, "side"] = "down" if table.loc[before.train[0], "side"] == "up" else "up"
     turned = replace(dataset, table=table)
     (after,) = learning_splits(turned, ["fabric_1"], [8], 4)[8]
     assert before.train[1] in after.test

@@ -166,7 +166,7 @@ class TestBudget:
             problem.observe(np.zeros(39))
 
     def test_the_share_that_is_done_counts_the_prediction_too(self):
-        problem = toy_problem(Budget(6))
+        problem = toy_problem(budget=Budget(6))
         tau = np.zeros(problem.dimension)
         for _ in range(3):
             problem.evaluate(tau)
@@ -179,7 +179,7 @@ class TestBudget:
         assert problem.meter.share == 1
 
     def test_without_a_limit_no_share_is_known_before_the_prediction(self):
-        problem = toy_problem(Budget())
+        problem = toy_problem(budget=Budget())
         tau = np.zeros(problem.dimension)
         problem.meter.draws = 2
         problem.evaluate(tau)
