@@ -13,9 +13,8 @@ from rich.markup import escape
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from cusick_bench.cli.common import interrupted, stop_on_termination
+from cusick_bench.cli.common import interruptible, stop_on_termination
 from cusick_bench.cli.verbosity import QUIET, VERBOSE, Version, message_options, messages, tell_less, tell_more
-from cusick_bench.sim.errors import stop_behind
 
 PANELS = {
     "Data": {"data": "data.data", "datasets": "data.datasets"},
@@ -85,12 +84,8 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Runs a command; Ctrl-C or SIGTERM ends it with a line instead of a traceback."""
-        try:
+        with interruptible("nothing was written"):
             return super().invoke(ctx)
-        except (KeyboardInterrupt, SystemError) as error:
-            if not isinstance(stop := stop_behind(error), KeyboardInterrupt):
-                raise
-            raise interrupted(stop, "nothing was written") from stop
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is called for; a name that does not exist is answered with the nearest that does."""

@@ -320,7 +320,7 @@ def failures(group: pd.DataFrame, skipped: Iterable[Skipped]) -> list[Skipped]:
         skipped: Cells that are left out.
 
     Returns:
-        Those of them that have failed where the finished ones have not.
+        Those of them that failed.
     """
     columns = [*VARIANT, *BOARD]
     own = set(group[columns].itertuples(index=False, name=None))
@@ -337,8 +337,8 @@ def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested settings as `drape.steps: 100`.
 
     Args:
-        settings: Of a problem.
-        prefix: Of all names.
+        settings: What a cell's problem is made of, settings of the simulator among them, as documents in each other.
+        prefix: Names of the documents that they stand in, each with a full stop.
 
     Returns:
         Values by name.

@@ -158,18 +158,17 @@ def _of_several(needs: Mapping[str, Mapping[Problem, float]]) -> list[Performanc
 
 
 def _methods(table: pd.DataFrame, skipped: Sequence[Skipped]) -> list[_Method]:
-    failed = [cell for cell in skipped if cell.status == "failed"]
     return [
-        _Method(method_label(*name), group, _problems(group, failed))
+        _Method(method_label(*name), group, _problems(group, skipped))
         for name, group in variants(table)
         if str(group["kind"].iloc[0]) == _SEARCHING
     ]
 
 
-def _problems(group: pd.DataFrame, failed: Sequence[Skipped]) -> frozenset[Problem]:
+def _problems(group: pd.DataFrame, skipped: Sequence[Skipped]) -> frozenset[Problem]:
     """Problems of finished cells, and of those failed ones whose settings and code are theirs."""
     problems = {(str(cloth), number) for cloth, number in zip(group["cloth"], repeats(group), strict=True)}
-    for cell in failures(group, failed):
+    for cell in failures(group, skipped):
         if cell.seed is not None:
             problems.add((cell.cloth, int(cell.columns.get("repeat", cell.seed))))
     return frozenset(problems)

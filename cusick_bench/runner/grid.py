@@ -15,7 +15,7 @@ from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled
 from cusick_bench.runner.numerics import LAWS, cell_numerics
-from cusick_bench.runner.samples import shows_repeats, training_rows
+from cusick_bench.runner.samples import seen_of_samples
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
@@ -257,10 +257,10 @@ def plan(
         )
     cells = []
     for split in dataset.split(protocol, cloths) if splits is None else splits:
-        both_faces, repeats = bool(training_rows(dataset, split.train)[1]), shows_repeats(dataset, split.test)
+        seen = seen_of_samples(dataset, split.train, split.test)
         for text, solver in made.items():
             own = posed[text]
-            numerics = cell_numerics(solver, own.drape, own.causes, both_faces=both_faces, repeats=repeats)
+            numerics = cell_numerics(solver, own.drape, own.causes, **seen)
             cells += [
                 Cell(
                     solver=text,

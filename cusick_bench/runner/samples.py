@@ -9,6 +9,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +22,13 @@ Silhouette = Float[ndarray, "size size"]
 
 MOST_BYTES = 2**28
 """Most memory of the samples that are kept [bytes]: those of five cloths of the release."""
+
+
+class SeenOfSamples(TypedDict):
+    """What of a split's samples decides how they are fitted and scored, as `cell_numerics` takes it."""
+
+    both_faces: bool
+    repeats: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,18 +118,19 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     return tuple(int(row) for row in own.index), tuple(int(row) for row in other.index)
 
 
-def shows_repeats(dataset: DrapeDataset, rows: Sequence[int]) -> bool:
-    """Whether some captures are of one sample.
+def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[int]) -> SeenOfSamples:
+    """What a split shows of its samples.
 
     Args:
         dataset: Data.
-        rows: Rows of its index, of one cloth.
+        train: Rows of its index that train, of one cloth.
+        test: Rows that are held out.
 
     Returns:
-        True where a sample stands there twice.
+        Whether samples of both faces train, and whether a held-out sample was captured several times.
     """
-    samples = dataset.table.loc[list(rows), "sample"]
-    return bool(samples.duplicated().any())
+    repeats = dataset.table.loc[list(test), "sample"].duplicated().any()
+    return SeenOfSamples(both_faces=bool(training_rows(dataset, train)[1]), repeats=bool(repeats))
 
 
 @lru_cache(maxsize=1)

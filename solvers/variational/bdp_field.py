@@ -42,7 +42,7 @@ from jaxtyping import Float
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.problem import BudgetExceeded
 from cusick_bench.sim.engine.pace import PaceName
-from cusick_bench.solvers.base import Prediction, Progress, Solver, SolverError, prediction_at, require_positive
+from cusick_bench.solvers.base import Prediction, Progress, Solver, prediction_at, require_at_least, require_positive
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.level_search import match_bending_level
 from cusick_bench.solvers.variational.gaussian_posterior import PREDICTION, standard_normal
@@ -87,17 +87,8 @@ class BdpField(Solver):
     learns_both_faces: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("draws", 1),
-            ("first", 0),
-            ("rounds", 0),
-            ("cloths", 1),
-            ("search", 0),
-            ("refinement", 0),
-            ("samples", 0),
-        ):
-            if not getattr(self, name) >= least:
-                raise SolverError(f"{name} must be >= {least}, got {getattr(self, name)}")
+        require_at_least(self, 1, "draws", "cloths")
+        require_at_least(self, 0, "first", "rounds", "search", "refinement", "samples")
         require_positive(self, "rate")
 
     @property

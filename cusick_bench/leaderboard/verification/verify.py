@@ -25,7 +25,7 @@ from cusick_bench.runner.environment import code_state, version_text
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import cell_numerics
-from cusick_bench.runner.samples import shows_repeats, training_rows
+from cusick_bench.runner.samples import seen_of_samples
 from cusick_bench.runner.store import file_digests, read_json, write_json
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
@@ -183,9 +183,8 @@ def _verified(
 
 def _other_numerics(cell: Cell, record: dict[str, Any], dataset: DrapeDataset) -> list[str]:
     """A note where the code at hand has other numerics than the code that ran the cell."""
-    both_faces, repeats = bool(training_rows(dataset, cell.train)[1]), shows_repeats(dataset, cell.test)
     solver, settings = make_solver(cell.solver), cell.settings
-    now = cell_numerics(solver, settings.drape, settings.causes, both_faces=both_faces, repeats=repeats)
+    now = cell_numerics(solver, settings.drape, settings.causes, **seen_of_samples(dataset, cell.train, cell.test))
     if dict(cell.numerics) == now:
         return []
     then = numerics_text(dict(cell.numerics)) or str(record.get("code_version", "unknown"))

@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 from cusick_bench.problem.errors import BudgetExceeded, ProblemError
 
@@ -148,8 +149,8 @@ class Meter:
 
     @property
     def drawn(self) -> int:
-        """Drapes of the prediction so far, of those that are announced in `draws`."""
-        return sum(evaluation.kind == "draw" for evaluation in self.trace) if self.draws else 0
+        """Drapes of the prediction so far, which end the trace."""
+        return sum(1 for _ in takewhile(lambda evaluation: evaluation.kind == "draw", reversed(self.trace)))
 
     @contextmanager
     def reserve(self, drapes: float) -> Iterator[None]:

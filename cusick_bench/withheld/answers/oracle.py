@@ -6,7 +6,6 @@ is judged against this one. It needs the labels, so it is made after the answers
 
 import json
 from collections.abc import Callable, Mapping
-from concurrent.futures import as_completed
 from math import isfinite
 from pathlib import Path
 
@@ -16,11 +15,10 @@ from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
-from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.answers.parts import case_part
+from cusick_bench.withheld.answers.parts import case_part, gather
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number
 from cusick_bench.withheld.format.label import DETECTABLE, PAIR, SINGLE, LabelDocument, truth_of
@@ -75,23 +73,10 @@ def oracle_closures(
     asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and (cases / case).is_dir()]
     asked.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
     parts = {case: _part(out, cases / case, labels[case], atlas, draping) for case in asked}
-    closures: OracleClosures = {}
-    for case, part in parts.items():
-        if part.exists():
-            closures |= read_oracle_closures(part)
-            step(case)
-    _write(out, closures)
-    with process_pool(workers) as pool:
-        todo = [case for case in asked if case not in closures]
-        futures = {pool.submit(oracle_closure, cases / case, labels[case], atlas, draping): case for case in todo}
-        for future in as_completed(futures):
-            case = futures[future]
-            closures[case] = future.result()
-            parts[case].parent.mkdir(parents=True, exist_ok=True)
-            _write(parts[case], {case: closures[case]})
-            _write(out, closures)
-            step(case)
-    return closures
+    return gather(
+        out, parts, lambda case: (oracle_closure, cases / case, labels[case], atlas, draping),
+        read=read_oracle_closures, write=_write, workers=workers, step=step,
+    )  # fmt: skip
 
 
 def _part(out: Path, folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> Path:

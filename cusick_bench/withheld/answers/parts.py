@@ -5,11 +5,59 @@ was found from others, as from another suite's case of the same name, is not tak
 """
 
 import hashlib
+from collections.abc import Callable, Mapping
+from concurrent.futures import as_completed
 from pathlib import Path
+from typing import Any, TypeVar
 
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import diagnosis_numerics
+from cusick_bench.runner.processes import process_pool
+
+Found = TypeVar("Found")
+
+
+def gather(
+    out: Path,
+    parts: Mapping[str, Path],
+    work: Callable[[str], tuple[Any, ...]],
+    *,
+    read: Callable[[Path], dict[str, Found]],
+    write: Callable[[Path, dict[str, Found]], None],
+    workers: int,
+    step: Callable[[str], None],
+) -> dict[str, Found]:
+    """What is found of each case, that of the cases whose part is there from it; all is written after every case.
+
+    Args:
+        out: File for all cases.
+        parts: Where what is found of each case is kept, in the order in which they are done.
+        work: A function that finds it in a process of its own, with its arguments.
+        read: Reads a file of either kind.
+        write: Writes one.
+        workers: Number of processes.
+        step: Called with the name of every case that is done.
+
+    Returns:
+        What was found, by case.
+    """
+    found: dict[str, Found] = {}
+    for case, part in parts.items():
+        if part.exists():
+            found |= read(part)
+            step(case)
+    write(out, found)
+    with process_pool(workers) as pool:
+        futures = {pool.submit(*work(case)): case for case in parts if case not in found}
+        for future in as_completed(futures):
+            case = futures[future]
+            found[case] = future.result()
+            parts[case].parent.mkdir(parents=True, exist_ok=True)
+            write(parts[case], {case: found[case]})
+            write(out, found)
+            step(case)
+    return found
 
 
 def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:

@@ -23,7 +23,6 @@ References:
 
 import json
 from collections.abc import Callable, Collection, Mapping
-from concurrent.futures import as_completed
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,11 +41,11 @@ from cusick_bench.diagnosis.inference.residuals.residual import Residual, agains
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics, sample_statistics, to_atlas
 from cusick_bench.diagnosis.inference.single_effects.evidence import Grid, grid_at
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
-from cusick_bench.runner.processes import one_thread, process_pool
+from cusick_bench.runner.processes import one_thread
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.answers.parts import case_part
+from cusick_bench.withheld.answers.parts import case_part, gather
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number, broken_rule
@@ -132,24 +131,12 @@ def measure_shown_shifts(
     for plan in todo:
         if plan.case not in labels or labels[plan.case].unsealed() != label_of(plan).content():
             raise WithheldError(f"{plan.case} has another label than its suite; give labels.json and suite.json of one")
-    parts = {plan.case: _part(out, cases / plan.case, suite, plan, atlas) for plan in todo}
-    shifts: dict[str, ShownShift] = {}
-    for case, part in parts.items():
-        if part.exists():
-            shifts |= read_shown_shifts(part)
-            step(case)
-    _write(out, shifts)
-    with process_pool(workers) as pool:
-        missing = [plan for plan in todo if plan.case not in shifts]
-        futures = {pool.submit(_beside_twin, suite, plan, cases, atlas): plan.case for plan in missing}
-        for future in as_completed(futures):
-            case = futures[future]
-            shifts[case] = future.result()
-            parts[case].parent.mkdir(parents=True, exist_ok=True)
-            _write(parts[case], {case: shifts[case]})
-            _write(out, shifts)
-            step(case)
-    return shifts
+    plans = {plan.case: plan for plan in todo}
+    parts = {case: _part(out, cases / case, suite, plan, atlas) for case, plan in plans.items()}
+    return gather(
+        out, parts, lambda case: (_beside_twin, suite, plans[case], cases, atlas),
+        read=read_shown_shifts, write=_write, workers=workers, step=step,
+    )  # fmt: skip
 
 
 def _part(out: Path, folder: Path, suite: Suite, plan: Plan, atlas: Path) -> Path:
