@@ -51,6 +51,7 @@ PANELS = {
     "Diagnose": {
         "diagnose": "diagnose.diagnose",
         "diagnose-controls": "diagnose.controls",
+        "diagnose-turn-over": "diagnose.turn_over",
         "atlas": "diagnose.atlas",
         "withheld": "diagnose.withheld",
     },

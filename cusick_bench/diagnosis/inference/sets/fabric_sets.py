@@ -68,14 +68,37 @@ def fabric_sets(
     Returns:
         The sets.
     """
+    _, residual, model, more = _best_optimum(fabric, plain, shared, progress)
+    return FabricSets(residual, model, sample_sets(model, generator, steps=steps, more=more), shared, more)
+
+
+def best_log_joint(fabric: FabricData, plain: Residual) -> float:
+    """How well a set of effects and a base model explain a fabric: ln of their joint density, the best there is.
+
+    Args:
+        fabric: The fabric.
+        plain: What the best base model without effects leaves.
+
+    Returns:
+        The log density [nat]; comparable between pictures of one fabric that are turned or mirrored.
+    """
+    return _best_optimum(fabric, plain, ())[0]
+
+
+def _best_optimum(
+    fabric: FabricData,
+    plain: Residual,
+    shared: tuple[Candidate, ...],
+    progress: Callable[[float], None] = lambda share: None,
+) -> tuple[float, Residual, SetModel, SharedShift | None]:
+    """The likeliest of the joint optima that are climbed to from all beginnings."""
     known = [one.hypothesis.name for one in shared]
     beginnings = [plain, *_with_hidden(fabric, plain, known)]
     optima = []
     for number, beginning in enumerate(beginnings):
         optima.append(_climbed(fabric, beginning, shared))
         progress((number + 1) / (len(beginnings) + 2))
-    _, residual, model, more = max(optima, key=lambda one: one[0])
-    return FabricSets(residual, model, sample_sets(model, generator, steps=steps, more=more), shared, more)
+    return max(optima, key=lambda one: one[0])
 
 
 def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) -> Iterator[Residual]:
