@@ -18,6 +18,7 @@ from cusick_bench.diagnosis.errors import Refused
 from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, Share
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
+from cusick_bench.diagnosis.inference.findings.unusual import unusual
 from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
@@ -193,6 +194,13 @@ def test_an_effect_that_explains_a_cloth_at_the_end_of_the_atlas_is_no_reason_to
     assert "bending stiffness lies at the lower end" in note
     with pytest.raises(Refused, match="limper than any"):
         domain_doubts(emulator, fabric.features, at, np.zeros_like(shift))
+
+
+def test_an_effect_many_times_as_strong_as_usual_is_to_be_measured(emulator: Emulator) -> None:
+    offset = next(one for one in hypotheses(emulator) if one.name == "camera-offset")
+    assert not unusual([Candidate(offset, {"shift": 6e-3, "direction": 0.0})])
+    (note,) = unusual([Candidate(offset, {"shift": 23e-3, "direction": 0.0})])
+    assert "camera-offset: shift 0.023 m is 16 times what is usual" in note
 
 
 def test_direction_turns_the_shift(emulator: Emulator) -> None:

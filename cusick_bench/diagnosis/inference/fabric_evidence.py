@@ -17,6 +17,7 @@ from cusick_bench.diagnosis.inference.findings.budget import Budget, budget
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value
 from cusick_bench.diagnosis.inference.findings.evened import evened_out
 from cusick_bench.diagnosis.inference.findings.novelty import Novelty, novelty
+from cusick_bench.diagnosis.inference.findings.unusual import unusual
 from cusick_bench.diagnosis.inference.findings.verdict import Finding, finding
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.residuals.residual import Residual
@@ -136,4 +137,5 @@ def fabric_evidence(
         causes = ()
     taken = budget(data, together, samples, causes, generator)
     every = {**likeliest_candidates(sets), **{one.hypothesis.name: one for one in causes}}
-    return FabricEvidence(samples, data, plain, p, sets, test, found, causes, every, taken, (*notes, *found.notes))
+    notes += [*found.notes, *unusual(causes)]
+    return FabricEvidence(samples, data, plain, p, sets, test, found, causes, every, taken, tuple(notes))
