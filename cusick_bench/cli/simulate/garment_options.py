@@ -58,8 +58,8 @@ Motion = Annotated[MotionName | None, motion_option(help="How the waist moves, b
 Amplitude = Annotated[
     float | None, motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg.")
 ]
-Period = Annotated[float, motion_option(max=600, help="Period of the motion [s].")]
-Duration = Annotated[float, motion_option(max=600, help="How long the waist moves [s].")]
+Period = Annotated[float | None, motion_option(max=600, help="Period of the motion [s], by default 1.2.")]
+Duration = Annotated[float | None, motion_option(max=600, help="How long the waist moves [s], by default 2.4.")]
 Draws = Annotated[
     int, simulation_option(max=MOST_SAMPLES, help="Skirts of a cloth, each of its own draw of its stiffness.")
 ]
@@ -68,43 +68,36 @@ LayingHeight = Annotated[
 ]
 
 
-def no_motion(motion: MotionName | None, amplitude: float | None) -> None:
-    """Makes sure that nothing is asked of the motion of a skirt that is not moved.
+def waist_motion(
+    moves: bool, motion: MotionName | None, amplitude: float | None, period: float | None, seconds: float | None
+) -> WaistMotion | None:
+    """The motion that the options ask for; None is the usual value of each.
 
     Args:
-        motion: Kind that is asked for, or None.
-        amplitude: Amplitude that is asked for, or None.
-
-    Raises:
-        GarmentError: Something is.
-    """
-    from cusick_bench.garment import GarmentError
-
-    for name, value in (("--motion", motion), ("--amplitude", amplitude)):
-        if value is not None:
-            raise GarmentError(f"{name} is about a waist that moves; leave it out, or give --dynamic")
-
-
-def waist_motion(motion: MotionName | None, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
-    """The motion that the options ask for.
-
-    Args:
-        motion: Its kind, or None for the usual one.
-        amplitude: Its amplitude [m or deg], or None for the usual one.
+        moves: Whether the waist is moved at all.
+        motion: Kind of the motion.
+        amplitude: Its amplitude [m or deg].
         period: Its period [s].
         seconds: How long it lasts [s].
 
     Returns:
-        The motion.
+        The motion, None of a waist that is not moved.
 
     Raises:
-        GarmentError: A value out of range.
+        GarmentError: A value out of range, or something is asked of a motion that there is not.
     """
-    from cusick_bench.garment import WaistMotion
+    from cusick_bench.garment import GarmentError, WaistMotion
 
+    if not moves:
+        asked = {"--motion": motion, "--amplitude": amplitude, "--period": period, "--duration": seconds}
+        for name, value in asked.items():
+            if value is not None:
+                raise GarmentError(f"{name} is about a waist that moves; leave it out, or give --dynamic")
+        return None
+    times = {name: value for name, value in (("period", period), ("seconds", seconds)) if value is not None}
     if motion is not MotionName.turn:
-        return WaistMotion(sway=0.08 if amplitude is None else amplitude, period=period, seconds=seconds)
-    return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), period=period, seconds=seconds)
+        return WaistMotion(sway=0.08 if amplitude is None else amplitude, **times)
+    return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), **times)
 
 
 def wearing_of(
