@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cusick_bench.cli.options import MOST_SAMPLES, cloth_option, simulation_option
+from cusick_bench.cli.options import MOST_SAMPLES, cloth_option, membrane_option, simulation_option
 
 if TYPE_CHECKING:
     from cusick_bench.garment import WaistMotion
@@ -39,15 +39,11 @@ Heterogeneity = Annotated[
 ]
 Stretch = Annotated[
     float | None,
-    cloth_option(
-        min=1e-3,
-        max=1e9,
-        help="Membrane stiffness along warp and weft [N/m], of a cloth given by numbers; by default 300.",
-    ),
+    membrane_option(help="Membrane stiffness along warp and weft [N/m], of a cloth given by numbers; by default 300."),
 ]
 Shear = Annotated[
     float | None,
-    cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m], of a cloth given by numbers; by default 60."),
+    membrane_option(help="Shear stiffness [N/m], of a cloth given by numbers; by default 60."),
 ]
 Kind = Annotated[KindName, _skirt_option(help="Cut of the skirt.")]
 WaistRadius = Annotated[float, _skirt_option("--waist", max=1, help="Radius of the waist [m].")]
