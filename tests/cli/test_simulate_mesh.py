@@ -32,6 +32,12 @@ def test_a_board_of_any_size_has_a_drape_coefficient_of_one(radius: float, law: 
     assert found["draws"][0]["mean_radius_m"] == pytest.approx(radius, rel=0.01)
 
 
+def test_a_board_that_a_pinhole_camera_sees_has_a_drape_coefficient_of_one(tmp_path: Path):
+    found = _simulate(tmp_path, 0.15, "--bending", "0.1", "--camera", "pinhole")
+    assert found["draws"][0]["mean_radius_m"] == pytest.approx(0.15, rel=0.005)
+    assert found["drape_coefficient"] == pytest.approx(1, abs=0.03)
+
+
 def test_pictures_are_the_releases_unless_the_cloth_is_too_large_for_them(tmp_path: Path):
     for radius, larger in ((0.15, False), (0.18, True)):
         _simulate(tmp_path, radius, "--bending", "0.1")

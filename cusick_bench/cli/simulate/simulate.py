@@ -78,16 +78,18 @@ _MARGIN = 1.05  # half a picture over the flat cloth's reach, at least
 
 @dataclass(frozen=True)
 class Sight:
-    """How drapes are seen, at the release's scale: a cloth too large for its pictures gets larger ones.
+    """How drapes are seen and measured; a cloth too large for the release's pictures gets larger ones.
 
     Attributes:
         camera: Camera.
+        scale: Its scale at the plate's level [px/m].
         centre: Pixel of the plate's axis.
         size: Height and width of a picture [px].
         cloth_radius: Radius of the flat cloth [m].
     """
 
     camera: Camera
+    scale: float
     centre: tuple[float, float]
     size: int
     cloth_radius: float
@@ -108,8 +110,10 @@ class Sight:
 
         size = max(IMAGE_SIZE, 2 * math.ceil(_MARGIN * PIXELS_PER_METRE * reach))
         centre = (size - 1) / 2, (size - 1) / 2
-        kind = ParallelCamera if camera is CameraName.parallel else PinholeCamera
-        return cls(kind(centre_px=centre), centre, size, cloth_radius)
+        if camera is CameraName.parallel:
+            return cls(ParallelCamera(centre_px=centre), PIXELS_PER_METRE, centre, size, cloth_radius)
+        pinhole = PinholeCamera(centre_px=centre)
+        return cls(pinhole, pinhole.focal_px / pinhole.eye_height_m, centre, size, cloth_radius)
 
     def outcome(self, drape: Drape, seen: torch.Tensor, faces: np.ndarray) -> Outcome:
         """A drape with its picture.
@@ -126,7 +130,8 @@ class Sight:
         from cusick_bench.sim.render.silhouette import render
 
         image = render(seen, faces, self.camera, size=self.size)
-        return Outcome(drape, image, profile_from_image(image, centre=self.centre), self.cloth_radius)
+        profile = profile_from_image(image, pixels_per_metre=self.scale, centre=self.centre)
+        return Outcome(drape, image, profile, self)
 
 
 @dataclass(frozen=True)
@@ -136,16 +141,19 @@ class Outcome:
     drape: Drape
     image: torch.Tensor
     profile: Profile
-    cloth_radius: float
+    sight: Sight
 
     def summary(self) -> dict[str, Any]:
         """What the JSON document says of the drape."""
         from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
         from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
 
-        prominence = FOLD_PROMINENCE * (self.cloth_radius / CLOTH_RADIUS)
+        sight = self.sight
+        prominence = FOLD_PROMINENCE * (sight.cloth_radius / CLOTH_RADIUS)
         return {
-            "drape_coefficient": drape_coefficient(self.image, cloth_radius=self.cloth_radius),
+            "drape_coefficient": drape_coefficient(
+                self.image, pixels_per_metre=sight.scale, cloth_radius=sight.cloth_radius
+            ),
             "folds": fold_count(self.profile, prominence=prominence),
             "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
             "residual": self.drape.residual,
