@@ -19,6 +19,7 @@ from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import Method, render
@@ -41,11 +42,13 @@ class DeviceWorkload:
         vertices: Mesh size.
         device: As `DrapeSimulator` takes it.
         support: As in `DrapeSettings`.
+        law: Material law.
     """
 
     vertices: int
     device: str
     support: str = "fixed"
+    law: Law = "paper"
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -61,7 +64,8 @@ class DeviceWorkload:
         Returns:
             The simulator of this workload there.
         """
-        return DrapeSimulator(self.mesh, DrapeSettings(support=self.support, steps=STEPS), device=device)  # pyright: ignore[reportArgumentType]
+        settings = DrapeSettings(law=self.law, support=self.support, steps=STEPS)  # pyright: ignore[reportArgumentType]
+        return DrapeSimulator(self.mesh, settings, device=device)
 
     @cached_property
     def there(self) -> DrapeSimulator:
@@ -210,8 +214,9 @@ def _timed(case: Case, rounds: int) -> Timing:
 
 
 def measure_device(
-    vertices: int, device: str, batches: tuple[int, ...], rounds: int, support: str, done: Callable[[str], None]
-) -> dict[str, Any]:
+    vertices: int, device: str, batches: tuple[int, ...], rounds: int, support: str, law: Law,
+    done: Callable[[str], None],
+) -> dict[str, Any]:  # fmt: skip
     """Everything about one mesh on one device.
 
     Args:
@@ -220,12 +225,13 @@ def measure_device(
         batches: Members of the batches; those of too many vertices are left out.
         rounds: Times of each case; fewer of cases that take long.
         support: As in `DrapeSettings`.
+        law: Material law.
         done: Called with the name of everything measured.
 
     Returns:
         `cases` (times), `peak_memory_bytes` (by case), `left_out` (why a case was not run), `agreement`.
     """
-    workload = DeviceWorkload(vertices, device, support)
+    workload = DeviceWorkload(vertices, device, support, law)
     cases, peaks, left_out = {}, {}, {}
     for name, ready in workload.makers([n for n in batches if n * vertices <= _MOST_BATCHED]).items():
         try:

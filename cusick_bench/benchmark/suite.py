@@ -203,8 +203,9 @@ def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Done) -> dict
     found = []
     for vertices, cpu in zip(plan.vertices, meshes, strict=True):
         mesh = measure_device(
-            vertices, plan.device, plan.device_batches, plan.rounds, plan.support, lambda name: done(name, 0.0)
-        )
+            vertices, plan.device, plan.device_batches, plan.rounds, plan.support, plan.law,
+            lambda name: done(name, 0.0),
+        )  # fmt: skip
         rates = {
             name: {"cpu": drapes_per_second(cpu["cases"], suffix), "device": drapes_per_second(mesh["cases"], suffix)}
             for name, suffix in (("forward", ""), ("gradient", "+gradient"))

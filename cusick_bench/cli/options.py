@@ -119,8 +119,9 @@ DENSITY = cloth_option(help="Areal density [kg/m2].")
 BENDING = cloth_option(
     help="Bending stiffness [N m]: one number, or three, of hinges at 0,45,90 degrees to the warp: weft, bias, warp."
 )
-Stretch = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Membrane stiffness along warp and weft [N/m].")]
-Shear = Annotated[float, cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m].")]
+membrane_option = partial(cloth_option, min=1e-3, max=1e9)  # [N/m]
+Stretch = Annotated[float, membrane_option(help="Membrane stiffness along warp and weft [N/m].")]
+Shear = Annotated[float, membrane_option(help="Shear stiffness [N/m].")]
 
 # Photographs
 Weight = Annotated[

@@ -70,6 +70,11 @@ class Mesh:
         return _corner_areas(self.corners)
 
     @cached_property
+    def vertex_areas(self) -> Float[ndarray, "vertices"]:
+        """A third of the material area of the faces around every vertex [m2]."""
+        return np.bincount(self.faces.ravel(), np.repeat(self.areas / 3, 3), self.vertices)
+
+    @cached_property
     def squared_spacing(self) -> float:
         """Squared mean spacing of the vertices, of as many equilateral triangles [m2]."""
         return float(2 / np.sqrt(3) * self.areas.sum() / self.vertices)

@@ -1,7 +1,8 @@
 """Does a cloth pass through itself: edges that pierce triangles, counted.
 
 An edge pq pierces the triangle abc where the tetrahedra abcp and abcq have volumes of opposite sign and the line
-through p and q passes all three sides of abc on the same side. Edges and triangles that share a vertex are no pair.
+through p and q passes all three sides of abc on the same side. Edges and triangles that share a vertex are no pair, and
+none in one plane pierce: on a plate that slopes roundings put the ends of an edge on either side of a triangle there.
 This test is independent of how contacts are computed, so that it can judge them.
 
 References:
@@ -16,6 +17,8 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.kernel_cache import numba
 
+_IN_PLANE = 1e-12  # [m] height over a triangle's plane that is rounding
+
 
 @numba.njit(cache=True)
 def _volume(a, b, c, d):
@@ -29,7 +32,11 @@ def _volume(a, b, c, d):
 @numba.njit(cache=True)
 def _pierces(p, q, a, b, c):
     """Whether the edge pq passes through the triangle abc, its sides included."""
-    if _volume(a, b, c, p) * _volume(a, b, c, q) >= 0:
+    of_p, of_q = _volume(a, b, c, p), _volume(a, b, c, q)
+    if of_p * of_q >= 0:
+        return False
+    longest = max(((a - b) ** 2).sum(), ((b - c) ** 2).sum(), ((c - a) ** 2).sum())
+    if max(abs(of_p), abs(of_q)) <= _IN_PLANE * longest:
         return False
     past_ab, past_bc, past_ca = _volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)
     return (past_ab >= 0 and past_bc >= 0 and past_ca >= 0) or (past_ab <= 0 and past_bc <= 0 and past_ca <= 0)

@@ -126,10 +126,9 @@ def _faces_of_vertices(control: ControlMesh) -> sparse.csr_array:
 
 def _load(mesh: Mesh, control: ControlMesh, edges: OutsideEdges, value: Padded) -> sparse.csr_array:
     """Masses of control points: density, the mean of the edge's ends, times area times the surface's weights."""
-    lumped = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas / 3, 3), mesh.vertices)
     edge = np.repeat(np.arange(len(edges.ends)), 2)
     vertex = edges.ends.ravel()
     mass = sparse.csr_array(
-        (0.5 * edges.area[edge] / lumped[vertex], (edge, vertex)), shape=(len(edges.ends), mesh.vertices)
+        (0.5 * edges.area[edge] / mesh.vertex_areas[vertex], (edge, vertex)), shape=(len(edges.ends), mesh.vertices)
     )
     return sparse.csr_array(value.extended(control.extension).matrix(len(control.free)).T @ mass)

@@ -123,7 +123,7 @@ class EquilibriumGap(Solver):
         except SimulationError as error:
             raise SolverError(f"{self.name} cannot use the training mesh: {error}") from error
         mesh = simulator.mesh
-        mass = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas / 3, 3), mesh.vertices) * problem.areal_density
+        mass = mesh.vertex_areas * problem.areal_density
         return Shape(simulator.hinge_system, drape.vertices, mass), edge_strain(drape.vertices, mesh)
 
     def _without_reference(self, drape: TrainMesh, plate_radius: float) -> str:

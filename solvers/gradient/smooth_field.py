@@ -48,18 +48,6 @@ def stiffness_matrix(mesh: Mesh) -> sparse.csc_matrix:
     return sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(mesh.vertices, mesh.vertices))
 
 
-def lumped_mass(mesh: Mesh) -> Float[np.ndarray, " vertices"]:
-    """A third of the area of every adjacent face [m2].
-
-    Args:
-        mesh: The flat cloth.
-
-    Returns:
-        Area that belongs to each vertex [m2].
-    """
-    return np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas / 3, 3), mesh.vertices)
-
-
 def _means(corners: np.ndarray, vertices: int) -> sparse.csr_matrix:
     """Takes a vertex field to the mean over each element's corners."""
     count, each = corners.shape
@@ -111,12 +99,12 @@ class StiffnessField:
 
     @cached_property
     def _factor(self) -> Any:
-        precision = self._kappa**2 * sparse.diags(lumped_mass(self.mesh)) + stiffness_matrix(self.mesh)
+        precision = self._kappa**2 * sparse.diags(self.mesh.vertex_areas) + stiffness_matrix(self.mesh)
         return splu(sparse.csc_matrix(precision))
 
     @cached_property
     def _noise(self) -> Float[np.ndarray, "vertices 1"]:
-        root_mass = np.sqrt(lumped_mass(self.mesh))
+        root_mass = np.sqrt(self.mesh.vertex_areas)
         return (self.amplitude * math.sqrt(4 * math.pi) * self._kappa * root_mass)[:, None]
 
     def deviation(self, z: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " parameters"]:

@@ -16,7 +16,8 @@ from cusick_bench.garment.skirt import SkirtSize
 from cusick_bench.garment.wearing import Wearing, wear
 from tests.support.html_page import Page
 
-SMALL = ["--vertices", "170", "--length", "0.3", "--draws", "2", "--duration", "0.4", "--hip", "0"]
+STILL = ["--vertices", "170", "--length", "0.3", "--draws", "2", "--hip", "0", "--static"]
+SMALL = [*STILL[:-1], "--duration", "0.4"]
 BENDING = {"limp": 3e-6, "stiff": 1e-3}
 
 
@@ -83,7 +84,7 @@ def test_the_same_skirt_of_every_cloth_is_compared(run: Path):
 
 
 def test_a_motion_is_not_asked_of_skirts_that_stand_still(run: Path):
-    result = _compare(str(run), *SMALL, "--static", "--motion", "turn")
+    result = _compare(str(run), *STILL, "--motion", "turn")
     assert result.exit_code == 2
     assert "--motion is about a waist that moves" in " ".join(result.output.split())
 
@@ -93,7 +94,7 @@ def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
     result = _compare(str(run), *SMALL)
     assert result.exit_code == 2
     assert "choose one with --solver: heter, homo" in " ".join(result.output.split())
-    both = _compare(str(run), *SMALL, "--static", "--solver", "heter", "--solver", "homo", "--json")
+    both = _compare(str(run), *STILL, "--solver", "heter", "--solver", "homo", "--json")
     assert [row["cloth"] for row in json.loads(both.stdout)["cloths"]] == [
         "limp of heter",
         "limp of homo",

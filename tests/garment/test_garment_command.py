@@ -76,6 +76,8 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         ([*NUMBERS, "--heterogeneity", "-0.1"], "spread of log stiffness"),
         ([*NUMBERS, "--motion", "sway"], "--motion is about a waist that moves; leave it out, or give --dynamic"),
         ([*NUMBERS, "--amplitude", "0.1"], "--amplitude is about a waist that moves"),
+        ([*NUMBERS, "--period", "1.2"], "--period is about a waist that moves"),
+        ([*NUMBERS, "--duration", "2.4"], "--duration is about a waist that moves"),
         (["--from", "nowhere", "--stretch", "300"], "--stretch is about a cloth given by numbers; leave it out"),
         (["--from", "nowhere", "--shear", "60"], "--shear is about a cloth given by numbers"),
         ([*NUMBERS, "--dynamic", "--period", "0"], "period and duration > 0"),

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from cusick_bench.sim.cloth.material import Material, uniform_material
-from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.dynamics.drop import drop, drop_adjoint
 from cusick_bench.sim.engine.parameters import Parameters
@@ -15,15 +16,15 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.statics.branch import follow, rim_folds
 from cusick_bench.sim.errors import SimulationError
 
-MESH = disc_mesh(150, seed=2)
+MESH, RINGS = disc_mesh(150, seed=2), ring_mesh(297)
 
 
-def _cloths(count: int, *, per_element: bool = False, track: bool = False) -> list[Material]:
+def _cloths(count: int, mesh: Mesh = MESH, *, per_element: bool = False, track: bool = False) -> list[Material]:
     generator, cloths = np.random.default_rng(1), []
     for _ in range(count):
         density, bending = np.exp(generator.normal(0, [0.3, 0.7])) * [0.19, 1e-5]
         base = uniform_material(density=float(density), bending=float(bending))
-        faces, hinges = (len(MESH.faces), len(MESH.hinges)) if per_element else (1, 1)
+        faces, hinges = (len(mesh.faces), len(mesh.hinges)) if per_element else (1, 1)
         stretch = base.stretch * torch.from_numpy(np.exp(generator.normal(0, 0.1, (faces, 6, 4))))
         bending = base.bending * torch.from_numpy(np.exp(generator.normal(0, 0.1, (hinges, 3, 5))))
         tables = (stretch, bending) if per_element else (stretch[0], bending[0])
@@ -71,6 +72,19 @@ def test_batch_in_lockstep_equals_single_drapes_to_rounding(per_element):
         assert batch.residual[member] == pytest.approx(single.residual, rel=1e-6)
     some = simulator.drape_batch([cloths[8], cloths[3]], initial=initial[[8, 3]])
     assert torch.equal(some.vertices, batch.vertices[[8, 3]])
+
+
+@pytest.mark.parametrize("per_element", [False, True], ids=["shared", "per element"])
+@pytest.mark.parametrize("backend", ["auto", "lockstep"])
+def test_a_shell_is_the_same_to_the_bit_in_any_batch(backend, per_element):
+    """Nine cloths are a pack of lanes and one more, where there is one thread."""
+    simulator = DrapeSimulator(RINGS, DrapeSettings(steps=4, law="plate", backend=backend))
+    cloths = _cloths(9, RINGS, per_element=per_element)
+    initial = torch.stack([torch.from_numpy(simulator.laid_down(seed)) for seed in range(9)])
+    batch = simulator.drape_batch(cloths, initial=initial).vertices
+    for some in ([8, 3], [7, 0, 2, 4, 5]):
+        again = simulator.drape_batch([cloths[place] for place in some], initial=initial[some]).vertices
+        assert torch.equal(again, batch[some])
 
 
 def test_batches_of_shells_equal_single_drapes():

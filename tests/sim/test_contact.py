@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+import torch
 from numpy import ndarray
 from typer.testing import CliRunner
 
@@ -17,6 +18,7 @@ from cusick_bench.sim.contact.barrier import SelfContact, smallest_distance
 from cusick_bench.sim.contact.drop import contact_drop
 from cusick_bench.sim.contact.equilibrium import ContactRest, contact_equilibrium, contact_equilibrium_adjoint
 from cusick_bench.sim.contact.intersections import intersections
+from cusick_bench.sim.effects.directions import leaned
 from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.statics.equilibrium import equilibrium, equilibrium_adjoint
@@ -128,6 +130,14 @@ def test_intersections_are_counted_as_by_solving_for_every_pair():
     crumpled = mesh.flat + np.random.default_rng(3).normal(0, 0.03, (60, 3))
     assert intersections(mesh, crumpled) == _intersections_by_solving(mesh, crumpled) > 20
     assert intersections(mesh, mesh.flat) == 0
+
+
+@pytest.mark.parametrize("degrees", [0.3, 1.0, 2.0, 7.0, 20.0])
+def test_flat_cloth_on_a_sloping_plate_does_not_pass_through_itself(degrees: float):
+    """Roundings lift corners off their common plane by some 1e-17 m, to either side."""
+    flat = torch.from_numpy(disc_mesh(200).flat)
+    for direction in range(0, 360, 20):
+        assert intersections(disc_mesh(200), leaned(flat, degrees, float(direction)).numpy()) == 0
 
 
 def test_smallest_distance_is_the_gap_between_layers():

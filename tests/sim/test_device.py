@@ -20,6 +20,7 @@ from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
@@ -338,12 +339,28 @@ class TestDeviceBenchmark:
         assert "batch of 2+gradient" in printed.get()
         assert "engines differ by" in printed.get()
 
+    @pytest.mark.parametrize("law", ["paper", "plate"])
+    def test_device_drops_by_the_law_of_the_plan(self, law: Law, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("cusick_bench.benchmark.device.STEPS", 2)
+        monkeypatch.setattr("cusick_bench.benchmark.device._SILHOUETTES", 2)
+        monkeypatch.setattr(DeviceWorkload, "agreement", lambda self: {"law": self.there.settings.law})
+        cpu = {"cases": {"drop": {"median_s": 1.0}, "drop+gradient": {"median_s": 2.0}}}
+        plan = Plan(vertices=(80,), rounds=1, law=law, device="cpu:torch", device_batches=())
+        (mesh,) = measure_beside([cpu], plan, lambda name, share: None)["meshes"]
+        assert mesh["agreement"]["law"] == law
+
+    def test_engines_agree_under_law_plate(self, monkeypatch: pytest.MonkeyPatch):
+        monkeypatch.setattr("cusick_bench.benchmark.device.STEPS", 20)
+        found = DeviceWorkload(80, "cpu:torch", law="plate").agreement()
+        assert found["positions_m"] < 1e-8
+        assert max(found["gradient"].values()) < 1e-5
+
     def test_what_does_not_fit_the_device_is_left_out_with_the_reason(self, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("cusick_bench.benchmark.device.STEPS", 2)
         monkeypatch.setattr("cusick_bench.benchmark.device._SILHOUETTES", 2)
         monkeypatch.setattr(torch_drop_module, "CPU_MEMORY", 900 * 2**10)
         monkeypatch.setattr(DeviceWorkload, "agreement", lambda self: {})
-        mesh = measure_device(80, "cpu:torch", (2, 50), 1, "fixed", lambda name: None)
+        mesh = measure_device(80, "cpu:torch", (2, 50), 1, "fixed", "paper", lambda name: None)
         assert "drop" in mesh["cases"]
         assert mesh["left_out"].keys() == {"batch of 50+gradient"}
         assert "raise it, or drop fewer cloths at a time" in mesh["left_out"]["batch of 50+gradient"]

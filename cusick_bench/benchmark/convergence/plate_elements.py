@@ -324,9 +324,8 @@ def _of_shell(mesh: Mesh, nodes: ndarray | None, weights: ndarray | None) -> _Pl
     rows = sparse.csr_array(
         (weights[:, 2:].ravel(), (row.ravel(), column.ravel())), shape=(3 * edges, len(stencils.free))
     )
-    lumped = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas / 3, 3), mesh.vertices)
     rim = stencils.surface[np.hypot(*mesh.material.T) > CLOTH_RADIUS - _ON_EDGE]
-    return _Plate(rows, stencils.edge_area, stencils.load @ lumped, sparse.csr_array(rim))
+    return _Plate(rows, stencils.edge_area, stencils.load @ mesh.vertex_areas, sparse.csr_array(rim))
 
 
 ELEMENTS: Mapping[str, Callable[[Mesh], _Plate]] = {

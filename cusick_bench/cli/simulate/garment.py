@@ -42,7 +42,6 @@ from cusick_bench.cli.simulate.garment_options import (
     Stretch,
     WaistRadius,
     motion_option,
-    no_motion,
     waist_motion,
     wearing_of,
 )
@@ -81,8 +80,8 @@ def skirt(
     dynamic: Annotated[bool, motion_option("--dynamic/--static", help="Move the waist once the skirt hangs.")] = False,
     motion: Motion = None,
     amplitude: Amplitude = None,
-    period: Period = 1.2,
-    duration: Duration = 2.4,
+    period: Period = None,
+    duration: Duration = None,
     draws: Draws = 4,
     laying_height: LayingHeight = 0.01,
     vertices: Vertices = 2500,
@@ -106,13 +105,11 @@ def skirt(
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
-    if not dynamic:
-        no_motion(motion, amplitude)
+    moving = waist_motion(dynamic, motion, amplitude, period, duration)
     cloth = _cloth(result, density, bending, stretch, shear, heterogeneity, name)
     _check_law(law, cloth)
-    size, moving = SkirtSize(waist, length, hem), waist_motion(motion, amplitude, period, duration)
     wearing = wearing_of(
-        kind, size, hip, moving if dynamic else None,
+        kind, SkirtSize(waist, length, hem), hip, moving,
         vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,
     )  # fmt: skip
     if out is not None:
@@ -124,7 +121,7 @@ def skirt(
     if out is not None:
         with disk_errors(out), progress_bar("drawing"), interruptible(f"what was ready is in {out}"):
             write_rest(out, worn.pattern, worn.positions, cloth.name, wearing.body)
-            if dynamic:
+            if moving is not None:
                 write_motion(out, worn.pattern, worn.times, worn.frames, moving, cloth.name, wearing.body)
             write_json(out / "summary.json", plain(document))
         document["out"] = out
@@ -147,8 +144,8 @@ def compare(
     static: Annotated[bool, motion_option("--static/--dynamic", help="Leave out the motion.")] = False,
     motion: Motion = None,
     amplitude: Amplitude = None,
-    period: Period = 1.2,
-    duration: Duration = 2.4,
+    period: Period = None,
+    duration: Duration = None,
     draws: Draws = 4,
     laying_height: LayingHeight = 0.01,
     vertices: Vertices = 2500,
@@ -174,10 +171,8 @@ def compare(
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
-    if static:
-        no_motion(motion, amplitude)
+    moving = waist_motion(not static, motion, amplitude, period, duration)
     cells = _cells_of(run, solver or [])
-    moving = None if static else waist_motion(motion, amplitude, period, duration)
     wearing = wearing_of(
         kind, SkirtSize(waist, length, hem), hip, moving,
         vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cusick_bench.cli.options import MOST_SAMPLES, cloth_option, simulation_option
+from cusick_bench.cli.options import MOST_SAMPLES, cloth_option, membrane_option, simulation_option
 
 if TYPE_CHECKING:
     from cusick_bench.garment import WaistMotion
@@ -39,15 +39,11 @@ Heterogeneity = Annotated[
 ]
 Stretch = Annotated[
     float | None,
-    cloth_option(
-        min=1e-3,
-        max=1e9,
-        help="Membrane stiffness along warp and weft [N/m], of a cloth given by numbers; by default 300.",
-    ),
+    membrane_option(help="Membrane stiffness along warp and weft [N/m], of a cloth given by numbers; by default 300."),
 ]
 Shear = Annotated[
     float | None,
-    cloth_option(min=1e-3, max=1e9, help="Shear stiffness [N/m], of a cloth given by numbers; by default 60."),
+    membrane_option(help="Shear stiffness [N/m], of a cloth given by numbers; by default 60."),
 ]
 Kind = Annotated[KindName, _skirt_option(help="Cut of the skirt.")]
 WaistRadius = Annotated[float, _skirt_option("--waist", max=1, help="Radius of the waist [m].")]
@@ -58,8 +54,8 @@ Motion = Annotated[MotionName | None, motion_option(help="How the waist moves, b
 Amplitude = Annotated[
     float | None, motion_option(help="Amplitude of the motion: by default 0.08 m of sway, or a turn of 90 deg.")
 ]
-Period = Annotated[float, motion_option(max=600, help="Period of the motion [s].")]
-Duration = Annotated[float, motion_option(max=600, help="How long the waist moves [s].")]
+Period = Annotated[float | None, motion_option(max=600, help="Period of the motion [s], by default 1.2.")]
+Duration = Annotated[float | None, motion_option(max=600, help="How long the waist moves [s], by default 2.4.")]
 Draws = Annotated[
     int, simulation_option(max=MOST_SAMPLES, help="Skirts of a cloth, each of its own draw of its stiffness.")
 ]
@@ -68,43 +64,36 @@ LayingHeight = Annotated[
 ]
 
 
-def no_motion(motion: MotionName | None, amplitude: float | None) -> None:
-    """Makes sure that nothing is asked of the motion of a skirt that is not moved.
+def waist_motion(
+    moves: bool, motion: MotionName | None, amplitude: float | None, period: float | None, seconds: float | None
+) -> WaistMotion | None:
+    """The motion that the options ask for; None is the usual value of each.
 
     Args:
-        motion: Kind that is asked for, or None.
-        amplitude: Amplitude that is asked for, or None.
-
-    Raises:
-        GarmentError: Something is.
-    """
-    from cusick_bench.garment import GarmentError
-
-    for name, value in (("--motion", motion), ("--amplitude", amplitude)):
-        if value is not None:
-            raise GarmentError(f"{name} is about a waist that moves; leave it out, or give --dynamic")
-
-
-def waist_motion(motion: MotionName | None, amplitude: float | None, period: float, seconds: float) -> WaistMotion:
-    """The motion that the options ask for.
-
-    Args:
-        motion: Its kind, or None for the usual one.
-        amplitude: Its amplitude [m or deg], or None for the usual one.
+        moves: Whether the waist is moved at all.
+        motion: Kind of the motion.
+        amplitude: Its amplitude [m or deg].
         period: Its period [s].
         seconds: How long it lasts [s].
 
     Returns:
-        The motion.
+        The motion, None of a waist that is not moved.
 
     Raises:
-        GarmentError: A value out of range.
+        GarmentError: A value out of range, or something is asked of a motion that there is not.
     """
-    from cusick_bench.garment import WaistMotion
+    from cusick_bench.garment import GarmentError, WaistMotion
 
+    if not moves:
+        asked = {"--motion": motion, "--amplitude": amplitude, "--period": period, "--duration": seconds}
+        for name, value in asked.items():
+            if value is not None:
+                raise GarmentError(f"{name} is about a waist that moves; leave it out, or give --dynamic")
+        return None
+    times = {name: value for name, value in (("period", period), ("seconds", seconds)) if value is not None}
     if motion is not MotionName.turn:
-        return WaistMotion(sway=0.08 if amplitude is None else amplitude, period=period, seconds=seconds)
-    return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), period=period, seconds=seconds)
+        return WaistMotion(sway=0.08 if amplitude is None else amplitude, **times)
+    return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), **times)
 
 
 def wearing_of(

@@ -48,7 +48,13 @@ from cusick_bench.cli.options import (
     vertices_by_law,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.sim.constants import VERTICES_OF_TRUTH
+from cusick_bench.sim.constants import (
+    CLOTH_RADIUS,
+    IMAGE_SIZE,
+    PIXELS_PER_METRE,
+    PLATE_RADIUS,
+    VERTICES_OF_TRUTH,
+)
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -57,6 +63,7 @@ if TYPE_CHECKING:
     from cusick_bench.datasets.profile import Profile
     from cusick_bench.problem import Scene
     from cusick_bench.sim.cloth.material import Material
+    from cusick_bench.sim.cloth.mesh import Mesh
     from cusick_bench.sim.drape import Drape, DrapeBatch, DrapeSimulator
     from cusick_bench.sim.effects import Cause
     from cusick_bench.sim.render.camera import Camera
@@ -66,6 +73,65 @@ app = typer.Typer()
 
 _MOST_ROWS = 40  # draws that the table shows one by one
 _AT_REST = {True: "yes", False: "no", None: "?"}
+_MARGIN = 1.05  # half a picture over the flat cloth's reach, at least
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How drapes are seen and measured; a cloth too large for the release's pictures gets larger ones.
+
+    Attributes:
+        camera: Camera.
+        scale: Its scale at the plate's level [px/m].
+        centre: Pixel of the plate's axis.
+        size: Height and width of a picture [px].
+        cloth_radius: Radius of the flat cloth [m].
+    """
+
+    camera: Camera
+    scale: float
+    centre: tuple[float, float]
+    size: int
+    cloth_radius: float
+
+    @classmethod
+    def of(cls, camera: CameraName, cloth_radius: float, reach: float) -> Sight:
+        """The sight of a cloth.
+
+        Args:
+            camera: Kind of camera.
+            cloth_radius: Radius of the flat cloth [m].
+            reach: Largest distance of a vertex from the plate's axis [m].
+
+        Returns:
+            The sight.
+        """
+        from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
+
+        size = max(IMAGE_SIZE, 2 * math.ceil(_MARGIN * PIXELS_PER_METRE * reach))
+        centre = (size - 1) / 2, (size - 1) / 2
+        if camera is CameraName.parallel:
+            return cls(ParallelCamera(centre_px=centre), PIXELS_PER_METRE, centre, size, cloth_radius)
+        pinhole = PinholeCamera(centre_px=centre)
+        return cls(pinhole, pinhole.focal_px / pinhole.eye_height_m, centre, size, cloth_radius)
+
+    def outcome(self, drape: Drape, seen: torch.Tensor, faces: np.ndarray) -> Outcome:
+        """A drape with its picture.
+
+        Args:
+            drape: The drape.
+            seen: Where its points seem to be [m].
+            faces: Its triangles.
+
+        Returns:
+            The drape as it is seen.
+        """
+        from cusick_bench.datasets.profile import profile_from_image
+        from cusick_bench.sim.render.silhouette import render
+
+        image = render(seen, faces, self.camera, size=self.size)
+        profile = profile_from_image(image, pixels_per_metre=self.scale, centre=self.centre)
+        return Outcome(drape, image, profile, self)
 
 
 @dataclass(frozen=True)
@@ -75,14 +141,20 @@ class Outcome:
     drape: Drape
     image: torch.Tensor
     profile: Profile
+    sight: Sight
 
     def summary(self) -> dict[str, Any]:
         """What the JSON document says of the drape."""
         from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
+        from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
 
+        sight = self.sight
+        prominence = FOLD_PROMINENCE * (sight.cloth_radius / CLOTH_RADIUS)
         return {
-            "drape_coefficient": drape_coefficient(self.image),
-            "folds": fold_count(self.profile),
+            "drape_coefficient": drape_coefficient(
+                self.image, pixels_per_metre=sight.scale, cloth_radius=sight.cloth_radius
+            ),
+            "folds": fold_count(self.profile, prominence=prominence),
             "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
             "residual": self.drape.residual,
             "halvings": self.drape.halvings,
@@ -222,7 +294,7 @@ def simulate(
     vertices: VerticesByLaw = None,
     mesh: Annotated[
         Path | None,
-        simulation_option(help="Flat cloth mesh (OBJ), instead of a disc's."),
+        simulation_option(help="Flat cloth mesh (OBJ) about the plate's axis, of any size, instead of a disc's."),
     ] = None,
     mode: Annotated[
         Mode | None,
@@ -256,15 +328,20 @@ def simulate(
     """
     from cusick_bench.problem import parse_causes
     from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, uniform_material
-    from cusick_bench.sim.cloth.obj import mesh_from_obj
-    from cusick_bench.sim.cloth.resolution import cloth_mesh, fitted_to
+    from cusick_bench.sim.cloth.resolution import cloth_mesh
     from cusick_bench.sim.drape import DrapeSimulator
     from cusick_bench.sim.engine.settings import DrapeSettings
-    from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
 
     rows, causes = bending_stiffnesses(bending), parse_causes(with_effect or ())
     if causes and device != "cpu":
         raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
+    if poisson and law is not LawName.plate:
+        raise CusickError(
+            f"--poisson is about law plate, and law {law.value} bends with about -1/3 whatever is asked for; leave "
+            "--poisson out, or take --law plate"
+        )
+    if mesh is not None and vertices is not None:
+        raise CusickError("--vertices is about a disc that is meshed here; leave it out with --mesh")
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
     cloth = uniform_material(
         density=checked_density(density),
@@ -279,7 +356,7 @@ def simulate(
         (out / ".writable").unlink()
     name = law.value
     size = vertices_by_law(vertices, law, VERTICES_OF_TRUTH)
-    sheet = cloth_mesh(name, size, seed=seed) if mesh is None else fitted_to(name, mesh_from_obj(mesh))
+    sheet = cloth_mesh(name, size, seed=seed) if mesh is None else _read_mesh(mesh, name)
     settings = DrapeSettings(
         law=name,
         clamp=clamp_by_law(clamp, law),
@@ -292,9 +369,9 @@ def simulate(
         self_contact=self_contact,
     )
     drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
-    view: Camera = ParallelCamera() if camera is CameraName.parallel else PinholeCamera()
+    sight = Sight.of(camera, *((CLOTH_RADIUS, CLOTH_RADIUS) if mesh is None else _size_of(sheet)))
     clock = time.perf_counter()
-    results = _simulated(drawn, draws, view, out)
+    results = _simulated(drawn, draws, sight, out)
     _report(
         results, as_json,
         {
@@ -304,11 +381,30 @@ def simulate(
     )  # fmt: skip
 
 
-def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list[dict[str, Any]]:
-    """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
-    from cusick_bench.datasets.profile import profile_from_image
-    from cusick_bench.sim.render.silhouette import render
+def _read_mesh(path: Path, law: str) -> Mesh:
+    """A cloth of one's own, as a law takes it; it must cover the plate."""
+    from cusick_bench.sim.cloth.obj import mesh_from_obj
+    from cusick_bench.sim.cloth.resolution import fitted_to
 
+    mesh = mesh_from_obj(path)
+    nearest = float(np.hypot(*mesh.material[mesh.boundary].T).min())
+    if nearest <= PLATE_RADIUS:
+        raise CusickError(
+            f"{path} must reach beyond the plate of {PLATE_RADIUS:g} m on all sides, but its rim comes as near as "
+            f"{nearest:.3g} m to the plate's axis, x = y = 0; move the cloth's centre there, or take a larger cloth"
+        )
+    return fitted_to(law, mesh)
+
+
+def _size_of(mesh: Mesh) -> tuple[float, float]:
+    """Radius of a cloth, and how far it reaches from the plate's axis [m]."""
+    from cusick_bench.sim.cloth.warp import cloth_circle
+
+    return cloth_circle(mesh)[1], float(np.hypot(*mesh.material.T).max())
+
+
+def _simulated(drawn: Draws, count: int, sight: Sight, out: Path | None) -> list[dict[str, Any]]:
+    """Drapes all draws, writes what is to be written, and returns what the JSON document says of each."""
     results: list[dict[str, Any]] = []
     faces = drawn.simulator.mesh.faces
     with progress_bar("draping", count) as bar, interruptible(partial(_kept, out)):
@@ -320,8 +416,7 @@ def _simulated(drawn: Draws, count: int, view: Camera, out: Path | None) -> list
                     continue
                 drape = batch.member(place)
                 seen = drawn.scene(number).seen(drape.vertices) if drawn.causes else drape.vertices
-                image = render(seen, faces, view)
-                outcome = Outcome(drape, image, profile_from_image(image))
+                outcome = sight.outcome(drape, seen, faces)
                 results.append({"draw": number, **outcome.summary()})
                 if out is not None:
                     _write(out, f"drape_{number:04d}", outcome, faces)
@@ -385,7 +480,9 @@ def _print_table(results: list[dict[str, Any]], done: list[dict[str, Any]], extr
     if len(done) > 1:
         table.add_section()
         coefficient, folds = (np.array([r[key] for r in done]) for key in ("drape_coefficient", "folds"))
-        spreads = (f"{coefficient.mean():.4f} ± {coefficient.std():.4f}", f"{folds.mean():.1f} ± {folds.std():.1f}")
+        spreads = (
+            f"{coefficient.mean():.4f} ± {coefficient.std(ddof=1):.4f}", f"{folds.mean():.1f} ± {folds.std(ddof=1):.1f}"
+        )  # fmt: skip
         known = [r["converged"] for r in done if r["converged"] is not None]
         rest = f"{100 * np.mean(known):.0f} %" if known else _AT_REST[None]
         table.add_row("mean ± sd", *spreads, rest, "", f"{np.mean([r['seconds'] for r in done]):.3f}")

@@ -139,6 +139,8 @@ class DroppedBatch:
     def drop(self, members: Int[ndarray, "some"], halvings: int, *, last: bool) -> Int[ndarray, "again"]:
         """Drops some cloths, as many at once as the threads factorise: each thread's matrix then stays in its cache.
 
+        In lockstep none is left to drop by itself, which would be to rounding the same only.
+
         Args:
             members: Their places in the batch.
             halvings: How often their step is halved.
@@ -148,7 +150,7 @@ class DroppedBatch:
             Places of those that a shorter step may help.
         """
         together = numba.get_num_threads() * self.system.linear.width
-        groups = np.split(members, range(together, len(members), together))
+        groups = np.array_split(members, -(-len(members) // together))
         memory = None
         if self.factor_memory is not None:
             memory = (self.factor_memory - sum(group.rollout.factor_bytes for group in self._groups)) // len(groups)

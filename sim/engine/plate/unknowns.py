@@ -181,8 +181,8 @@ class ShellUnknowns:
         return splu(self._surface.tocsc())
 
     def _solve(self, right: Float[ndarray, "members rows 3"], trans: str) -> Float[ndarray, "members rows 3"]:
-        flat = np.moveaxis(right, 1, 0).reshape(right.shape[1], -1)
-        return np.moveaxis(self._factor.solve(flat, trans).reshape(right.shape[1], len(right), 3), 0, 1)
+        # Member by member: SuperLU's roundings depend on how many right-hand sides it solves for together.
+        return np.stack([self._factor.solve(np.ascontiguousarray(one), trans) for one in right])
 
 
 def _mean(matrix: csr_array, values: Float[ndarray, "members columns *rest"]) -> Float[ndarray, "members rows *rest"]:

@@ -134,6 +134,7 @@ _REFUSED: dict[str, tuple[str | bytes, str]] = {
     "in inches": (_scaled(39.37), "in metres"),
     "of a micrometre": (_scaled(1e-5), "in metres"),
     "smaller than the plate": (_scaled(0.5), "plate"),
+    "off the plate's axis": (_scaled(1, 0.1), "must reach beyond the plate"),
     "beside the plate": (_scaled(1, 0.5), "plate|centre"),
     "coordinates of 10^7 m": (_scaled(1e8), "not a length in metres"),
     "a line of a megabyte": (_with(["v " + "0 " * 500_000]), "3 coordinates"),

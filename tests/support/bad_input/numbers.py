@@ -69,6 +69,8 @@ _SIMULATE: dict[str, tuple[str, str]] = {
     "balance of a law without energy": (CLOTH + " --mode equilibrium --law published", "no equilibrium mode"),
     "unknown mode": (CLOTH + " --mode fall", "--mode.*'fall' is not one of"),
     "unknown law": (CLOTH + " --law hooke", "--law.*'hooke' is not one of"),
+    "Poisson's ratio of a law of hinges": (CLOTH + " --law paper --poisson 0.2", "--poisson is about law plate"),
+    "vertices of a mesh of one's own": (CLOTH + " --mesh {here}/disc.obj", "--vertices is about a disc"),
     "unknown clamp": (CLOTH + " --clamp glue", "--clamp.*'glue' is not one of"),
     "mended clamp of the published law": (CLOTH + " --law published --clamp half", "clamp 'half' is for law 'paper'"),
     "clamp of a law without hinges": (
@@ -92,7 +94,6 @@ _SIMULATE: dict[str, tuple[str, str]] = {
     "--out below a file": (CLOTH + " --out {here}/file/out", "is a file|Not a directory|choose another"),
     "--out that may not be made": (CLOTH + " --out /proc/nothing/out", "No such file|choose another|no permission"),
     "name of --out of 10 kB": (CLOTH + " --out {here}/" + "x" * 10_000, "name too long.*xxx"),
-    "a folder for a mesh": (CLOTH + " --mesh {here}", "no mesh file"),
     "unknown option": (CLOTH + " --dens 3", "No such option.*--dens"),
     "a word too many": (CLOTH + " synthetic", "unexpected extra argument"),
     "an option twice": ("" + CLOTH + " --density 0.2 --density heavy", "valid number"),

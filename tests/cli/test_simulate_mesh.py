@@ -1,0 +1,46 @@
+"""A cloth of one's own in `simulate`: seen whole and measured by its own size, as the standard's 24 and 36 cm are."""
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from cusick_bench.cli import app
+from cusick_bench.sim.cloth.obj import write_obj
+from cusick_bench.sim.cloth.ring_mesh import ring_mesh
+from cusick_bench.sim.constants import IMAGE_SIZE
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def _simulate(folder: Path, radius: float, *words: str) -> dict:
+    mesh = ring_mesh(120, radius=radius)
+    write_obj(folder / "disc.obj", mesh.flat, mesh.faces)
+    command = ["simulate", "--density", "0.2", "--steps", "3", "--mesh", str(folder / "disc.obj"), "--out", str(folder)]
+    result = CliRunner().invoke(app, [*command, "--json", *words])
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.mark.parametrize("law", ["plate", "paper"])
+@pytest.mark.parametrize("radius", [0.12, 0.15, 0.18])
+def test_a_board_of_any_size_has_a_drape_coefficient_of_one(radius: float, law: str, tmp_path: Path):
+    found = _simulate(tmp_path, radius, "--bending", "0.1", "--law", law)
+    assert found["drape_coefficient"] == pytest.approx(1, abs=0.03)  # the rim is a polygon
+    assert found["draws"][0]["mean_radius_m"] == pytest.approx(radius, rel=0.01)
+
+
+def test_a_board_that_a_pinhole_camera_sees_has_a_drape_coefficient_of_one(tmp_path: Path):
+    found = _simulate(tmp_path, 0.15, "--bending", "0.1", "--camera", "pinhole")
+    assert found["draws"][0]["mean_radius_m"] == pytest.approx(0.15, rel=0.005)
+    assert found["drape_coefficient"] == pytest.approx(1, abs=0.03)
+
+
+def test_pictures_are_the_releases_unless_the_cloth_is_too_large_for_them(tmp_path: Path):
+    for radius, larger in ((0.15, False), (0.18, True)):
+        _simulate(tmp_path, radius, "--bending", "0.1")
+        with Image.open(tmp_path / "drape_0000.png") as picture:
+            assert (picture.size[0] > IMAGE_SIZE) == larger
+            assert picture.getpixel((0, picture.size[1] // 2)) == 255
