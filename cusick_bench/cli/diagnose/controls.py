@@ -77,7 +77,7 @@ def diagnose_controls(
     emulator, calibration = load_atlas(atlas)
     with progress_bar("reading data") as bar:
         dataset = load(data, progress=bar.show)
-    chosen = fabric or fabrics_to_control(dataset)
+    chosen = list(dict.fromkeys(fabric or fabrics_to_control(dataset)))
     if not chosen:
         raise DiagnosisError(f"no fabric of {data} has samples enough to be controlled; name one with --fabric")
     words = ["cusick-bench", "diagnose-controls", data]
