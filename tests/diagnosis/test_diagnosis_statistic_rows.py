@@ -9,8 +9,10 @@ import pytest
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.atlas.store import load_uncalibrated
 from cusick_bench.diagnosis.diagnose import diagnose
+from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
@@ -60,3 +62,18 @@ def test_effects_of_the_camera_move_the_fabrics_own_outlines(emulator: Emulator)
     assert row.base is not None
     assert row.effect is not None
     assert row.effect - row.base == pytest.approx(row.up * (1 - 1 / 1.02), rel=1e-3)
+
+
+def test_where_nothing_is_said_to_act_the_base_model_is_fitted_alone() -> None:
+    """Of two drapes a near camera is the likeliest set, and no verdict: the base model is not fitted beside it."""
+    captures = read_captures(load("synthetic"), "fabric_1")
+    two = captures.select((captures.side == "up") & (captures.sample <= 2) & (captures.capture == 1))
+    emulator, calibration = load_atlas()
+    found = diagnose(two, emulator, calibration, Options(samples=0))
+    assert (found.verdict, found.causes) == ("none", ())
+    assert next(iter(found.sets))  # something is likelier than nothing
+    made = document(found, two, emulator, command="", version="")
+    assert made.base.bending == found.plain.theta[0]
+    (coverage,) = (row.z for row in made.statistics if row.name == "area_dc")
+    assert coverage is not None
+    assert abs(coverage) < 1.5  # any cloth can have it

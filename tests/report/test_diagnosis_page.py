@@ -64,6 +64,12 @@ def test_numbers_of_the_document_are_on_the_page(pages):
     assert "62 times in 100" in pages["none"].text
 
 
+def test_a_cloth_is_said_to_be_fitted_with_or_without_causes(pages, profiles, tmp_path):
+    assert "Fitted without any cause." in pages["none"].text
+    made = document(profiles) | {"effects": ["off-centre"], "with_effect": ["off-centre:shift=0.008,direction=40"]}
+    assert "Fitted together with the likeliest causes." in page(made, tmp_path).text
+
+
 def test_causes_are_ranked_and_the_likely_ones_explained(pages):
     text = pages["ambiguous"].text.split("What causes it?")[1]
     places = [text.index(name) for name in ("plate-radius", "cut-size", "camera-scale", "threshold")]
