@@ -162,6 +162,17 @@ def test_place_is_named_only_where_there_is_one(pages):
     assert {name for name, one in pages.items() if "Arrow" in one.text} == {"effect"}
 
 
+def test_the_arrow_is_that_of_the_effect_with_the_largest_shift(profiles):
+    """Another named effect, which accounts for most, has another direction, or none."""
+    made = document(profiles)
+    for other in ("camera-scale", "camera-tilt"):
+        made |= {"effects": [other, "off-centre"], "causes": causes(**{other: 0.7, "off-centre": 0.3})}
+        for cause, direction in zip(made["causes"], (250.0, 40.0), strict=True):
+            cause["parameters"].get("direction", {})["value"] = direction
+        made["with_effect"] = ["off-centre:shift=0.008,direction=40", f"{other}:"]
+        assert "Arrow: direction of the cause, 40° from warp." in diagnosis_page(parsed(made)).place.caption
+
+
 def test_edges_of_what_is_not_localisable_are_not_drawn(tmp_path):
     made = small_document()
     made["where"] |= {"localisable": False, "why_not": "the map is as wide as under noise"}
