@@ -77,3 +77,16 @@ def test_where_nothing_is_said_to_act_the_base_model_is_fitted_alone() -> None:
     (coverage,) = (row.z for row in made.statistics if row.name == "area_dc")
     assert coverage is not None
     assert abs(coverage) < 1.5  # any cloth can have it
+
+
+@pytest.mark.parametrize(("name", "stated"), [("rest-curvature", 176.0), ("plate-tilt", 356.0)])
+def test_a_direction_is_stated_within_the_turn_of_its_interval(emulator: Emulator, name: str, stated: float) -> None:
+    """A curvature has an axis but no sense; a fit of it may pass 0 deg."""
+    captures = read_captures(load("synthetic"), "fabric_1")
+    found = diagnose(captures.select(captures.sample <= 3), emulator, options=Options(samples=0))
+    hypothesis = next(one for one in hypotheses(emulator) if one.name == name)
+    cause = Candidate(hypothesis, {hypothesis.effect.severity.name: 4.0, "direction": 356.0})
+    turned = replace(found, best={name: cause}, acting={name: 1.0}, intervals={name: {"direction": (170.0, 185.0)}})
+    made = document(turned, captures, emulator, command="", version="")
+    (parameters,) = (one.parameters for one in made.causes if one.effect == name)
+    assert parameters["direction"].value == stated
