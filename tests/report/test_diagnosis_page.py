@@ -286,6 +286,14 @@ def test_a_cause_is_one_without_simulations_and_where_several_are_possible(tmp_p
     assert "local-mass-patch closes 31" in text
 
 
+def test_values_with_causes_are_called_after_all_of_them(profiles):
+    """Beside the named set the likeliest of look-alikes takes part, without simulations as well."""
+    made = document(profiles) | {"verdict": "several", "effects": ["off-centre"], "closure": {}}
+    made |= {"groups": [["threshold", "cut-size"]]}
+    made |= {"with_effect": ["off-centre:shift=0.008,direction=40", "threshold:shift=0.001"]}
+    assert diagnosis_page(parsed(made)).statistics.cause == "off-centre + threshold"
+
+
 def test_budget_of_the_gap(tmp_path):
     made = small_document()
     assert "Budget of the gap" not in page(made, tmp_path).text
