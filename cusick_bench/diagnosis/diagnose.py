@@ -65,7 +65,7 @@ class Diagnosis:
         place: Where the named cause with a place acts.
         advice: What to measure next.
         plain: What the best base model without effects leaves of the data's features.
-        residual: The same, linearised at the joint optimum with the likeliest set.
+        residual: The same, linearised at the joint optimum with the likeliest set; `plain` where nothing is named.
         features: Features of the data.
         emulator: The atlas, with the fabric's own outlines.
         baselines: Probabilities by simpler methods.
@@ -172,7 +172,7 @@ def diagnose(
         place=_place(evidence),
         advice=advise(found.leading, made=(TURN_OVER,) if {"up", "down"} <= set(captures.side) else ()),
         plain=evidence.plain,
-        residual=sets.residual,
+        residual=sets.residual if evidence.causes else evidence.plain,
         features=evidence.features,
         emulator=evidence.data.emulator,
         baselines=_baselines(

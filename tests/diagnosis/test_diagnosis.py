@@ -305,12 +305,20 @@ def test_little_data_gets_what_is_possible(emulator: Emulator, one_thread: None)
     assert found.verdict in (NONE, "ambiguous", UNKNOWN)
     assert any("samples" in note for note in found.notes)
     assert any("one face" in note for note in found.notes)
-    assert any("creep cannot be seen" in note for note in found.notes)
+    assert any("creep cannot be told from bending-friction" in note for note in found.notes)
     with pytest.raises(Refused, match="at least 2 samples, simulated has 1"):
         diagnose(whole.select(whole.sample == 1), emulator)
     missing = whole.select((whole.sample > 1) | (whole.capture == 1))
     unequal = diagnose(missing, emulator, options=Options(samples=0))
     assert any("captures are unequal, 1 to 2" in note for note in unequal.notes)
+
+
+def test_creep_is_weighed_where_no_capture_is_repeated(emulator: Emulator) -> None:
+    """As what acts on every capture, as friction does, which is what the note says."""
+    generator = np.random.default_rng(1)
+    specimens, _ = drawn_fabric(emulator, generator)
+    fabric = FabricData(emulator, Calibration(), features(specimens), None, 0.0)
+    assert {"creep", "bending-friction"} <= set(fabric.model(fabric.against()).points.names)
 
 
 def test_another_plate_is_refused(emulator: Emulator, one_thread: None) -> None:

@@ -7,6 +7,7 @@ from math import nan
 
 import numpy as np
 import pytest
+from other_laboratory import write_laboratory, write_protocol
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -389,6 +390,7 @@ class TestTables:
         path.write_text(csv_text(rows(made, figures(made), facts)))
         assert list(map(repr, read_judgements(path, facts))) == list(map(repr, made))
         assert read_judgements(path, {**facts, "code": "2"}) == []
+        assert read_judgements(path, {**facts, "data_sha256": "a table of before knows nothing of it"}) == []
         assert read_judgements(tmp_path / "none.csv", facts) == []
         path.write_text("row,command,code\ncontrol,a,1\n")
         with pytest.raises(DiagnosisError, match="no table of controls"):
@@ -415,6 +417,21 @@ class TestCommand:
         assert done == ["fabric_1", "fabric_2", "fabric_2"]
         fabrics = [one["fabric"] for one in json.loads(again.stdout)["controls"]]
         assert fabrics == ["fabric_1"] * len(some_judgements()) + ["fabric_2"] * len(some_judgements())
+
+    def test_other_data_of_the_same_name_are_controlled_anew(self, tmp_path, monkeypatch):
+        done, data = [], write_laboratory(tmp_path / "lab", RELEASE, samples=6)
+
+        def controlled(under, *args, **options):
+            done.append(under.name)
+            return [replace(one, fabric=under.name) for one in some_judgements()]
+
+        monkeypatch.setattr(run, "controlled", controlled)
+        asked = ["diagnose-controls", str(data), "--out", str(tmp_path / "controls.csv")]
+        for protocol, times in ((RELEASE, 1), (RELEASE, 1), (replace(RELEASE, px_per_m=720.0), 2)):
+            write_protocol(data, protocol)
+            again = CliRunner().invoke(app, asked)
+            assert again.exit_code == 0, again.output
+            assert done == ["fabric_3"] * times
 
     @pytest.mark.slow
     def test_a_shift_of_one_fabric_from_end_to_end(self, tmp_path):

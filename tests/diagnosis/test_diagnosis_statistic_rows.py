@@ -9,8 +9,10 @@ import pytest
 from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
 from cusick_bench.diagnosis.atlas.emulator import Emulator
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.atlas.store import load_uncalibrated
 from cusick_bench.diagnosis.diagnose import diagnose
+from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.statistic_rows import statistic_rows
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
@@ -60,3 +62,31 @@ def test_effects_of_the_camera_move_the_fabrics_own_outlines(emulator: Emulator)
     assert row.base is not None
     assert row.effect is not None
     assert row.effect - row.base == pytest.approx(row.up * (1 - 1 / 1.02), rel=1e-3)
+
+
+def test_where_nothing_is_said_to_act_the_base_model_is_fitted_alone() -> None:
+    """Of two drapes a near camera is the likeliest set, and no verdict: the base model is not fitted beside it."""
+    captures = read_captures(load("synthetic"), "fabric_1")
+    two = captures.select((captures.side == "up") & (captures.sample <= 2) & (captures.capture == 1))
+    emulator, calibration = load_atlas()
+    found = diagnose(two, emulator, calibration, Options(samples=0))
+    assert (found.verdict, found.causes) == ("none", ())
+    assert next(iter(found.sets))  # something is likelier than nothing
+    made = document(found, two, emulator, command="", version="")
+    assert made.base.bending == found.plain.theta[0]
+    (coverage,) = (row.z for row in made.statistics if row.name == "area_dc")
+    assert coverage is not None
+    assert abs(coverage) < 1.5  # any cloth can have it
+
+
+@pytest.mark.parametrize(("name", "stated"), [("rest-curvature", 176.0), ("plate-tilt", 356.0)])
+def test_a_direction_is_stated_within_the_turn_of_its_interval(emulator: Emulator, name: str, stated: float) -> None:
+    """A curvature has an axis but no sense; a fit of it may pass 0 deg."""
+    captures = read_captures(load("synthetic"), "fabric_1")
+    found = diagnose(captures.select(captures.sample <= 3), emulator, options=Options(samples=0))
+    hypothesis = next(one for one in hypotheses(emulator) if one.name == name)
+    cause = Candidate(hypothesis, {hypothesis.effect.severity.name: 4.0, "direction": 356.0})
+    turned = replace(found, best={name: cause}, acting={name: 1.0}, intervals={name: {"direction": (170.0, 185.0)}})
+    made = document(turned, captures, emulator, command="", version="")
+    (parameters,) = (one.parameters for one in made.causes if one.effect == name)
+    assert parameters["direction"].value == stated

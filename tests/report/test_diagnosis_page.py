@@ -64,6 +64,12 @@ def test_numbers_of_the_document_are_on_the_page(pages):
     assert "62 times in 100" in pages["none"].text
 
 
+def test_a_cloth_is_said_to_be_fitted_with_or_without_causes(pages, profiles, tmp_path):
+    assert "Fitted without any cause." in pages["none"].text
+    made = document(profiles) | {"effects": ["off-centre"], "with_effect": ["off-centre:shift=0.008,direction=40"]}
+    assert "Fitted together with the likeliest causes." in page(made, tmp_path).text
+
+
 def test_causes_are_ranked_and_the_likely_ones_explained(pages):
     text = pages["ambiguous"].text.split("What causes it?")[1]
     places = [text.index(name) for name in ("plate-radius", "cut-size", "camera-scale", "threshold")]
@@ -154,6 +160,17 @@ def test_place_is_named_only_where_there_is_one(pages):
     assert "No place on the cloth can be named: it acts along a direction" in pages["effect"].text
     assert {name for name, one in pages.items() if "Outlined" in one.text} == {"patch"}
     assert {name for name, one in pages.items() if "Arrow" in one.text} == {"effect"}
+
+
+def test_the_arrow_is_that_of_the_effect_with_the_largest_shift(profiles):
+    """Another named effect, which accounts for most, has another direction, or none."""
+    made = document(profiles)
+    for other in ("camera-scale", "camera-tilt"):
+        made |= {"effects": [other, "off-centre"], "causes": causes(**{other: 0.7, "off-centre": 0.3})}
+        for cause, direction in zip(made["causes"], (250.0, 40.0), strict=True):
+            cause["parameters"].get("direction", {})["value"] = direction
+        made["with_effect"] = ["off-centre:shift=0.008,direction=40", f"{other}:"]
+        assert "Arrow: direction of the cause, 40° from warp." in diagnosis_page(parsed(made)).place.caption
 
 
 def test_edges_of_what_is_not_localisable_are_not_drawn(tmp_path):
@@ -267,6 +284,14 @@ def test_a_cause_is_one_without_simulations_and_where_several_are_possible(tmp_p
     text = page(small_document() | {"verdict": "ambiguous", "closure": closure}, tmp_path).text
     assert "Several causes possible" in text
     assert "local-mass-patch closes 31" in text
+
+
+def test_values_with_causes_are_called_after_all_of_them(profiles):
+    """Beside the named set the likeliest of look-alikes takes part, without simulations as well."""
+    made = document(profiles) | {"verdict": "several", "effects": ["off-centre"], "closure": {}}
+    made |= {"groups": [["threshold", "cut-size"]]}
+    made |= {"with_effect": ["off-centre:shift=0.008,direction=40", "threshold:shift=0.001"]}
+    assert diagnosis_page(parsed(made)).statistics.cause == "off-centre + threshold"
 
 
 def test_budget_of_the_gap(tmp_path):

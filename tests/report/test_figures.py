@@ -141,6 +141,27 @@ def test_the_best_draw_is_shown_for_every_held_out_sample(run, toy_data, toy_dat
     }
 
 
+def test_where_samples_are_left_out_in_turn_one_split_is_shown(toy_dataset, tmp_path):
+    """All samples are held out of some fit, that which the shown one was trained on too."""
+    splits = toy_dataset.split("leave-one-sample-out", [CLOTHS[0]])
+    for solver, order in (("right", splits), ("null:disc", splits[::-1])):
+        for number, split in enumerate(order):
+            cell = write_cell(
+                tmp_path, toy_dataset, solver, CLOTHS[0], held_out_images(toy_dataset, CLOTHS[0]), seed=number
+            )
+            for name in ("cell.json", "result.json"):
+                of_split = {"seed": 0, "train": list(split.train), "test": list(split.test)}
+                (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | of_split))
+    cells, first = load_cells(tmp_path), min(splits, key=lambda split: split.test)
+    strips = held_out(cells, toy_dataset, samples=9)
+    samples = toy_dataset.table["sample"]
+    assert [strip.sample for strip in strips] == samples.iloc[sorted(first.test)].tolist()
+    assert all(set(strip.predicted) == {"right", "null:disc"} for strip in strips)
+    (fit,) = fitted(cells, toy_dataset, ["right", "null:disc"])
+    assert fit.sample == samples.iloc[first.train[0]]
+    assert set(fit.predicted) == {"right", "null:disc"}
+
+
 def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(toy_dataset, tmp_path):
     """Its draws are the held-out samples in another order: the best one is not the one made for the sample."""
     own = held_out_images(toy_dataset, CLOTHS[0])

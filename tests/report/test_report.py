@@ -45,7 +45,7 @@ def page(tmp_path_factory) -> Page:
     write_cell(folder, "null:random-phase", draws=8)
     write_cell(folder, "homo", "viscose_white")
     (folder / "run.json").write_text(json.dumps({"command": ["cusick-bench", "run", "--data", "lab"], "cores": 2}))
-    unseen = {"cotton_blue": np.stack([radii(6), radii(9)])}
+    unseen = {("cotton_blue", (0, 1)): np.stack([radii(6), radii(9)])}
     return make(folder, unseen=unseen, pictures=folder / "pictures")
 
 
@@ -53,6 +53,19 @@ def test_page_holds_the_numbers(page):
     for expected in (".0123", ".0568", "31.6 mm", "63.1 %", "real 64.2", "240 drapes", "seed 0 shown, of 2", "real 8"):
         assert expected in page.text, expected
     assert "cusick-bench run --data lab" in page.text
+
+
+def test_a_fit_is_shown_beside_the_unseen_samples_of_its_own_split(tmp_path):
+    """Of two splits of one cloth and seed, as where samples are left out in turn, the first."""
+    for number, rows in enumerate(([0, 1, 2], [3, 4])):
+        cell = write_cell(tmp_path, "homo", seed=number)
+        for name in ("cell.json", "result.json"):
+            record = json.loads((cell / name).read_text()) | {"seed": 0, "test": rows}
+            (cell / name).write_text(json.dumps(record))
+    unseen = {("cotton_blue", (0, 1, 2)): np.stack([radii(6)] * 3), ("cotton_blue", (3, 4)): np.stack([radii(6)] * 2)}
+    text = make(tmp_path, unseen=unseen).text
+    assert "range of 3 unseen samples" in text
+    assert "seed 0 and one of 2 splits shown, of 2 cells" in text
 
 
 def test_page_is_self_contained_and_runs_its_own_scripts_only(page):

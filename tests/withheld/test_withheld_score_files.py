@@ -125,7 +125,10 @@ class TestFiles:
         commitment = tmp_path / "commitment.json"
         commitment.write_text(json.dumps({"cases": {c: t["sha256"] for c, t in labels.items()}}))
         answers = {c: answer("none") for c in "ab"}
-        assert "All 2 labels fit" in revealed(tmp_path, labels, answers, commitment).notes[0]
+        fit = "labels fit the seals published in commitment.json"
+        assert revealed(tmp_path, labels, answers, commitment).notes[0] == f"All 2 {fit}."
+        few = revealed(tmp_path, {"a": labels["a"]}, {"a": answers["a"]}, commitment)
+        assert few.notes[0] == f"All 1 {fit}; 1 cases sealed there are not scored: b."
         changed = labels | {"b": sealed(label("threshold"), "salt b")}
         with pytest.raises(WithheldError, match=r"label of b must be the one that was sealed"):
             revealed(tmp_path, changed, answers, commitment)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,7 @@ from cusick_bench.diagnosis.options import SHIPPED, Options, repeated_option
 from cusick_bench.runner.store import write_atomically
 
 if TYPE_CHECKING:
+    from cusick_bench.datasets.dataset import DrapeDataset
     from cusick_bench.diagnosis.controls.judgement import Judgement
 
 
@@ -77,7 +79,7 @@ def diagnose_controls(
     emulator, calibration = load_atlas(atlas)
     with progress_bar("reading data") as bar:
         dataset = load(data, progress=bar.show)
-    chosen = fabric or fabrics_to_control(dataset)
+    chosen = list(dict.fromkeys(fabric or fabrics_to_control(dataset)))
     if not chosen:
         raise DiagnosisError(f"no fabric of {data} has samples enough to be controlled; name one with --fabric")
     words = ["cusick-bench", "diagnose-controls", data]
@@ -85,7 +87,7 @@ def diagnose_controls(
     words += ["--halves", str(halves), *repeated_option("--without-effect", options.without)]
     words += [] if atlas == SHIPPED else ["--atlas", str(atlas)]
     words += ["--seed", str(seed), *(["--force"] if force else [])]
-    facts = _facts(shlex.join(words))
+    facts = _facts(shlex.join(words), dataset, atlas)
     judgements = read_judgements(out, facts)
     over = {one.fabric for one in judgements}
     if over:
@@ -110,13 +112,14 @@ def diagnose_controls(
     _print(judgements, facts, as_json)
 
 
-def _facts(command: str) -> dict[str, Any]:
-    """Where the numbers come from."""
+def _facts(command: str, dataset: DrapeDataset, atlas: Path) -> dict[str, Any]:
+    """Where the numbers come from; a table from elsewhere is begun anew."""
     from cusick_bench.runner.environment import version_text
     from cusick_bench.runner.numerics import diagnosis_numerics
 
     version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
-    return {"command": command, "code": version}
+    digests = {"data_sha256": dataset.content_hash, "atlas_sha256": hashlib.sha256(atlas.read_bytes()).hexdigest()}
+    return {"command": command, "code": version, **digests}
 
 
 def _write(out: Path, judgements: list[Judgement], facts: dict[str, Any]) -> None:

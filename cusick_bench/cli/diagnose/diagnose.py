@@ -59,7 +59,7 @@ def diagnose_data(
     emulator, calibration = load_atlas(atlas)
     with progress_bar("reading data") as bar:
         dataset = load(data, progress=bar.show)
-    chosen = fabric or _with_samples(dataset)
+    chosen = list(dict.fromkeys(fabric or _with_samples(dataset)))
     out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     written: list[_Written] = []
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
@@ -137,7 +137,8 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
     for one in documents:
         low, high = one.closure.ci90 or (None, None)
         left_low, left_high = one.unexplained.ci90 or (None, None)
-        named = [cause for cause in one.causes if cause.named]
+        by_name = {cause.effect: cause for cause in one.causes}
+        named = [by_name[name] for name in one.effects if name in by_name]
         rows.append(
             {
                 "fabric": one.fabric,

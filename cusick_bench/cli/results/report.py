@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cusick_bench.datasets import DrapeDataset
     from cusick_bench.datasets.files.protocol import Protocol
     from cusick_bench.leaderboard import Cells
+    from cusick_bench.report.run.page import Unseen
 
 
 app = typer.Typer()
@@ -71,8 +72,8 @@ def report(
         print_json({"report": out, "bytes": out.stat().st_size, "files": files, "cells": len(cells.table)})
 
 
-def _of_data(cells: Cells, data: str | None) -> tuple[dict[str, np.ndarray], Protocol]:
-    """Radii of each cloth's unseen samples [m], and the data's protocol.
+def _of_data(cells: Cells, data: str | None) -> tuple[Unseen, Protocol]:
+    """Radii of each split's unseen samples, and the data's protocol.
 
     Where the data are not the run's there are no radii and the release's protocol, with a warning.
     """
@@ -83,8 +84,9 @@ def _of_data(cells: Cells, data: str | None) -> tuple[dict[str, np.ndarray], Pro
         dataset = load_data_of(cells, data)
         if dataset.content_hash not in set(cells.table["dataset_hash"]):
             raise DataError(f"{dataset.name} is not what the run used", remedy="give the run's data with --data")
-        tests = dict(zip(cells.table["cloth"], cells.table["test"], strict=True))
-        return {cloth: _radii(dataset, rows) for cloth, rows in tests.items() if len(rows)}, dataset.protocol
+        own = cells.table.loc[cells.table["dataset_hash"] == dataset.content_hash]
+        splits = set(zip(own["cloth"], own["test"], strict=True))
+        return {(cloth, rows): _radii(dataset, rows) for cloth, rows in splits if rows}, dataset.protocol
     except (CusickError, OSError) as error:
         if data is not None:
             raise

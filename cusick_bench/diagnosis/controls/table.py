@@ -53,7 +53,7 @@ def read_judgements(path: Path, facts: Mapping[str, Any]) -> list[Judgement]:
     try:
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
         controls = table[table["row"] == "control"]
-        if any((table[name] != str(value)).any() for name, value in facts.items()):
+        if any(name not in table or (table[name] != str(value)).any() for name, value in facts.items()):
             return []
         return [_judgement(dict(zip(controls, row, strict=True))) for row in controls.to_numpy()]
     except (ValueError, KeyError) as error:

@@ -252,8 +252,12 @@ def _acting(diagnosis: Diagnosis, name: str) -> float | None:
 
 
 def _values(diagnosis: Diagnosis, name: str) -> dict[str, float]:
+    """Best parameters of an effect; directions within one turn, as the ends of their intervals begin."""
     best = diagnosis.best.get(name)
-    return {} if best is None else dict(best.value)
+    if best is None:
+        return {}
+    directions = {p.name for p in best.hypothesis.effect.parameters if p.role == "direction"}
+    return {key: value % best.hypothesis.turn if key in directions else value for key, value in best.value.items()}
 
 
 def _cause(diagnosis: Diagnosis, name: str, probability: float) -> model.Cause:

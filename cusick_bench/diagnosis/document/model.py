@@ -128,6 +128,8 @@ class Fit(Part):
 class BaseParameters(Part):
     """The best base model; lengths in cloth radii R, stiffness in units of weight, as in `atlas.base_model`.
 
+    Where any effect is said to act it is the best one together with the likeliest set of them.
+
     Attributes:
         bending: ln of B / (rho g R^3), B the geometric mean of the bending stiffness in warp and weft.
         anisotropy: ln of B_weft / B_warp.

@@ -7,7 +7,7 @@ _HEADING = 26  # letters of a name that a heading has room for
 
 
 def named_causes(document: DiagnosisDocument) -> list[str]:
-    """The registered effects that were simulated together or, where none was, the named set.
+    """The registered effects that models hold together: the named ones, and the likeliest of each group of look-alikes.
 
     Args:
         document: The diagnosis.
@@ -15,8 +15,9 @@ def named_causes(document: DiagnosisDocument) -> list[str]:
     Returns:
         Their names.
     """
-    simulated = document.closure.effect or document.effects
-    return [name for name in dict.fromkeys(simulated) if name in registered()]
+    together = [argument.partition(":")[0] for argument in document.with_effect]
+    held = document.closure.effect or together or document.effects
+    return [name for name in dict.fromkeys(held) if name in registered()]
 
 
 def are_several(document: DiagnosisDocument) -> bool:

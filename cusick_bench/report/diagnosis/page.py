@@ -15,6 +15,7 @@ from cusick_bench.report.diagnosis.verdict import VerdictBox, verdict_box
 from cusick_bench.report.diagnosis.words import cloth_in_words
 from cusick_bench.report.page_template import render_page
 
+_FITTED_ALONE, _FITTED_TOGETHER = "Fitted without any cause.", "Fitted together with the likeliest causes."
 _PROVENANCE = {"command": "Command", "version": "Version", "atlas": "Atlas"}
 
 
@@ -34,6 +35,7 @@ class DiagnosisPage:
         budget: Which share of the gap each effect takes.
         next: What to measure next, and what no measurement here can tell.
         cloth: Parameters of the base model: name, value, meaning.
+        cloth_fitted: Whether causes took part in their fit, in a sentence.
         provenance: Name and value of what made the document.
     """
 
@@ -48,6 +50,7 @@ class DiagnosisPage:
     budget: BudgetTable | None
     next: NextSection
     cloth: list[tuple[str, str, str]]
+    cloth_fitted: str
     provenance: list[tuple[str, str]]
 
 
@@ -90,5 +93,6 @@ def diagnosis_page(document: DiagnosisDocument) -> DiagnosisPage:
         budget=budget_table(document),
         next=next_section(document),
         cloth=cloth_in_words(document.base, document.data),
+        cloth_fitted=_FITTED_TOGETHER if document.with_effect or document.effects else _FITTED_ALONE,
         provenance=[(name, getattr(made, key)) for key, name in _PROVENANCE.items() if getattr(made, key)],
     )

@@ -37,6 +37,17 @@ class Entrant:
     kind: str
     cells: pd.DataFrame
 
+    def on(self, cloth: str) -> pd.DataFrame:
+        """Its cells on a cloth.
+
+        Args:
+            cloth: Name of the cloth.
+
+        Returns:
+            Their rows, by seed and split: the first is of the same split for all solvers of one protocol.
+        """
+        return self.cells.loc[self.cells["cloth"] == cloth].sort_values(by=["seed", "repeat"])
+
     def folders(self, cloth: str) -> list[Path]:
         """Folders of its cells on a cloth.
 
@@ -44,10 +55,20 @@ class Entrant:
             cloth: Name of the cloth.
 
         Returns:
-            The folders, by seed.
+            The folders, by seed and split.
         """
-        own = self.cells.loc[self.cells["cloth"] == cloth].sort_values(by="seed")
-        return [Path(folder) for folder in own["folder"]]
+        return [Path(folder) for folder in self.on(cloth)["folder"]]
+
+    def unseen(self, cloth: str) -> tuple[int, ...]:
+        """Index rows of the samples that the first of these cells has not seen.
+
+        Args:
+            cloth: Name of the cloth.
+
+        Returns:
+            The rows in the order of the split; none without such a cell.
+        """
+        return next(iter(self.on(cloth)["test"]), ())
 
 
 @dataclass(frozen=True, eq=False)

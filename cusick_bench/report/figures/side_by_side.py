@@ -96,7 +96,7 @@ class Strip:
 def fitted(
     cells: Cells, dataset: DrapeDataset, solvers: Sequence[str] | None = None, *, progress: Progress = _unwatched
 ) -> list[Strip]:
-    """Training samples beside their fits, one strip a cloth; of several seeds the first.
+    """Training samples beside their fits, one strip a cloth; of several seeds and splits the first.
 
     Args:
         cells: What the run's folder holds.
@@ -119,7 +119,8 @@ def fitted(
             continue
         row = train_row(next(iter(folders.values())))
         real = _real(dataset, row)
-        fits = {label: load_draws(folder, dataset.protocol) for label, folder in folders.items()}
+        same = {label: folder for label, folder in folders.items() if train_row(folder) == row}
+        fits = {label: load_draws(folder, dataset.protocol) for label, folder in same.items()}
         tiles = {label: _fit_tile(draws, real.image) for label, draws in fits.items()}
         strips.append(Strip(cloth, _sample(dataset, row), real, tiles, dataset.protocol))
     return strips
@@ -133,7 +134,7 @@ def held_out(
     samples: int = SHOWN_SAMPLES,
     progress: Progress = _unwatched,
 ) -> list[Strip]:
-    """Held-out samples beside the draw that fits each best.
+    """Held-out samples beside the draw that fits each best; of several seeds and splits the first.
 
     Whoever picks the best draw has seen the sample, and the more draws there are the better it is: such strips show
     what a method can draw, not what it foretells.
@@ -155,10 +156,11 @@ def held_out(
     chosen, strips = entrants(cells, solvers, kinds=("solver", "null")), []
     for cloth in sorted(set(cells.table["cloth"])):
         progress(f"draws of {cloth}")
-        rows = held_out_rows(cells, cloth)[:samples]
+        unseen = next((one.unseen(cloth) for one in chosen if one.folders(cloth)), ())
+        rows = (sorted(unseen) or held_out_rows(cells, cloth))[:samples]
         reals = [_real(dataset, row) for row in rows]
         predicted: list[dict[str, Tile]] = [{} for _ in rows]
-        for entrant in (entrant for entrant in chosen if entrant.folders(cloth)):
+        for entrant in (one for one in chosen if one.folders(cloth) and one.unseen(cloth) == unseen):
             draws = load_draws(
                 entrant.folders(cloth)[0], dataset.protocol
             )  # one at a time: a thousand drapes have 65 MB
@@ -175,7 +177,7 @@ def held_out(
 
 
 def _first_folders(chosen: Sequence[Entrant], cloth: str) -> dict[str, Path]:
-    """Folder of each solver's first seed."""
+    """Folder of each solver's first seed and split."""
     return {entrant.label: folders[0] for entrant in chosen if (folders := entrant.folders(cloth))}
 
 
@@ -196,8 +198,7 @@ def _fit_tile(draws: Draws, real: ndarray) -> Tile:
 
 def _made_for(entrant: Entrant, cloth: str, rows: Sequence[int], count: int) -> list[int]:
     """Which draws an oracle made for these held-out samples; none where draws are for all samples alike."""
-    cells = entrant.cells.loc[entrant.cells["cloth"] == cloth].sort_values(by="seed")
-    made = list(cells["test"].iloc[0])
+    made = list(entrant.unseen(cloth))
     paired = entrant.kind == "oracle" and count == len(made) and set(rows) <= set(made)
     return [made.index(row) for row in rows] if paired else []
 

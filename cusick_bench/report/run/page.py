@@ -48,7 +48,8 @@ from cusick_bench.runner.environment import code_text, hardware_text
 TITLE = "Cusick drape report"
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
 
-Unseen = Mapping[str, Float[ndarray, "samples angles"]]
+Unseen = Mapping[tuple[str, tuple[int, ...]], Float[ndarray, "samples angles"]]
+"""Radii of unseen samples [m], by their cloth and their rows in the data's index, as `Cells.table` has them."""
 Progress = Callable[[str], None]
 
 
@@ -70,7 +71,7 @@ def write_report(
         cells: What the results folder holds.
         boards: Its leaderboards.
         out: HTML file to write.
-        unseen: Radii of the unseen samples of each cloth [m]; without it the graphs have no band.
+        unseen: Radii of the unseen samples of each split; without it the graphs have no band.
         protocol: How the run's silhouettes were taken.
         pictures: Folder for one side-by-side PNG a cell.
         compared: Another run, to compare this one with.
@@ -87,7 +88,7 @@ def write_report(
     files: list[Path] = []
     sections, models = [], []
     for number, cloth in enumerate(sorted(set(cells.table["cloth"]))):
-        drawn = _section(cells, boards, cloth, number, (unseen or {}).get(cloth), protocol, pictures, progress)
+        drawn = _section(cells, boards, cloth, number, unseen or {}, protocol, pictures, progress)
         sections.append(drawn.section)
         models += drawn.models
         files += drawn.files
@@ -153,7 +154,7 @@ def _section(
     boards: list[Leaderboard],
     cloth: str,
     number: int,
-    unseen: ndarray | None,
+    unseen: Unseen,
     protocol: Protocol,
     folder: Path | None,
     progress: Progress,
@@ -162,7 +163,7 @@ def _section(
     models: list[DrapeModel] = []
     lines: list[StiffnessLine] = []
     for label, group in _in_order(cells.table, boards):
-        of_cloth = group.loc[group["cloth"] == cloth].sort_values(by="seed")
+        of_cloth = group.loc[group["cloth"] == cloth].sort_values(by=["seed", "repeat"])
         if of_cloth.empty:
             continue
         cell = of_cloth.iloc[0]
@@ -182,13 +183,14 @@ def _section(
             models.insert(len(models) - 1, model)
             card = replace(card, turnable=True)
         drape = drape_picture(view.vertices, view.faces, cloth, protocol=protocol)
-        section.cards.append(fill_card(card, cloth, view, drape, unseen))
+        of_split = unseen.get((cloth, cell["test"]))
+        section.cards.append(fill_card(card, cloth, view, drape, of_split))
         if isinstance(found := cell.get("stiffness"), FoundStiffness):
             lines.append(StiffnessLine(label, found, view.bending_draws))
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             files.append(folder / f"{_plain(cloth)}_{_plain(label)}.png")
-            save_figure(files[-1], f"{cloth}: {label}", view, drape, unseen)
+            save_figure(files[-1], f"{cloth}: {label}", view, drape, of_split)
     if lines:
         truth = any(line.found.true_bending for line in lines)
         section = replace(section, stiffness=stiffness_picture(cloth, lines), truth=truth)
@@ -209,7 +211,9 @@ def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[
 
 
 def _seeds(group: pd.DataFrame) -> str:
-    count = len(group)
+    count, splits = len(group), len(set(group["test"]))
+    if splits > 1:
+        return f"seed {group['seed'].iloc[0]} and one of {splits} splits shown, of {count} cells"
     return "" if count == 1 else f"seed {group['seed'].iloc[0]} shown, of {count}"
 
 

@@ -1,6 +1,6 @@
 """Opens the labels beside the answers: every case in both, every label as it was sealed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from cusick_bench.withheld.format.seal import holds
 from cusick_bench.withheld.scoring.measures import DISTINCT
 
 _NAMES_SHOWN = 3  # in a message
+_DIGITS = 64  # of a seal
 
 
 @dataclass(frozen=True)
@@ -125,8 +126,14 @@ def _require_same_cases(answered: set[str], labelled: set[str], answers: Path, l
         (answered - labelled, f"{labels} lacks", "score answers with the labels of the same cases"),
     ):
         if lacking:
-            names = ", ".join(sorted(lacking)[:_NAMES_SHOWN]) + (", ..." if len(lacking) > _NAMES_SHOWN else "")
-            raise WithheldError(f"every case must have an answer and a label; {what} {len(lacking)}: {names}; {remedy}")
+            raise WithheldError(
+                f"every case must have an answer and a label; {what} {len(lacking)}: {_some(sorted(lacking))}; {remedy}"
+            )
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first of several names, as a list in words."""
+    return ", ".join(names[:_NAMES_SHOWN]) + (", ..." if len(names) > _NAMES_SHOWN else "")
 
 
 def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -> str:
@@ -150,11 +157,13 @@ def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -
                 f"the label of {case} must be the one that was sealed; its SHA-256 is not that of {commitment}: it was "
                 "changed, or belongs to other cases; fetch both files anew"
             )
-    return f"All {len(labels)} labels fit the seals published in {commitment.name}."
+    fit = f"All {len(labels)} labels fit the seals published in {commitment.name}"
+    left = sorted(published.keys() - labels.keys())
+    return f"{fit}; {len(left)} cases sealed there are not scored: {_some(left)}." if left else f"{fit}."
 
 
 def _published(path: Path) -> dict[str, str]:
     """Published seals by case, at the top of the file or one level below."""
     document = read_object(path)
     inner = next((value for value in document.values() if isinstance(value, dict)), document)
-    return {case: seal for case, seal in inner.items() if isinstance(seal, str)}
+    return {case: seal for case, seal in inner.items() if isinstance(seal, str) and len(seal) == _DIGITS}

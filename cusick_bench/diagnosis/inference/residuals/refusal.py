@@ -64,7 +64,10 @@ def doubts(captures: Captures, features: Features) -> list[str]:
         notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
     counts = _capture_counts(captures)
     if not np.isfinite(features.order).any():
-        notes.append("answered in part: fewer than 3 samples have repeated captures, so creep cannot be seen")
+        notes.append(
+            "answered in part: fewer than 3 samples have repeated captures, so their drift is not known, and creep "
+            "cannot be told from bending-friction"
+        )
     if counts.min() != counts.max():
         notes.append(
             f"answered in part: captures are unequal, {counts.min()} to {counts.max()} of a sample and face; drift "
