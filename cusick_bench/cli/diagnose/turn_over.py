@@ -54,7 +54,7 @@ def diagnose_turn_over(
     emulator, calibration = load_atlas(atlas)
     with progress_bar("reading data") as bar:
         dataset = load(data, progress=bar.show)
-    chosen = fabric or _with_both_faces(dataset)
+    chosen = list(dict.fromkeys(fabric or _with_both_faces(dataset)))
     if not chosen:
         raise DiagnosisError(f"no fabric of {data} has pictures of both faces; photograph some samples face down, too")
     with progress_bar("reading data") as bar, interruptible("nothing was written"):
