@@ -17,7 +17,7 @@ import json
 import logging
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import accumulate, takewhile
 from pathlib import Path
@@ -185,6 +185,25 @@ class Journal:
     def replaying(self) -> bool:
         """Whether evaluations of an earlier run are left."""
         return self._position < len(self._past)
+
+    def repeats(self, kind: str, digests: Sequence[str]) -> int:
+        """How many evaluations the earlier run has made here as they are asked for now, before it did anything else.
+
+        Args:
+            kind: What is asked for.
+            digests: Hashes of the parameters, in order.
+
+        Returns:
+            Their number, all of them where the earlier run ends before it did anything else.
+        """
+        past = self._past[self._position : self._position + len(digests)]
+        made = [
+            (entry.evaluation.kind, entry.evaluation.digest) == (kind, d)
+            for entry, d in zip(past, digests, strict=False)
+        ]
+        if all(made):
+            return len(digests)
+        return made.index(False)
 
     def next(self, kind: str, digest: str) -> Entry | None:
         """The earlier run's evaluation that this one repeats.
