@@ -2,8 +2,9 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,19 @@ def load_cells(folder: Path | str) -> Cells:
         skipped[place] = replace(skipped[place], columns={**skipped[place].columns, "repeat": number})
     table = table.assign(repeat=numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
     return Cells(folder, _read_run(folder), table, tuple(skipped))
+
+
+def numbered_alike(tables: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
+    """Tables of several runs, numbered together: the same problem has the same `repeat` in all of them.
+
+    Args:
+        tables: `Cells.table` of each run.
+
+    Returns:
+        The tables, in this order.
+    """
+    numbers = iter(_repeats(pd.concat(tables)))
+    return [table.assign(repeat=list(islice(numbers, len(table)))) for table in tables]
 
 
 def _repeats(table: pd.DataFrame) -> list[int]:
