@@ -211,6 +211,22 @@ class TestRun:
         assert len(list(folder.glob("cells/*"))) == 2 * CLOTHS_RUN
         versions = {"datasets": 1, "metrics": metrics.NUMERICS_VERSION, "solver null:disc": 1}
         assert set(read_cells(folder)["code_version"]) == {numerics_text(versions)}
+        solve(lab, folder, [0], ["null:copy"])  # a later command, which asks for other cells
+        table = read_cells(folder)
+        assert set(table.loc[table["solver"] == "null:disc", "code_version"]) == {numerics_text(versions)}
+        assert len(table) == 2 * CLOTHS_RUN
+
+    def test_cells_of_older_code_do_not_stand_for_what_a_stopped_run_lacks(self, lab, tmp_path, monkeypatch):
+        """As in a folder that continuous integration keeps from commit to commit."""
+        with monkeypatch.context() as patch:
+            patch.setattr("cusick_bench.metrics.NUMERICS_VERSION", 0)
+            folder = solve(lab, tmp_path / "both", [0], ["null:disc"])
+        old = set(folder.glob("cells/*"))
+        new = set(solve(lab, folder, [0], ["null:disc"]).glob("cells/*")) - old
+        assert len(read_cells(folder)) == CLOTHS_RUN
+        shutil.rmtree(new.pop())
+        with pytest.raises(LeaderboardError, match=r"is not finished: 1 cells were cut off or not begun.*repeat"):
+            read_cells(folder)
 
 
 @pytest.fixture(scope="module")
@@ -243,6 +259,16 @@ class TestLeftOut:
         worse = table.assign(test_mse=table["test_mse"].where(table["solver"] != "null:copy", 1.05 * table["test_mse"]))
         found = check(worse, table, Gate(("test_mse",))).regressions
         assert [finding.solver for finding in found] == ["null:copy"]
+
+    def test_a_run_that_was_cut_off_is_refused(self, left_out, tmp_path):
+        """Also where two samples of one cloth and seed are not finished, which are not the same cell twice."""
+        run = Path(shutil.copytree(left_out, tmp_path / "run"))
+        for path in run.glob("cells/*/result.json"):
+            result = json.loads(path.read_text())
+            if (result["solver"], result["cloth"]) == ("null:disc", "fabric_2"):
+                path.unlink()
+        with pytest.raises(LeaderboardError, match=r"is not finished: 2 cells were cut off"):
+            read_cells(run)
 
     def test_a_sample_that_is_there_twice_is_refused(self, left_out, tmp_path):
         table = read_cells(left_out)
