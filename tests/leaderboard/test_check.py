@@ -387,6 +387,17 @@ class TestCommand:
         assert result.exit_code == 2
         assert f"has no train_mse in the {lacking}" in " ".join(result.output.split())
 
+    def test_a_metric_that_the_run_has_lost_is_not_passed_over(self, files, tmp_path):
+        """One that the run alone has is no matter: baselines say what is compared."""
+        table = read_cells(files[0])
+        write_baseline(table, tmp_path / "both.csv", [])
+        write_baseline(table.drop(columns="test_mse"), tmp_path / "one.csv", [])
+        result = CliRunner().invoke(app, ["check", str(tmp_path / "one.csv"), "--against", str(tmp_path / "both.csv")])
+        assert result.exit_code == 2
+        assert "the run has no test_mse, and the baseline has" in " ".join(result.output.split())
+        assert self.check(tmp_path / "one.csv", "--against", tmp_path / "both.csv", "--metric", "train_mse")[0] == 0
+        assert self.check(tmp_path / "both.csv", "--against", tmp_path / "one.csv")[0] == 0
+
     def test_where_nothing_can_be_decided_the_status_is_3(self, tmp_path):
         cell = {"solver": "s", "cloth": "a", "seed": 0, "status": "done", "train_mse": 0.01}
         write_baseline(pd.DataFrame([cell]), tmp_path / "one.csv", [])
