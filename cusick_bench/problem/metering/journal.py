@@ -25,6 +25,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from cusick_bench.files import parse_json
 from cusick_bench.problem.errors import StaleJournal
 from cusick_bench.problem.metering.budget import Evaluation
 
@@ -96,7 +97,7 @@ def read_trace(folder: Path) -> list[dict[str, Any]]:
     records: list[dict[str, Any]] = []
     for line in _lines(folder / TRACE):
         try:
-            record = json.loads(line)
+            record = parse_json(line.decode(), TRACE, remedy="")
         except ValueError:
             break
         if not isinstance(record, dict):
@@ -149,7 +150,7 @@ class Journal:
             try:
                 body, link, arrays = _sound(line, link, data[begin:])
                 entry = Entry(_evaluation(json.loads(body)), arrays)
-            except (ValueError, TypeError, KeyError, AttributeError) as error:
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
                 return entries, f"{trace}, line {number}, is damaged ({error})"
             entries.append(entry)
             begin += sum(array.size for array in arrays.values())
