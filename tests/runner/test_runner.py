@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -370,6 +370,26 @@ class TestPool:
     def test_number_of_workers(self, data, tmp_path):
         with pytest.raises(RunnerError, match="workers must be >= 1"):
             _run(data, tmp_path, ["null:disc"], workers=0)
+
+
+def test_threads_of_an_executor_run_one_cell_at_a_time(data, tmp_path, monkeypatch):
+    """They share simulators and the random numbers of libraries: side by side, cells had other numbers every time."""
+    at_once: list[int] = []
+    running = 0
+
+    def watched(*arguments):
+        nonlocal running
+        running += 1
+        at_once.append(running)
+        time.sleep(0.05)
+        running -= 1
+        return run_cell(*arguments)
+
+    monkeypatch.setattr("cusick_bench.runner.pool.run_cell", watched)
+    with ThreadPoolExecutor(3) as threads:
+        _, results = _run(data, tmp_path, ["null:disc", "null:copy"], seeds=[0, 1], executor=threads)
+    assert [result["status"] for result in results] == ["done"] * 4
+    assert at_once == [1] * 4
 
 
 class _Mortal(Executor):
