@@ -323,6 +323,8 @@ class TestCommand:
                 "unknown metric 'test_unheard'; did you mean 'test_mse'",
             ),
             ((run, "--against", tmp_path / "b.txt", "--write"), "must end in .csv"),
+            ((run, "--against", baseline, "--write", "--metric", "mse"), "--write compares nothing"),
+            ((run, "--against", baseline, "--write", "--junit", tmp_path / "b.xml"), "--write compares nothing"),
         ):
             result = CliRunner().invoke(app, ["check", *map(str, words)])
             assert result.exit_code == 2
