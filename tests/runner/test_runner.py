@@ -30,6 +30,7 @@ from cusick_bench.runner import (
     shard,
 )
 from cusick_bench.runner.environment import code_state, code_text
+from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.solvers.gradient.homo import Homo
@@ -271,6 +272,22 @@ class TestStop:
         with pytest.raises(type(stop)):
             run_cell(dataset, cell, store, lambda *_: None)
         assert not (store.folder(cell.key) / "result.json").exists()
+
+    @pytest.mark.parametrize("stop", [KeyboardInterrupt(), SystemExit(3)])
+    def test_a_stop_while_kernels_are_compiled_is_heard(self, dataset, monkeypatch, stop):
+        """An ordinary error of the warm-up is the cell's to tell."""
+
+        def raising(error, cause=None):
+            def solve(self, problem, generator, progress):
+                raise error from cause
+
+            monkeypatch.setattr(Homo, "_solve", solve)
+            WarmUp().before(dataset, cell)
+
+        (cell,) = plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=SMALL)
+        with pytest.raises(type(stop)):
+            raising(SystemError("returned a result with an exception set"), stop)
+        raising(ValueError("planted"))
 
     def test_the_end_of_a_generator_behind_an_error_is_no_stop(self, data, tmp_path, dataset, monkeypatch):
         def failing(self, problem, generator, progress):
