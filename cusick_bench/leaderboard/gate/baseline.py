@@ -129,9 +129,8 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     table = done.assign(status="done")
     table = pd.concat([table, pd.DataFrame(others)], ignore_index=True) if others else table
     commands = [*cells.run.get("history", []), cells.run]
-    asked = (
-        table["key"].map({key: place for place, one in enumerate(commands) for key in one.get("cells", [])}).fillna(-1)
-    )
+    places = {key: place for place, command in enumerate(commands) for key in command.get("cells", [])}
+    asked = pd.Series([places.get(key, -1) for key in table["key"]], table.index)
     last = asked.groupby([table[name] for name in (*IDENTITY, LEFT_OUT)], dropna=False).transform("max")
     table = table.loc[asked == last]
     _require_finished(cells, table)

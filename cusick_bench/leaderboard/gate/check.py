@@ -153,7 +153,7 @@ def _of(table: pd.DataFrame, solver: str) -> pd.DataFrame:
 
 
 def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> list[str]:
-    lost = [name for name in gate.metrics if name in baseline and baseline[name].notna().any() and name not in run]
+    lost = [name for name in gate.metrics if name in baseline and len(baseline[name].dropna()) and name not in run]
     if lost:
         raise LeaderboardError(
             f"the run has no {lost[0]}, and the baseline has; run it again, or choose other metrics with --metric"
