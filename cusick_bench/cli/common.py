@@ -5,21 +5,19 @@ Exit status 0: done. 1: a check failed. 2: bad usage or bad input. 3: nothing co
 """
 
 import functools
-import json
 import logging
-import math
 import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import typer
 from rich.text import Text
 
 from cusick_bench.cli.screen import Screen, harmless
+from cusick_bench.files.json_text import json_text
 from cusick_bench.sim.errors import CusickError, stop_behind
 
 INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
@@ -33,24 +31,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def plain(value: Any) -> Any:
-    """Turns numpy scalars, arrays, paths and non-finite numbers into what JSON can hold."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):  # an array or a scalar of numpy
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value
-
-
 def print_json(document: dict[str, Any]) -> None:
     """Writes one JSON document to standard output; NaN and infinities become null."""
-    sys.stdout.write(json.dumps(plain(document), indent=2, allow_nan=False) + "\n")
+    sys.stdout.write(json_text(document, indent=2))
 
 
 def quiet() -> bool:

@@ -112,6 +112,7 @@ MOST_VERTICES, MOST_STEPS, MOST_DRAWS, MOST_WORKERS = 100_000, 100_000, 100_000,
 """Largest numbers that options take: what is larger has a zero too many, and would fill memory or run for weeks."""
 MOST_SAMPLES, MOST_SEEDS, MOST_CASES = 1000, 10_000, 100_000
 LARGEST_SEED = 2**63 - 1
+LARGEST_FIRST_SEED = 10**18 - MOST_SEEDS  # tables read seeds of 18 digits at most
 _BENDING_STIFFNESSES = (1e-10, 1.0)  # [N m], a thousandth of the limpest silk's and a thin board's
 
 # Cloth

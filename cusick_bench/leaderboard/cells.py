@@ -2,8 +2,9 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ class Skipped:
         solver: Its solver, "" where even that cannot be read.
         cloth: Its cloth.
         seed: Its seed, None where it cannot be read.
-        columns: What identifies the problem of one that failed, as in `Cells.table`; with `repeat`.
+        columns: What identifies its problem, as in `Cells.table`; with `repeat`. Empty where it cannot be read.
     """
 
     folder: Path
@@ -110,12 +111,25 @@ def load_cells(folder: Path | str) -> Cells:
             f"repeat the `cusick-bench run` command to go on\n{reasons}"
         )
     table = pd.DataFrame(rows)
-    failed = [place for place, cell in enumerate(skipped) if cell.columns]
-    numbers = _repeats(pd.concat([table, pd.DataFrame([dict(skipped[place].columns) for place in failed])]))
-    for place, number in zip(failed, numbers[len(table) :], strict=True):
+    known = [place for place, cell in enumerate(skipped) if cell.columns]
+    numbers = _repeats(pd.concat([table, pd.DataFrame([dict(skipped[place].columns) for place in known])]))
+    for place, number in zip(known, numbers[len(table) :], strict=True):
         skipped[place] = replace(skipped[place], columns={**skipped[place].columns, "repeat": number})
     table = table.assign(repeat=numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
     return Cells(folder, _read_run(folder), table, tuple(skipped))
+
+
+def numbered_alike(tables: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
+    """Tables of several runs, numbered together: the same problem has the same `repeat` in all of them.
+
+    Args:
+        tables: `Cells.table` of each run.
+
+    Returns:
+        The tables, in this order.
+    """
+    numbers = iter(_repeats(pd.concat(tables)))
+    return [table.assign(repeat=list(islice(numbers, len(table)))) for table in tables]
 
 
 def _repeats(table: pd.DataFrame) -> list[int]:
@@ -137,11 +151,11 @@ def _read_cell(folder: Path) -> dict[str, Any] | Skipped:
     try:
         return _read_result(folder)
     except FileNotFoundError:
-        identity = _identity(folder / "cell.json")
-        return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **identity)
+        asked = _asked(folder / "cell.json")
+        return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **asked)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        identity = _identity(folder / "cell.json")
-        return Skipped(folder, "damaged", f"{error}; repeat the run command, which runs the cell again", **identity)
+        asked = _asked(folder / "cell.json")
+        return Skipped(folder, "damaged", f"{error}; repeat the run command, which runs the cell again", **asked)
 
 
 def _read_result(folder: Path) -> dict[str, Any] | Skipped:
@@ -188,9 +202,13 @@ def _read_json(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path.name} {error.what}") from error
 
 
-def _identity(path: Path) -> dict[str, Any]:
+def _asked(path: Path) -> dict[str, Any]:
+    """Who a cell without a result is, and its problem, as far as `cell.json` says."""
     try:
-        return _named(_read_json(path))
+        record = _read_json(path)
+        identity = _named(record)
+        check_result(record)
+        return identity | {"columns": identity | _problem(record) | {"test": tuple(record.get("test", ()))}}
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return {}
 

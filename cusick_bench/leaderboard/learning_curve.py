@@ -74,6 +74,11 @@ def learning_splits(
                 f"none of the {unseen} unseen, too few to learn from {max(found)}; give smaller numbers of samples or "
                 "fewer unseen ones"
             )
+        if len(test) < unseen:
+            raise LeaderboardError(
+                f"{split.cloth} has {len(rows)} samples, of which one trains at least, too few for {unseen} unseen; "
+                "give fewer unseen ones, or other cloths"
+            )
         for count, splits in found.items():
             splits.append(Split(split.cloth, tuple(rows[i] for i in train[:count]), tuple(rows[i] for i in test)))
     return found

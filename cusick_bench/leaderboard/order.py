@@ -12,7 +12,7 @@ from cusick_bench.leaderboard.errors import LeaderboardError
 
 _NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval that promises so many per cent
 _LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of draws and samples being alike
-_DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_")
+_DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_|^draws$")
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,6 @@ def direction(metric: str) -> Direction:
         LeaderboardError: It is neither better nor worse, but tells what was there.
     """
     if _DESCRIPTIVE.search(metric):
-        raise LeaderboardError(f"nobody is better or worse by {metric!r}; rank for instance by test_mse")
+        raise LeaderboardError(f"nobody is better or worse by {metric!r}; choose for instance test_mse")
     found = _NOMINAL.search(metric)
     return Direction(bool(_LARGER.search(metric)), int(found[1]) / 100 if found else None)

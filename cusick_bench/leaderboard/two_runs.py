@@ -1,8 +1,8 @@
 """Two runs side by side: how each method's errors and costs changed over the cells that both runs have.
 
-Cells are paired by cloth and shared seed (`gate.paired`), and all numbers are over these pairs. The ratio this / other
-is the geometric mean over cloths with its 95 % bootstrap interval. Settings may differ, since that is what is compared;
-data and split may not.
+Cells are paired by cloth, shared seed and the sample that is left out, if any (`gate.paired`), and all numbers are over
+these pairs. The ratio this / other is the geometric mean over cloths with its 95 % bootstrap interval. Settings may
+differ, since that is what is compared; data and split may not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ import pandas as pd
 from cusick_bench.files import parse_json
 from cusick_bench.leaderboard.board import flattened, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
-from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.cells import Cells, numbered_alike
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text
@@ -97,7 +97,7 @@ def compare_runs(here: Cells, there: Cells, *, seed: int = 0) -> TwoRuns:
         LeaderboardError: The runs are of other data or splits, or share no method on a cloth.
     """
     _require_same_data(here, there)
-    ours, theirs = _methods(here.table), _methods(there.table)
+    ours, theirs = map(_methods, numbered_alike([here.table, there.table]))
     generator = np.random.default_rng(seed)
     methods = [_change(label, ours[label], theirs[label], generator) for label in ours if label in theirs]
     methods = [one for one in methods if one.changes]
@@ -145,11 +145,11 @@ def _change(label: str, ours: pd.DataFrame, theirs: pd.DataFrame, generator: np.
 
 
 def _paired(own: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
-    """Cells whose cloth and seed the other table has too; of a cloth without shared seeds, all."""
-    theirs = set(zip(other["cloth"], other["seed"], strict=True))
-    shared = np.array([cell in theirs for cell in zip(own["cloth"], own["seed"], strict=True)], dtype=bool)
-    by_seed = own["cloth"].isin(own.loc[shared, "cloth"].tolist())
-    return own.loc[np.where(by_seed, shared, own["cloth"].isin(other["cloth"].tolist()))]
+    """Cells whose cloth and number (`repeats`) the other table has too; of a cloth without such, all."""
+    theirs = set(zip(other["cloth"], other["repeat"], strict=True))
+    shared = np.array([cell in theirs for cell in zip(own["cloth"], own["repeat"], strict=True)], dtype=bool)
+    by_number = own["cloth"].isin(own.loc[shared, "cloth"].tolist())
+    return own.loc[np.where(by_number, shared, own["cloth"].isin(other["cloth"].tolist()))]
 
 
 def _differences(here: Cells, there: Cells) -> Iterator[tuple[str, str, str]]:

@@ -25,7 +25,7 @@ from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.problem.errors import ProblemError
 from cusick_bench.problem.followed_branch import FollowedBranch
 from cusick_bench.problem.losses import LOSSES
-from cusick_bench.problem.metering.bookkeeping import Simulated, metered
+from cusick_bench.problem.metering.bookkeeping import Simulated, digest_of, metered
 from cusick_bench.problem.metering.budget import Meter
 from cusick_bench.problem.metering.journal import Checkpoint, Entry, Journal
 from cusick_bench.problem.scene import Scene
@@ -235,8 +235,10 @@ class DrapeProblem:
             BudgetExceeded: The budget does not allow for another drape.
             ProblemError: A vector has a wrong length or holds NaN or infinity.
         """
-        affordable = max(1, self.meter.affordable("drape", len(taus), replayed=self.journal.replaying))
-        return self._observed("drape", np.asarray(taus)[:affordable])
+        taus, replaying = self._checked(taus), self.journal.replaying
+        most = self.journal.repeats("drape", [digest_of(tau) for tau in taus]) if replaying else len(taus)
+        affordable = self.meter.affordable("drape", most, replayed=True if replaying else None)
+        return self._observed("drape", taus[: max(1, affordable)])
 
     def draw_batch(self, taus: Vectors) -> list[Observation | None]:
         """Drapes vectors that were drawn from what a solver has learned; they cost no budget.

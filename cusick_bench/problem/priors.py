@@ -124,7 +124,7 @@ class StiffnessPrior:
         diagonal = tau[..., [0, 2, 3]].flatten(-2) @ torch.as_tensor(self.stretch_root)
         median = torch.as_tensor(np.log(STRETCH_REFERENCE[:, [0, 2, 3]]))
         c11, c22, c33 = (median + diagonal.unflatten(-1, (6, 3))).exp().unbind(-1)
-        coupling = torch.tanh(torch.as_tensor(_reference_coupling()) + COUPLING_SD * tau[..., 1])
+        coupling = torch.tanh(torch.as_tensor(_coupling(STRETCH_REFERENCE)) + COUPLING_SD * tau[..., 1])
         return torch.stack([c11, coupling * (c11 * c22).sqrt(), c22, c33], -1)
 
     def bending(self, tau: Float[Tensor, "*batch 15"]) -> Float[Tensor, "*batch 3 5"]:
@@ -138,6 +138,21 @@ class StiffnessPrior:
         """
         deviation = tau @ torch.as_tensor(self.bending_root)
         return (torch.as_tensor(self.bending_median) + deviation.unflatten(-1, (3, 5))).exp()
+
+    def stretch_tau(self, stretch: Float[np.ndarray, "6 4"]) -> Float[np.ndarray, "24"]:
+        """The whitened vector of an admissible stretch table: inverse of `stretch`.
+
+        Args:
+            stretch: The table [N/m].
+
+        Returns:
+            The whitened vector.
+        """
+        tau = np.empty((6, 4))
+        deviation = np.log(stretch[:, [0, 2, 3]] / STRETCH_REFERENCE[:, [0, 2, 3]])
+        tau[:, [0, 2, 3]] = np.linalg.solve(self.stretch_root, deviation.ravel()).reshape(6, 3)
+        tau[:, 1] = (_coupling(stretch) - _coupling(STRETCH_REFERENCE)) / COUPLING_SD
+        return tau.ravel()
 
     def bending_tau(self, bending: Float[np.ndarray, "3 5"]) -> Float[np.ndarray, "15"]:
         """The whitened vector of a bending table: inverse of `bending`.
@@ -167,6 +182,6 @@ class StiffnessPrior:
         return 1 / float(np.linalg.norm(self.bending_level(np.e)))
 
 
-def _reference_coupling() -> np.ndarray:
-    c11, c12, c22, _ = STRETCH_REFERENCE.T
+def _coupling(stretch: Float[np.ndarray, "6 4"]) -> Float[np.ndarray, "6"]:
+    c11, c12, c22, _ = stretch.T
     return np.arctanh(c12 / np.sqrt(c11 * c22))

@@ -12,12 +12,11 @@ from numpy import ndarray
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.profile import Profile
-from cusick_bench.files import BadFile, parse_json, read_text
+from cusick_bench.leaderboard.anytime import steps_of
 from cusick_bench.metrics import ruled_surface
 from cusick_bench.metrics.stiffness import BENDING
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
 
-_MOST_BYTES = 256 << 20  # of a trace
 _MAXIMUM_DRAWS = 6  # shown
 _SHOWN_MODES = 40  # harmonics of a profile that its picture shows
 
@@ -33,7 +32,7 @@ class CellView:
         vertices: Drape behind `fit` [m], or the ruled surface over its silhouette.
         faces: Triangles of `vertices`.
         simulated: Whether `vertices` is a simulated drape.
-        trace: Best loss after each evaluation, as (forward-equivalents, loss).
+        trace: Best loss after each evaluation from the first success on, as (forward-equivalents, loss).
         protocol: How the silhouettes are taken.
         bending_draws: Bending stiffness of draws from the posterior [N m], in the order of `BENDING`; None without one.
         bending: Bending tables of the elements (hinges or faces) that were fitted [N m]; None where all have one.
@@ -76,7 +75,9 @@ def load_cell_view(folder: Path, protocol: Protocol = RELEASE) -> CellView:
     Raises:
         ReportError: The prediction is missing, damaged or oversized; the message says which file.
     """
-    return read_prediction(folder, lambda arrays: _view(arrays, read_trace(folder / "trace.jsonl"), protocol))
+    steps = steps_of(folder, "forward_equivalents")
+    trace = np.column_stack([steps.cost, steps.loss])[np.isfinite(steps.loss)]
+    return read_prediction(folder, lambda arrays: _view(arrays, trace, protocol))
 
 
 def shown_surface(
@@ -135,31 +136,3 @@ def _bending(arrays: Mapping[str, ndarray]) -> ndarray | None:
     if not (np.isfinite(tables).all() and tables.min() > 0):
         raise ValueError("its tables of bending stiffness are damaged")
     return tables
-
-
-def _lines(path: Path) -> list[str]:
-    """Lines of a trace; none of a file that is no text or far too large."""
-    try:
-        return read_text(path, most_bytes=_MOST_BYTES, remedy="").splitlines()
-    except BadFile:
-        return []
-
-
-def read_trace(path: Path) -> Float[ndarray, "evaluations 2"]:
-    """Forward-equivalents and best loss after each evaluation.
-
-    Args:
-        path: `trace.jsonl` of a cell; lines that cannot be read are passed over.
-
-    Returns:
-        A row for each evaluation; none where there is no file.
-    """
-    points: list[tuple[float, float]] = []
-    if path.is_file():
-        for line in _lines(path):
-            try:
-                record = parse_json(line, path, remedy="")
-                points.append((float(record["forward_equivalents"]), float(record["best_loss"])))
-            except (ValueError, TypeError, KeyError):
-                continue
-    return np.array([point for point in points if np.isfinite(point).all()]).reshape(-1, 2)

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import queue
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
@@ -32,11 +33,13 @@ class _Worker:
         messages: Where it tells how far its cell is; None where nobody listens.
         simulators: Meshes and linear solvers that are analysed already.
         warm_up: Kernels that are compiled already.
+        one: Held while a cell runs: an executor's threads share simulators, and the state of torch and NLopt.
     """
 
     messages: Any = None
     simulators: Simulators = field(default_factory=lambda: Simulators(most=SIMULATORS_KEPT))
     warm_up: WarmUp = field(default_factory=WarmUp)
+    one: threading.Lock = field(default_factory=threading.Lock)
 
     def run(self, source: Source, cell: Cell, out: Path) -> dict[str, Any]:
         """Runs one cell."""
@@ -48,10 +51,11 @@ class _Worker:
                 last = time.monotonic()
                 self.messages.put((cell, fraction, loss, message))
 
-        dataset, store = load_once(source), Store(out)
-        if not store.is_done(cell.key):
-            self.warm_up.before(dataset, cell)
-        return run_cell(dataset, cell, store, report, self.simulators)
+        with self.one:
+            dataset, store = load_once(source), Store(out)
+            if not store.is_done(cell.key):
+                self.warm_up.before(dataset, cell)
+            return run_cell(dataset, cell, store, report, self.simulators)
 
 
 # This process as a worker. An executor passes tasks to a function of a module, which has to find the worker somewhere.

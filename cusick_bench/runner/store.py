@@ -13,9 +13,7 @@ A marker whose files are missing, or are not those that it stands for, marks not
 
 import errno
 import hashlib
-import json
 import logging
-import math
 import os
 import tempfile
 from collections.abc import Iterator
@@ -24,9 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.json_text import json_text
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
 
 try:
@@ -41,17 +38,6 @@ MARKED = ("cell.json", "trace.jsonl", "prediction.npz", "result.json")
 
 # Faults of the disk, not of the solver: they end the grid instead of being recorded as a failed cell.
 FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO}
-
-
-def _plain(value: Any) -> Any:
-    """Numbers that JSON can hold: NaN and infinity become null."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextmanager
@@ -119,7 +105,7 @@ def write_json(path: Path, document: dict[str, Any]) -> None:
         path: File.
         document: What it shall hold; numbers that are not finite become null.
     """
-    write_atomically(path, (json.dumps(_plain(document), indent=1, allow_nan=False) + "\n").encode())
+    write_atomically(path, json_text(document).encode())
 
 
 def read_json(path: Path) -> dict[str, Any]:

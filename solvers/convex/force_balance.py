@@ -30,7 +30,7 @@ import torch
 from jaxtyping import Bool, Float
 from scipy.linalg import cholesky, solve_triangular
 
-from cusick_bench.problem.priors import BENDING_SIZE, COUPLING_SD, STRETCH_REFERENCE, STRETCH_SIZE, StiffnessPrior
+from cusick_bench.problem.priors import BENDING_SIZE, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.engine.triangles.force_basis import STRETCH_NUMBERS, TABLE_NUMBERS, stiffness, unit_forces
 from cusick_bench.sim.engine.triangles.force_modes import field_modes, uneven_forces
@@ -161,13 +161,7 @@ def whitened(prior: StiffnessPrior, theta: Theta) -> Theta:
         Whitened vector tau.
     """
     table, bending = theta[:STRETCH_NUMBERS].reshape(6, 4), theta[STRETCH_NUMBERS:].reshape(3, 5)
-    c11, c12, c22, _ = STRETCH_REFERENCE.T
-    reference = np.arctanh(c12 / np.sqrt(c11 * c22))
-    tau = np.empty((6, 4))
-    deviation = np.log(table[:, [0, 2, 3]] / STRETCH_REFERENCE[:, [0, 2, 3]])
-    tau[:, [0, 2, 3]] = np.linalg.solve(prior.stretch_root, deviation.ravel()).reshape(6, 3)
-    tau[:, 1] = (np.arctanh(table[:, 1] / np.sqrt(table[:, 0] * table[:, 2])) - reference) / COUPLING_SD
-    return np.concatenate([tau.ravel(), prior.bending_tau(bending)])
+    return np.concatenate([prior.stretch_tau(table), prior.bending_tau(bending)])
 
 
 def tables_at(prior: StiffnessPrior, tau: Theta) -> tuple[Theta, Float[np.ndarray, "39 39"]]:

@@ -149,7 +149,7 @@ class TestCells:
 
     @pytest.mark.parametrize("metric", ["test_iou", "test_dc_cover_90", "train_dc_target", "test_fold_p", "draws"])
     def test_metrics_of_which_more_may_be_better_are_refused(self, metric):
-        with pytest.raises(LeaderboardError, match="smaller is not better"):
+        with pytest.raises(LeaderboardError, match=r"smaller is not better|nobody is better or worse"):
             Gate((metric,))
 
 
@@ -211,6 +211,22 @@ class TestRun:
         assert len(list(folder.glob("cells/*"))) == 2 * CLOTHS_RUN
         versions = {"datasets": 1, "metrics": metrics.NUMERICS_VERSION, "solver null:disc": 1}
         assert set(read_cells(folder)["code_version"]) == {numerics_text(versions)}
+        solve(lab, folder, [0], ["null:copy"])  # a later command, which asks for other cells
+        table = read_cells(folder)
+        assert set(table.loc[table["solver"] == "null:disc", "code_version"]) == {numerics_text(versions)}
+        assert len(table) == 2 * CLOTHS_RUN
+
+    def test_cells_of_older_code_do_not_stand_for_what_a_stopped_run_lacks(self, lab, tmp_path, monkeypatch):
+        """As in a folder that continuous integration keeps from commit to commit."""
+        with monkeypatch.context() as patch:
+            patch.setattr("cusick_bench.metrics.NUMERICS_VERSION", 0)
+            folder = solve(lab, tmp_path / "both", [0], ["null:disc"])
+        old = set(folder.glob("cells/*"))
+        new = set(solve(lab, folder, [0], ["null:disc"]).glob("cells/*")) - old
+        assert len(read_cells(folder)) == CLOTHS_RUN
+        shutil.rmtree(new.pop())
+        with pytest.raises(LeaderboardError, match=r"is not finished: 1 cells were cut off or not begun.*repeat"):
+            read_cells(folder)
 
 
 @pytest.fixture(scope="module")
@@ -243,6 +259,16 @@ class TestLeftOut:
         worse = table.assign(test_mse=table["test_mse"].where(table["solver"] != "null:copy", 1.05 * table["test_mse"]))
         found = check(worse, table, Gate(("test_mse",))).regressions
         assert [finding.solver for finding in found] == ["null:copy"]
+
+    def test_a_run_that_was_cut_off_is_refused(self, left_out, tmp_path):
+        """Also where two samples of one cloth and seed are not finished, which are not the same cell twice."""
+        run = Path(shutil.copytree(left_out, tmp_path / "run"))
+        for path in run.glob("cells/*/result.json"):
+            result = json.loads(path.read_text())
+            if (result["solver"], result["cloth"]) == ("null:disc", "fabric_2"):
+                path.unlink()
+        with pytest.raises(LeaderboardError, match=r"is not finished: 2 cells were cut off"):
+            read_cells(run)
 
     def test_a_sample_that_is_there_twice_is_refused(self, left_out, tmp_path):
         table = read_cells(left_out)
@@ -297,6 +323,8 @@ class TestCommand:
                 "unknown metric 'test_unheard'; did you mean 'test_mse'",
             ),
             ((run, "--against", tmp_path / "b.txt", "--write"), "must end in .csv"),
+            ((run, "--against", baseline, "--write", "--metric", "mse"), "--write compares nothing"),
+            ((run, "--against", baseline, "--write", "--junit", tmp_path / "b.xml"), "--write compares nothing"),
         ):
             result = CliRunner().invoke(app, ["check", *map(str, words)])
             assert result.exit_code == 2
@@ -360,6 +388,17 @@ class TestCommand:
         )
         assert result.exit_code == 2
         assert f"has no train_mse in the {lacking}" in " ".join(result.output.split())
+
+    def test_a_metric_that_the_run_has_lost_is_not_passed_over(self, files, tmp_path):
+        """One that the run alone has is no matter: baselines say what is compared."""
+        table = read_cells(files[0])
+        write_baseline(table, tmp_path / "both.csv", [])
+        write_baseline(table.drop(columns="test_mse"), tmp_path / "one.csv", [])
+        result = CliRunner().invoke(app, ["check", str(tmp_path / "one.csv"), "--against", str(tmp_path / "both.csv")])
+        assert result.exit_code == 2
+        assert "the run has no test_mse, and the baseline has" in " ".join(result.output.split())
+        assert self.check(tmp_path / "one.csv", "--against", tmp_path / "both.csv", "--metric", "train_mse")[0] == 0
+        assert self.check(tmp_path / "both.csv", "--against", tmp_path / "one.csv")[0] == 0
 
     def test_where_nothing_can_be_decided_the_status_is_3(self, tmp_path):
         cell = {"solver": "s", "cloth": "a", "seed": 0, "status": "done", "train_mse": 0.01}

@@ -46,6 +46,15 @@ def test_too_few_samples_are_refused() -> None:
         learning_splits(load("synthetic"), ["fabric_1"], [1, 8], 5)
 
 
+def test_fewer_unseen_samples_than_were_asked_for_are_refused() -> None:
+    """Eleven of twelve would be unseen, and the table would say fourteen."""
+    dataset = load("synthetic")
+    (split,) = learning_splits(dataset, ["fabric_1"], [1], 11)[1]
+    assert len(split.test) == 11
+    with pytest.raises(LeaderboardError, match=r"fabric_1 has 12 samples, of which one trains .* for 14 unseen"):
+        learning_splits(dataset, ["fabric_1"], [1], 14)
+
+
 def test_samples_of_the_other_face_are_unseen(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cloth whose second sample was photographed on its other face only."""
     dataset = load("synthetic")

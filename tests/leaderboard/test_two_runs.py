@@ -87,3 +87,23 @@ def test_runs_without_a_method_in_common_are_refused(tmp_path):
     here = load_cells(_run(tmp_path / "here", {"homo": 0.03}))
     with pytest.raises(LeaderboardError, match="share no method"):
         compare_runs(here, load_cells(_run(tmp_path / "there", {"sobol": 0.03})))
+
+
+def test_samples_that_are_left_out_are_compared_each_with_itself(tmp_path):
+    """The other run has more seeds, and lacks a sample: a sample's number among those of its run is another one."""
+
+    def run(folder: Path, seeds: int, samples: tuple[int, ...], error: float) -> Path:
+        for seed in range(seeds):
+            for sample in samples:
+                cell = write_cell(folder, "homo", f"a{sample}", seed)
+                record = {"cloth": "a", "protocol": "leave-one-sample-out", "test": [sample]}
+                result = json.loads((cell / "result.json").read_text()) | record
+                result["metrics"]["test_mse"] = error * (1 + sample)
+                (cell / "result.json").write_text(json.dumps(result))
+        return folder
+
+    here, there = run(tmp_path / "here", 2, (0, 1, 2), 0.03), run(tmp_path / "there", 3, (1, 2), 0.06)
+    (homo,) = compare_runs(load_cells(here), load_cells(there)).methods
+    assert homo.cells == 4
+    change = homo.changes["test_mse"]
+    assert (change.before, change.after, change.ratio.value) == pytest.approx((0.15, 0.075, 0.5))

@@ -260,6 +260,25 @@ class TestJournal:
         with pytest.raises(BudgetExceeded):
             late.evaluate(np.ones(39))
 
+    def test_what_an_earlier_run_had_no_time_for_is_refused_again(self, tmp_path):
+        """It was killed after its search had run out of time: the search ends there again, and nothing is lost."""
+        first = toy_problem(folder=tmp_path, budget=Budget(seconds=1e9))
+        taus = np.random.default_rng(0).normal(size=(4, 39))
+        first.evaluate(taus[0])
+        first.observe_batch(taus[:2])  # as many of a larger batch as there was time for
+        first.observe(taus[0])
+        late = toy_problem(folder=tmp_path, budget=Budget(seconds=1e9))
+        with late.meter.reserve(1):
+            late.evaluate(taus[0])
+            assert len(late.observe_batch(taus)) == 2
+            for ask in (late.evaluate, late.evaluate_and_gradient, late.image):
+                with pytest.raises(BudgetExceeded, match=r"no time for 1 x .* before the run was killed"):
+                    ask(taus[3])
+            with pytest.raises(BudgetExceeded):
+                late.observe_batch(taus[2:])
+        late.observe(taus[0])
+        assert late.meter.trace == first.meter.trace
+
     def test_failures_are_replayed(self, tmp_path, fail_drapes):
         fail_drapes(lambda count: count == 1)
         assert toy_problem(folder=tmp_path).evaluate(np.zeros(39)) == math.inf

@@ -20,7 +20,7 @@ from cusick_bench.leaderboard import leaderboards, load_cells
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 from cusick_bench.metrics.stiffness import BENDING, STRETCH
 from cusick_bench.report import ReportError, write_report
-from cusick_bench.report.cell_view import load_cell_view, read_trace
+from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.run.method_curves import method_curves
 
 
@@ -189,13 +189,16 @@ def test_command_compares_with_another_run(tmp_path):
     assert CliRunner().invoke(app, [str(here), "--compare", str(tmp_path / "nothing")]).exit_code == 2
 
 
-def test_cut_and_odd_trace_lines_are_passed_over(tmp_path):
-    path = tmp_path / "trace.jsonl"
+@pytest.mark.parametrize("odd", ["[]", '{"fo', "[" * 100_000])
+def test_a_trace_is_shown_up_to_what_cannot_be_read(tmp_path, odd):
+    cell = write_cell(tmp_path, "homo")
+    path = cell / "trace.jsonl"
     path.write_text(
-        '{"forward_equivalents": 1, "best_loss": null}\n{"forward_equivalents": 2, "best_loss": 0.5}\n[]\n{"fo'
+        f'{{"forward_equivalents": 1, "best_loss": null}}\n{{"forward_equivalents": 2, "best_loss": 0.5}}\n{odd}\n'
     )
-    np.testing.assert_array_equal(read_trace(path), [[2, 0.5]])
-    assert read_trace(tmp_path / "absent").shape == (0, 2)
+    np.testing.assert_array_equal(load_cell_view(cell).trace, [[2, 0.5]])
+    path.unlink()
+    assert load_cell_view(cell).trace.shape == (0, 2)
 
 
 def test_a_prediction_without_mesh_is_shown_as_ruled_surface(tmp_path):

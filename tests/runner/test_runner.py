@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from cusick_bench.runner import (
     shard,
 )
 from cusick_bench.runner.environment import code_state, code_text
+from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.solvers.gradient.homo import Homo
@@ -272,6 +273,22 @@ class TestStop:
             run_cell(dataset, cell, store, lambda *_: None)
         assert not (store.folder(cell.key) / "result.json").exists()
 
+    @pytest.mark.parametrize("stop", [KeyboardInterrupt(), SystemExit(3)])
+    def test_a_stop_while_kernels_are_compiled_is_heard(self, dataset, monkeypatch, stop):
+        """An ordinary error of the warm-up is the cell's to tell."""
+
+        def raising(error, cause=None):
+            def solve(self, problem, generator, progress):
+                raise error from cause
+
+            monkeypatch.setattr(Homo, "_solve", solve)
+            WarmUp().before(dataset, cell)
+
+        (cell,) = plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=SMALL)
+        with pytest.raises(type(stop)):
+            raising(SystemError("returned a result with an exception set"), stop)
+        raising(ValueError("planted"))
+
     def test_the_end_of_a_generator_behind_an_error_is_no_stop(self, data, tmp_path, dataset, monkeypatch):
         def failing(self, problem, generator, progress):
             raise ValueError("planted") from GeneratorExit()
@@ -370,6 +387,26 @@ class TestPool:
     def test_number_of_workers(self, data, tmp_path):
         with pytest.raises(RunnerError, match="workers must be >= 1"):
             _run(data, tmp_path, ["null:disc"], workers=0)
+
+
+def test_threads_of_an_executor_run_one_cell_at_a_time(data, tmp_path, monkeypatch):
+    """They share simulators and the random numbers of libraries: side by side, cells had other numbers every time."""
+    at_once: list[int] = []
+    running = 0
+
+    def watched(*arguments):
+        nonlocal running
+        running += 1
+        at_once.append(running)
+        time.sleep(0.05)
+        running -= 1
+        return run_cell(*arguments)
+
+    monkeypatch.setattr("cusick_bench.runner.pool.run_cell", watched)
+    with ThreadPoolExecutor(3) as threads:
+        _, results = _run(data, tmp_path, ["null:disc", "null:copy"], seeds=[0, 1], executor=threads)
+    assert [result["status"] for result in results] == ["done"] * 4
+    assert at_once == [1] * 4
 
 
 class _Mortal(Executor):

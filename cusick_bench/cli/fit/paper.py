@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.fit import paper_figures
 from cusick_bench.cli.fit.planned_cells import run_planned
@@ -40,6 +39,7 @@ from cusick_bench.cli.options import (
 )
 from cusick_bench.cli.options import Budget as DrapesBudget
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.files.json_text import json_text
 from cusick_bench.problem import Budget
 from cusick_bench.runner import RunnerError
 from cusick_bench.runner.store import write_atomically
@@ -278,8 +278,8 @@ def _write(table: PaperTable, out: Path, documents: dict[str, Any], suffix: str 
     name = f"{table.name}{suffix}"
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
     files[f"{name}.csv"] = csv_text(pd.DataFrame(lines))
-    files[f"{name}.json"] = _json({"table": name, "title": table.title, "rows": lines, "notes": list(table.notes)})
-    _save(files | {file: _json(document) for file, document in documents.items()}, out)
+    files[f"{name}.json"] = json_text({"table": name, "title": table.title, "rows": lines, "notes": list(table.notes)})
+    _save(files | {file: json_text(document) for file, document in documents.items()}, out)
 
 
 def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) -> None:
@@ -295,7 +295,7 @@ def _write_variability(rows: list[dict[str, Any]], notes: list[str], out: Path) 
     text, name = variability_table(rows, notes), "table-1-variability"
     files = {f"{name}.md": markdown(text), f"{name}.tex": latex(text)}
     files[f"{name}.csv"] = csv_text(pd.DataFrame(rows))
-    files[f"{name}.json"] = _json({"table": name, "rows": rows, "notes": list(text.notes)})
+    files[f"{name}.json"] = json_text({"table": name, "rows": rows, "notes": list(text.notes)})
     _save(files, out)
 
 
@@ -303,10 +303,6 @@ def _save(files: dict[str, str], out: Path) -> None:
     for file, content in files.items():
         write_atomically(out / file, content.encode())
         tell(f"wrote {out / file}")
-
-
-def _json(document: dict[str, Any]) -> str:
-    return json.dumps(plain(document), indent=1, allow_nan=False) + "\n"
 
 
 def _finish(tables: list[PaperTable], cells: Cells, as_json: bool, spread: list[dict[str, Any]] | None = None) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.cli.progress import Bar, progress_bar
@@ -144,7 +144,7 @@ def _sheet(strips: list[Strip], out: Path, name: str, title: str, bar: Bar) -> P
 
 def _finish(document: dict[str, Any], paths: list[Path], numbers: Path, as_json: bool) -> None:
     """Writes the numbers beside the pictures."""
-    write_json(numbers, plain(document))
+    write_json(numbers, document)
     files = [*paths, numbers]
     for path in files:
         tell(f"wrote {path}")

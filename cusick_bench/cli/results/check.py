@@ -60,6 +60,8 @@ def check_command(
     from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
     from cusick_bench.leaderboard.gate.check import Gate, check, metrics_of_both
 
+    if write and (metric or junit is not None):
+        raise LeaderboardError("--write compares nothing: leave --metric and --junit out; a baseline keeps all metrics")
     gate = Gate(level=level, minimum=minimum, seed=seed)
     cells = read_cells(run)
     if write:

@@ -1,6 +1,5 @@
 """`cusick-bench benchmark`: speed, memory, scaling and gradient accuracy of the simulator, in one run."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import command_line, console, interruptible, output, plain, print_json, user_errors
+from cusick_bench.cli.common import command_line, console, interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import (
     MOST_STEPS,
     MOST_VERTICES,
@@ -21,6 +20,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.files.json_text import json_text
 from cusick_bench.runner.store import write_atomically
 
 app = typer.Typer()
@@ -153,7 +153,7 @@ class _Kept:
 
     def keep(self, document: dict[str, Any]) -> None:
         """Writes the document as far as it is made."""
-        write_atomically(self.path, (json.dumps(plain(document), indent=2) + "\n").encode())
+        write_atomically(self.path, json_text(document, indent=2).encode())
         self._missing = list(document["missing"])
 
     def said(self) -> str:

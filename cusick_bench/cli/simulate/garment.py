@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, plain, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
@@ -123,7 +123,7 @@ def skirt(
             write_rest(out, worn.pattern, worn.positions, cloth.name, wearing.body)
             if moving is not None:
                 write_motion(out, worn.pattern, worn.times, worn.frames, moving, cloth.name, wearing.body)
-            write_json(out / "summary.json", plain(document))
+            write_json(out / "summary.json", document)
         document["out"] = out
     if as_json:
         print_json(document)
@@ -194,7 +194,7 @@ def compare(
         "seconds": time.perf_counter() - clock,
     }  # fmt: skip
     with disk_errors(folder), progress_bar("drawing", len(worn)) as bar:
-        write_json(folder / "garments.json", plain(document))
+        write_json(folder / "garments.json", document)
         save_side_by_side(worn, folder / "side_by_side.png", bar.show)
         write_page(worn, folder / "garments.html")
     document["out"] = folder

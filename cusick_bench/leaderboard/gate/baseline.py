@@ -46,7 +46,7 @@ def read_cells(path: Path) -> pd.DataFrame:
 
     Raises:
         LeaderboardError: There is no such file, it holds no cells, some of them twice, or one that is damaged: without
-            a name, or with a metric that is none.
+            a name, or with a metric that is none. Or the run is not finished.
     """
     if path.is_dir():
         cells = load_cells(path)
@@ -115,23 +115,39 @@ def _left_out(protocol: str, test: Sequence[int]) -> int | None:
 
 
 def _of_run(cells: Cells) -> pd.DataFrame:
-    """Cells of a results folder; where it holds some twice (other code, other settings), those of its last command."""
+    """Cells of a results folder; where it holds some twice (other code, other settings), those asked for last."""
     done = cells.table.drop(columns="repeat")
     done[LEFT_OUT] = [_left_out(*row) for row in zip(done["protocol"], done["test"], strict=True)]
     done["key"] = [folder.name for folder in done["folder"]]
     done["settings"] = done["settings"].map(settings_digest)
-    failed = [
-        {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": "failed", "key": cell.folder.name}
+    others = [
+        {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": cell.status, "key": cell.folder.name}
         | ({LEFT_OUT: _left_out(cell.columns["protocol"], cell.columns["test"])} if cell.columns else {})
         for cell in cells.skipped
         if cell.seed is not None
     ]
     table = done.assign(status="done")
-    table = pd.concat([table, pd.DataFrame(failed)], ignore_index=True) if failed else table
-    last = table["key"].isin(cells.run.get("cells", []))
-    stale = table.duplicated([*IDENTITY, LEFT_OUT], keep=False) & ~last
-    kept = table.loc[~stale].sort_values(list(IDENTITY), ignore_index=True)
+    table = pd.concat([table, pd.DataFrame(others)], ignore_index=True) if others else table
+    commands = [*cells.run.get("history", []), cells.run]
+    places = {key: place for place, command in enumerate(commands) for key in command.get("cells", [])}
+    asked = pd.Series([places.get(key, -1) for key in table["key"]], table.index)
+    last = asked.groupby([table[name] for name in (*IDENTITY, LEFT_OUT)], dropna=False).transform("max")
+    table = table.loc[asked == last]
+    _require_finished(cells, table)
+    kept = table.sort_values(list(IDENTITY), ignore_index=True)
     return kept[[*IDENTITY, LEFT_OUT, *_PROBLEM, *metric_names(kept)]].astype({"seed": int})
+
+
+def _require_finished(cells: Cells, table: pd.DataFrame) -> None:
+    """Refuses a run that has not come to its end: what an older command has left would stand for what it lacks."""
+    known = set(table["key"])
+    left = table.loc[table["status"] == "unfinished", "key"].tolist()
+    left += [key for key in cells.run.get("cells", []) if key not in known]
+    if left:
+        raise LeaderboardError(
+            f"{cells.folder} is not finished: {len(left)} cells were cut off or not begun, such as {left[0]}; repeat "
+            "its `cusick-bench run` command to go on"
+        )
 
 
 def _of_file(path: Path) -> pd.DataFrame:

@@ -6,7 +6,6 @@ cloth, or fails where it did not, is worse without any test; where it failed bef
 decides. What is new is reported and judged by nothing.
 """
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
@@ -20,8 +19,7 @@ from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import Comparison, compare, holm
 from cusick_bench.leaderboard.metric_name import GATED
-
-_UNORDERED = re.compile(r"iou|cover|target|draws|floor|(_dc|_folds|_p)$")
+from cusick_bench.leaderboard.order import Direction, direction
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Gate:
         if not 0 <= self.minimum < 2:
             raise LeaderboardError(f"the minimum effect must lie in [0, 2), got {self.minimum}; 0.02 is two per cent")
         for metric in self.metrics:
-            if _UNORDERED.search(metric):
+            if direction(metric) != Direction():
                 raise LeaderboardError(f"smaller is not better in {metric!r}; compare for instance {', '.join(GATED)}")
 
 
@@ -155,6 +153,11 @@ def _of(table: pd.DataFrame, solver: str) -> pd.DataFrame:
 
 
 def _shared_metrics(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate) -> list[str]:
+    lost = [name for name in gate.metrics if name in baseline and len(baseline[name].dropna()) and name not in run]
+    if lost:
+        raise LeaderboardError(
+            f"the run has no {lost[0]}, and the baseline has; run it again, or choose other metrics with --metric"
+        )
     shared = [name for name in gate.metrics if name in run and name in baseline]
     if not shared or (gate.metrics != GATED and len(shared) < len(gate.metrics)):
         raise LeaderboardError(

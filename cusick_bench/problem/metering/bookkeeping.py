@@ -32,6 +32,18 @@ class Simulated:
     jumped: bool = False
 
 
+def digest_of(tau: Float[np.ndarray, " dimension"]) -> str:
+    """Fingerprint of a parameter vector.
+
+    Args:
+        tau: The vector.
+
+    Returns:
+        16 hexadecimal digits.
+    """
+    return hashlib.sha256(tau.tobytes()).hexdigest()[:16]
+
+
 Evaluate = Callable[[Float[np.ndarray, "members dimension"]], list[Simulated]]
 
 
@@ -62,8 +74,8 @@ def metered(
     Raises:
         BudgetExceeded: The budget does not allow for so many evaluations.
     """
-    digests = [hashlib.sha256(tau.tobytes()).hexdigest()[:16] for tau in taus]
-    meter.admit(kind, len(taus), replayed=journal.replaying)
+    digests = [digest_of(tau) for tau in taus]
+    meter.admit(kind, len(taus), replayed=journal.repeats(kind, digests) > 0 if journal.replaying else None)
     entries: list[Entry] = []
     while len(entries) < len(taus) and (entry := journal.next(kind, digests[len(entries)])) is not None:
         meter.replay(entry.evaluation)

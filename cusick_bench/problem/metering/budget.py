@@ -171,20 +171,21 @@ class Meter:
             self._reserved -= drapes
             self._owed = drapes
 
-    def admit(self, kind: str, count: int = 1, *, replayed: bool = False) -> None:
+    def admit(self, kind: str, count: int = 1, *, replayed: bool | None = None) -> None:
         """Raises BudgetExceeded where so many evaluations of this kind are not affordable.
 
         Args:
             kind: "loss", "gradient", "drape" or "draw".
             count: Number of evaluations.
-            replayed: Whether an earlier run has made them: then there was time for them.
+            replayed: Whether an earlier run, which is replayed, has made them: then there was time for them, and else
+                there was none; None where nothing is replayed.
         """
         if refusal := self._refusal(kind, count, replayed):
             raise BudgetExceeded(refusal)
         if kind == "drape" and not self._reserved and not replayed:
             self._owed = max(self._owed - count, 0)
 
-    def _refusal(self, kind: str, count: int, replayed: bool) -> str:
+    def _refusal(self, kind: str, count: int, replayed: bool | None) -> str:
         """Why so many evaluations are not affordable; empty where they are."""
         cost = count * COST[kind]
         limit = self.budget.forward_equivalents
@@ -197,6 +198,8 @@ class Meter:
         granted = kind == "drape" and count <= self._owed and not self._reserved
         if limit is None or not cost or replayed or granted:
             return ""
+        if replayed is not None:
+            return f"there was no time for {count} x {kind} before the run was killed; raise --seconds to go on"
         kept_back = self._reserved * (self.trace[-1].seconds if self.trace else 0.0)
         expected = kept_back + count * next((past.seconds for past in reversed(self.trace) if past.kind == kind), 0.0)
         if self.wall_seconds + expected <= limit:
@@ -206,7 +209,7 @@ class Meter:
             f"{expected:.1f} s; raise --seconds to go on"
         )
 
-    def affordable(self, kind: str, most: int, *, replayed: bool = False) -> int:
+    def affordable(self, kind: str, most: int, *, replayed: bool | None = None) -> int:
         """How many evaluations of a kind the budget allows for.
 
         Args:

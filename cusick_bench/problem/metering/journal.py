@@ -17,7 +17,7 @@ import json
 import logging
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import accumulate, takewhile
 from pathlib import Path
@@ -25,6 +25,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from cusick_bench.files import parse_json
 from cusick_bench.problem.errors import StaleJournal
 from cusick_bench.problem.metering.budget import Evaluation
 
@@ -96,7 +97,7 @@ def read_trace(folder: Path) -> list[dict[str, Any]]:
     records: list[dict[str, Any]] = []
     for line in _lines(folder / TRACE):
         try:
-            record = json.loads(line)
+            record = parse_json(line.decode(), TRACE, remedy="")
         except ValueError:
             break
         if not isinstance(record, dict):
@@ -149,7 +150,7 @@ class Journal:
             try:
                 body, link, arrays = _sound(line, link, data[begin:])
                 entry = Entry(_evaluation(json.loads(body)), arrays)
-            except (ValueError, TypeError, KeyError, AttributeError) as error:
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
                 return entries, f"{trace}, line {number}, is damaged ({error})"
             entries.append(entry)
             begin += sum(array.size for array in arrays.values())
@@ -185,6 +186,25 @@ class Journal:
     def replaying(self) -> bool:
         """Whether evaluations of an earlier run are left."""
         return self._position < len(self._past)
+
+    def repeats(self, kind: str, digests: Sequence[str]) -> int:
+        """How many evaluations the earlier run has made here as they are asked for now, before it did anything else.
+
+        Args:
+            kind: What is asked for.
+            digests: Hashes of the parameters, in order.
+
+        Returns:
+            Their number, all of them where the earlier run ends before it did anything else.
+        """
+        past = self._past[self._position : self._position + len(digests)]
+        made = [
+            (entry.evaluation.kind, entry.evaluation.digest) == (kind, d)
+            for entry, d in zip(past, digests, strict=False)
+        ]
+        if all(made):
+            return len(digests)
+        return made.index(False)
 
     def next(self, kind: str, digest: str) -> Entry | None:
         """The earlier run's evaluation that this one repeats.

@@ -121,6 +121,7 @@ _RUN: dict[str, tuple[str, str]] = {
     "negative budget": (DISC + " --budget -5", "budget.*than or equal"),
     "budget that is no number": (DISC + " --budget nan", "budget.*than or equal|budget.*nan"),
     "infinite budget": (DISC + " --budget inf", "budget.*than or equal"),
+    "first seed of 19 digits": (DISC + " --seed 1000000000000000000", "--seed.*(greater|less) than or equal|range"),
     "budget below one drape": (DISC + " --budget 0.5", "budget.*than or equal"),
     "time of zero": (DISC + " --seconds 0", "seconds|time"),
     "negative time": (DISC + " --seconds -1", "seconds|time"),

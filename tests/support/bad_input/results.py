@@ -289,6 +289,7 @@ _FED: dict[str, tuple[str, str | bytes]] = {
     "trace of zero bytes": ("trace.jsonl", bytes(100)),
     "trace of other things": ("trace.jsonl", '{"a": 1}\n[]\n5\nnull\n'),
     "trace of wrong types": ("trace.jsonl", '{"kind": 3, "digest": [], "loss": "x", "arrays": 5}\n'),
+    "trace that is nested deep": ("trace.jsonl", "[" * 100_000 + ', "check": "0"}\n'),
     "trace of 10^12 numbers": (
         "trace.jsonl",
         '{"kind": "loss", "digest": "", "loss": 1, "arrays": {"vertices": [1000000000000]}}\n',
