@@ -14,10 +14,10 @@ from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.identify.workspace import Workspace, fingerprint, keep, kept
+from cusick_bench.identify.workspace import Workspace, fingerprint, is_record, keep, kept
 from cusick_bench.photographs.preparation.pictures import Pictures, find_pictures
 from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
-from cusick_bench.photographs.preparation.prepare import prepare
+from cusick_bench.photographs.preparation.prepare import prepare, require_free
 from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
 from cusick_bench.photographs.reading import SUFFIXES
 
@@ -123,8 +123,11 @@ def _prepared(
             return _usable(Preparation.model_validate_json(str(earlier["preparation"])), workspace)
         except (KeyError, ValidationError):
             pass
-    if record.is_file() and workspace.data.is_dir():
+    if record.exists() and not is_record(record):
+        raise IdentifyError(f"{record} was not written by an identification; choose another --out, or move it away")
+    if record.exists() and workspace.data.is_dir():
         shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
+    require_free(folder, workspace.data)  # before the record, which says that the data set is ours to remove
     keep(record, "", {})
     begin(len(found.drapes))
     preparation = _described(prepare(folder, workspace.data, setting, done))

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -221,6 +222,23 @@ def test_photographs_are_prepared_again_only_where_they_or_the_options_changed(p
     assert len(read) == 1
     assert "0.2," in prepared("200 g/m2")
     assert len(read) == 2
+
+
+def test_a_data_set_of_somebody_else_in_the_workspace_is_left_alone(photographs, lab, tmp_path):
+    """However often the command is repeated: a record of its own would make the data set its own to remove."""
+    out = tmp_path / "out"
+    shutil.copytree(lab, out)
+    before = sorted(out.rglob("*"))
+    for _ in range(2):
+        result = identify(photographs, "--out", out, *CHEAP)
+        assert result.exit_code == 2, result.output
+        assert "data: is not empty; give a new folder, or remove it" in said(result)
+        assert sorted(out.rglob("*")) == before
+    (out / "data.json").write_text("{}")
+    result = identify(photographs, "--out", out, *CHEAP)
+    assert result.exit_code == 2, result.output
+    assert "data.json was not written by an identification; choose another --out" in said(result)
+    assert sorted(out.rglob("*")) == sorted([*before, out / "data.json"])
 
 
 def test_a_photograph_that_is_refused_is_named(photographs, tmp_path):

@@ -184,6 +184,25 @@ def protocol_of(view: PlateView, setting: Setting) -> Protocol:
         ) from error
 
 
+def require_free(folder: Path, out: Path) -> None:
+    """Refuses a folder in which a data set would mix with other files, or its pictures with the photographs.
+
+    Args:
+        folder: The photographs.
+        out: Folder of the data set that is to be made of them.
+
+    Raises:
+        BadPhotograph: It holds more than a table of weights, or lies in the folder of the photographs.
+    """
+    if not free(out, _WRITTEN, allowed=(TABLE,)):
+        raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise BadPhotograph(
+            "lies in the folder of the photographs, where its pictures would be taken for photographs the next time",
+            where=out, remedy="give a folder beside it", kind="not-empty",
+        )  # fmt: skip
+
+
 def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], None] = lambda name: None) -> Preparation:
     """Prepares a folder of photographs. The data set appears when it is whole; after an error nothing is left of it.
 
@@ -200,13 +219,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     Raises:
         BadPhotograph: Anything that one has to mend first: the folder, the calibration, a picture of another camera.
     """
-    if not free(out, _WRITTEN, allowed=(TABLE,)):
-        raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
-    if out.resolve().is_relative_to(folder.resolve()):
-        raise BadPhotograph(
-            "lies in the folder of the photographs, where its pictures would be taken for photographs the next time",
-            where=out, remedy="give a folder beside it", kind="not-empty",
-        )  # fmt: skip
+    require_free(folder, out)
     pictures = find_pictures(folder)
     view = _view(pictures, setting)
     protocol = protocol_of(view, setting)
