@@ -78,6 +78,12 @@ def test_hidden_files_are_no_pictures(tmp_path):
     assert [picture.path.name for picture in found.drapes] == [DRAPE]
 
 
+def test_samples_may_be_numbered_by_their_date(tmp_path):
+    names = [f"Fabric_1_Sample_{date}_Capture_1.jpg" for date in (20261126, 20261127)]
+    found = find_pictures(_folder(tmp_path, *names, "plate.jpg"))
+    assert [picture.sample for picture in found.drapes] == [20261126, 20261127]
+
+
 def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_into(tmp_path):
     folder, out = _folder(tmp_path, DRAPE, "plate.jpg"), tmp_path / "set"
     words = ["data", "prepare", str(folder), "--out", str(out)]
