@@ -275,6 +275,7 @@ def test_photographs_without_a_sure_outline_are_refused_together(photographs, tm
     [
         (["nowhere"], "nowhere: no such folder; give a folder of photographs, or a data set"),
         (["synthetic", "--plate-diameter", "150 mm"], "--plate-diameter is about photographs"),
+        (["synthetic", "--image-size", "300"], "--image-size is about photographs"),
         (["synthetic", "--solver", "homo", "--solver", "heter"], "identify fits with one solver, got 2: homo, heter"),
         (["synthetic", "--cloth", "silk"], "unknown cloth silk: use one of fabric_1"),
         (["synthetic", "--cloth", "fabric_1", "--solver", "homoo"], "did you mean 'homo'?"),
@@ -308,6 +309,13 @@ def test_square_pictures_without_a_ruler_are_silhouettes(lab, photographs, tmp_p
     assert not holds_photographs(tmp_path)
     assert not holds_photographs(lab)
     assert holds_photographs(photographs)
+
+
+def test_photographs_of_silk_are_photographs(photographs, tmp_path):
+    (tmp_path / "silk").mkdir()
+    for path in photographs.glob("*.jpg"):
+        (tmp_path / ("silk" if path.stem.startswith("Fabric") else ".") / path.name).write_bytes(path.read_bytes())
+    assert holds_photographs(tmp_path)
 
 
 def test_the_drape_with_the_median_coefficient_is_typical(lab):

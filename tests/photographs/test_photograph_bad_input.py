@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.photographs.preparation.pictures import find_pictures
+from cusick_bench.photographs.preparation.weights import weights_of_options
 
 GREY = np.full((400, 500, 3), 128, np.uint8)
 
@@ -60,6 +61,9 @@ def test_a_folder_that_lacks_something(tmp_path, names, says):
         (["--weight", "180"], "weight must be a number > 0 with a unit"),
         (["--weight", "180 kg/m2"], "cloths have"),
         (["--weight", "7=180 g/m2"], "for a fabric that no picture shows"),
+        (["--weight", "180 g/m2", "--weight", "1=1 oz/yd2", "--weight", "2 oz/yd2"], "a second weight of all fabrics"),
+        (["--weight", "1=180 g/m2", "--weight", "1=190 g/m2"], "'1=190 g/m2' is a second weight of fabric 1"),
+        (["--captures", "1=up,2=up,1=down"], "--captures has 1 twice"),
         (["--cloth-diameter", "30"], "--cloth-diameter must be a number > 0 with a unit"),
         (["--plate-diameter", "400 mm"], "the plate must be smaller than 0.9 of the cloth"),
         (["--captures", "1=left"], "--captures must be"),
@@ -82,6 +86,11 @@ def test_samples_may_be_numbered_by_their_date(tmp_path):
     names = [f"Fabric_1_Sample_{date}_Capture_1.jpg" for date in (20261126, 20261127)]
     found = find_pictures(_folder(tmp_path, *names, "plate.jpg"))
     assert [picture.sample for picture in found.drapes] == [20261126, 20261127]
+
+
+@pytest.mark.parametrize("texts", [["180 g/m2", "2=200 g/m2"], ["2=200 g/m2", "180 g/m2"]])
+def test_the_weight_of_one_fabric_goes_before_that_of_all(texts):
+    assert weights_of_options(texts, [1, 2]) == pytest.approx({1: 0.18, 2: 0.2})
 
 
 def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_into(tmp_path):
