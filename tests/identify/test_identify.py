@@ -136,6 +136,21 @@ def test_pictures_that_cannot_be_used_are_not_forced(lab):
     assert not any("--force" in step for step in steps)
 
 
+def test_samples_whose_pictures_cannot_be_used_are_not_to_be_cut_again(lab):
+    for fabric, cut in (("fabric_1", False), ("fabric_2", True)):
+        steps = fabric_next(load(lab), fabric, Drapes(samples=1, silhouettes=3, units=1, unusable=2), "", None, 0)
+        assert any(step.startswith("Cut 2 more samples") for step in steps) is cut
+
+
+def test_captures_without_a_number_are_to_be_numbered(lab, tmp_path):
+    """Their face cannot be told by `captures` in protocol.json, which goes by the number."""
+    for path in (lab / "data/Fabric 1/silhouettes").iterdir():
+        (tmp_path / path.name.replace("_Capture_1", "")).write_bytes(path.read_bytes())
+    steps = fabric_next(load(tmp_path), "fabric_1", Drapes(samples=3, silhouettes=3, units=3), "", None, 0)
+    assert any(step.startswith("Number the captures in the names of the pictures") for step in steps)
+    assert not any("protocol.json" in step for step in steps)
+
+
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
     for fabric in (answer.fabrics[0], answer.fabrics[2]):
         assert fabric.diagnosis is not None
