@@ -14,6 +14,7 @@ from cusick_bench.photographs.errors import BadPhotograph
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 _FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP")
+_DEEP = ("I", "F")  # beginnings of Pillow's modes of 16 and 32 bits
 _MOST_PIXELS = 120_000_000
 _LEAST_SIDE = 240  # [px]
 _FULL_FRAME = math.hypot(36, 24)  # [mm] diagonal of the film that "35 mm equivalent" refers to
@@ -47,7 +48,7 @@ def read_photograph(path: Path) -> Photograph:
         The picture, upright.
 
     Raises:
-        BadPhotograph: Missing, unreadable, too small or too large.
+        BadPhotograph: Missing, unreadable, of more than 8 bits a pixel, too small or too large.
     """
     try:
         with warnings.catch_warnings():
@@ -57,6 +58,11 @@ def read_photograph(path: Path) -> Photograph:
                     raise _bad(path, f"has {image.width} x {image.height} px, at most {_MOST_PIXELS // 10**6} million")
                 if min(image.size) < _LEAST_SIDE:
                     raise _bad(path, f"has {image.width} x {image.height} px, at least {_LEAST_SIDE} a side are needed")
+                if image.mode.startswith(_DEEP):  # which Pillow would cut off at 255
+                    raise BadPhotograph(
+                        "has more than 8 bits a pixel", where=path, remedy="save it with 8 bits a channel",
+                        kind="unreadable-photograph",
+                    )  # fmt: skip
                 focal = _focal(image)
                 upright = ImageOps.exif_transpose(image).convert("RGB")
     except (BadPhotograph, MemoryError):

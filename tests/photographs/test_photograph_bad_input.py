@@ -116,6 +116,13 @@ def test_a_file_that_is_no_picture(tmp_path):
     assert "cannot be read as a picture" in _refused(folder, tmp_path)
 
 
+def test_a_picture_of_sixteen_bits(tmp_path):
+    """It would be cut off at level 255, and be white all over."""
+    folder = _folder(tmp_path, DRAPE)
+    cv2.imwrite(str(folder / "plate.png"), GREY[..., 0].astype(np.uint16) * 257)
+    assert "plate.png: has more than 8 bits a pixel; save it with 8 bits a channel" in _refused(folder, tmp_path)
+
+
 def test_a_picture_of_another_size(tmp_path, photographs):
     folder = tmp_path / "photographs"
     shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
