@@ -5,6 +5,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from PIL import ExifTags, Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -134,6 +135,18 @@ def test_a_picture_of_another_size(tmp_path, photographs):
     words = ["data", "prepare", str(folder), "--out", str(tmp_path / "set")]
     assert CliRunner().invoke(app, words).exit_code == 0
     assert _contents(tmp_path / "set") == ["check", "data", "fabrics.csv", "protocol.json"]
+
+
+def test_a_picture_that_its_header_turns_otherwise(tmp_path, photographs):
+    """Turned by half a circle it has the same size, and its plate nearly the same place."""
+    folder = tmp_path / "photographs"
+    shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
+    with Image.open(folder / DRAPE) as image:
+        header = image.getexif()
+        header[ExifTags.Base.Orientation] = 3
+        image.save(folder / DRAPE, exif=header)
+    said = _refused(folder, tmp_path)
+    assert "has the orientation 3 in its header, the calibration's pictures 1" in said
 
 
 def test_the_output_folder_must_be_new(tmp_path):
