@@ -106,14 +106,14 @@ def fabric_next(
         todo.append("Repeat the command with a solver that simulates drapes, such as --solver bdp-field.")
     elif fit_missing and not fit_missing.startswith(UNUSABLE):  # which the advice on unusable pictures is about
         todo.append("Mend what the reason above names, or use the pictures as they are with --force.")
-    more = LEAST_SAMPLES - own["sample"].nunique()  # those of unusable pictures are cut already
+    more = LEAST_SAMPLES - len(set(own["sample"]))  # those of unusable pictures are cut already
     if more > 0:
         todo.append(
             f"Cut {more} more sample{'s' * (more != 1)} at least (the public release has {USUAL_SAMPLES}) and picture "
             "each: then the scatter between samples is known, and a diagnosis is possible."
         )
     sides = set(own["side"])
-    if own["notes"].str.contains(UNNUMBERED, regex=False).any():
+    if any(UNNUMBERED in note for note in own["notes"]):
         todo.append("Number the captures in the names of the pictures (..._Capture_1): by it their face is known.")
     elif "" in sides:
         todo.append("Say which face lies up in which capture (captures in protocol.json, --captures for photographs).")
