@@ -22,6 +22,8 @@ COLUMNS = (
 )  # fmt: skip
 OTHER_FACE = {"up": "down", "down": "up"}
 """By the face of a drape that is known, the other one."""
+UNNUMBERED = "no capture number, taken as 1; side unknown"
+"""Note of a picture whose name holds no number of a capture."""
 CORRECTIONS = ("pairing", "rotation", "side", "centre")
 Progress = Callable[[int, int], None]
 
@@ -226,7 +228,7 @@ def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recogn
 
 def _side(entry: Entry, protocol: Protocol, doubtful: bool) -> tuple[str, list[str]]:
     if entry.capture == 0:
-        return "", ["no capture number, taken as 1; side unknown"]
+        return "", [UNNUMBERED]
     if doubtful and not entry.is_named:
         return "", ["side unknown: meshes contradict the capture numbers"]
     side = protocol.captures.get(entry.capture, "")

@@ -14,14 +14,15 @@ from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.identify.workspace import Workspace, fingerprint, keep, kept
+from cusick_bench.identify.workspace import Workspace, fingerprint, is_record, keep, kept
 from cusick_bench.photographs.preparation.pictures import Pictures, find_pictures
 from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
-from cusick_bench.photographs.preparation.prepare import prepare
+from cusick_bench.photographs.preparation.prepare import Setting, prepare, require_free
 from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
 from cusick_bench.photographs.reading import SUFFIXES
 
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
+_SILHOUETTES = ("silh", "silo")  # beginnings of names of folders; the release's are misspelt, and silk is a cloth
 _MARKS = (PROTOCOL, FABRICS)
 
 
@@ -44,7 +45,8 @@ def holds_photographs(folder: Path) -> bool:
         what = "is a file, not a folder" if folder.exists() else "no such folder"
         raise IdentifyError(f"{folder}: {what}; give a folder of photographs, or a data set: {', '.join(REGISTRY)}")
     marked = any((place / name).exists() for place in (folder, folder / "data") for name in _MARKS)
-    if marked or any(path.is_dir() and path.name.lower().startswith("sil") for path in folder.glob("**/[sS]il*")):
+    named = (path for path in folder.glob("**/[sS]il*") if path.name.lower().startswith(_SILHOUETTES))
+    if marked or any(path.is_dir() for path in named):
         return False
     pictures = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in SUFFIXES and path.is_file()]
     if not pictures:
@@ -93,11 +95,13 @@ def as_data_set(
         DataError: Nothing in the folder is named as the layout names it.
     """
     if given in REGISTRY or not holds_photographs(Path(given)):
-        if text != SettingText():
-            told = ", ".join(name for name, value in asdict(text).items() if value != getattr(SettingText(), name))
+        told = [name for name, value in asdict(text).items() if value != getattr(SettingText(), name)]
+        told += ["image_size"] if image_size != Setting.image_size else []
+        if told:
+            options = ", ".join(f"--{name.replace('_', '-')}" for name in told)
             raise IdentifyError(
-                f"{given} is a data set, and --{told.replace('_', '-')} is about photographs; write weights into "
-                "fabrics.csv and sizes into protocol.json beside the data"
+                f"{given} is a data set, and {options} {'is' if len(told) == 1 else 'are'} about photographs; write "
+                "weights into fabrics.csv and sizes into protocol.json beside the data"
             )
         if given not in REGISTRY:
             scan(given)
@@ -123,8 +127,11 @@ def _prepared(
             return _usable(Preparation.model_validate_json(str(earlier["preparation"])), workspace)
         except (KeyError, ValidationError):
             pass
-    if record.is_file() and workspace.data.is_dir():
+    if record.exists() and not is_record(record):
+        raise IdentifyError(f"{record} was not written by an identification; choose another --out, or move it away")
+    if record.exists() and workspace.data.is_dir():
         shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
+    require_free(folder, workspace.data)  # before the record, which says that the data set is ours to remove
     keep(record, "", {})
     begin(len(found.drapes))
     preparation = _described(prepare(folder, workspace.data, setting, done))

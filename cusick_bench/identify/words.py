@@ -1,6 +1,7 @@
 """What an identification says in sentences: what is in doubt, and what to do next."""
 
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
@@ -105,14 +106,16 @@ def fabric_next(
         todo.append("Repeat the command with a solver that simulates drapes, such as --solver bdp-field.")
     elif fit_missing and not fit_missing.startswith(UNUSABLE):  # which the advice on unusable pictures is about
         todo.append("Mend what the reason above names, or use the pictures as they are with --force.")
-    if drapes.samples < LEAST_SAMPLES:
-        more = LEAST_SAMPLES - drapes.samples
+    more = LEAST_SAMPLES - len(set(own["sample"]))  # those of unusable pictures are cut already
+    if more > 0:
         todo.append(
             f"Cut {more} more sample{'s' * (more != 1)} at least (the public release has {USUAL_SAMPLES}) and picture "
             "each: then the scatter between samples is known, and a diagnosis is possible."
         )
     sides = set(own["side"])
-    if "" in sides:
+    if any(UNNUMBERED in note for note in own["notes"]):
+        todo.append("Number the captures in the names of the pictures (..._Capture_1): by it their face is known.")
+    elif "" in sides:
         todo.append("Say which face lies up in which capture (captures in protocol.json, --captures for photographs).")
     elif sides != {"up", "down"}:
         todo.append("Picture each sample with the other face up as well: a difference of the faces shows then.")

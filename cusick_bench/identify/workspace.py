@@ -116,6 +116,21 @@ def kept(record: Path, key: str) -> dict[str, Any] | None:
     return found if found.get("inputs") == key else None
 
 
+def is_record(path: Path) -> bool:
+    """Whether a file was written by `keep`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        False where it is something else, damaged or not there.
+    """
+    try:
+        return "inputs" in read_json_object(path, remedy="")
+    except BadFile:
+        return False
+
+
 def keep(record: Path, key: str, content: Mapping[str, Any]) -> None:
     """Says that a part is finished.
 

@@ -14,6 +14,7 @@ from cusick_bench.photographs.errors import BadPhotograph
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp")
 _FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP")
+_DEEP = ("I", "F")  # beginnings of Pillow's modes of 16 and 32 bits
 _MOST_PIXELS = 120_000_000
 _LEAST_SIDE = 240  # [px]
 _FULL_FRAME = math.hypot(36, 24)  # [mm] diagonal of the film that "35 mm equivalent" refers to
@@ -26,10 +27,12 @@ class Photograph:
     Attributes:
         levels: Levels 0 to 255, blue first.
         focal: Focal length that its header tells [px], None if it tells none.
+        turn: How its header says that it is to be turned and mirrored, 1 to 8 as Exif has it; 1 if it says nothing.
     """
 
     levels: UInt8[ndarray, "height width 3"]
     focal: float | None
+    turn: int = 1
 
     @property
     def size(self) -> tuple[int, int]:
@@ -47,7 +50,7 @@ def read_photograph(path: Path) -> Photograph:
         The picture, upright.
 
     Raises:
-        BadPhotograph: Missing, unreadable, too small or too large.
+        BadPhotograph: Missing, unreadable, of more than 8 bits a pixel, too small or too large.
     """
     try:
         with warnings.catch_warnings():
@@ -57,7 +60,12 @@ def read_photograph(path: Path) -> Photograph:
                     raise _bad(path, f"has {image.width} x {image.height} px, at most {_MOST_PIXELS // 10**6} million")
                 if min(image.size) < _LEAST_SIDE:
                     raise _bad(path, f"has {image.width} x {image.height} px, at least {_LEAST_SIDE} a side are needed")
-                focal = _focal(image)
+                if image.mode.startswith(_DEEP):  # which Pillow would cut off at 255
+                    raise BadPhotograph(
+                        "has more than 8 bits a pixel", where=path, remedy="save it with 8 bits a channel",
+                        kind="unreadable-photograph",
+                    )  # fmt: skip
+                focal, turn = _focal(image), _turn(image)
                 upright = ImageOps.exif_transpose(image).convert("RGB")
     except (BadPhotograph, MemoryError):
         raise
@@ -67,7 +75,7 @@ def read_photograph(path: Path) -> Photograph:
         raise _bad(path, f"has more than {_MOST_PIXELS // 10**6} million px") from error
     except Exception as error:  # decoders raise anything on damaged or hostile files
         raise _bad(path, "cannot be read as a picture") from error
-    return Photograph(np.ascontiguousarray(np.asarray(upright)[:, :, ::-1]), focal)
+    return Photograph(np.ascontiguousarray(np.asarray(upright)[:, :, ::-1]), focal, turn)
 
 
 def linear_light(levels: ndarray) -> Float[ndarray, "*places 3"]:
@@ -103,6 +111,15 @@ def _focal(image: Image.Image) -> float | None:
     except Exception:  # a damaged header, of which decoders raise anything, tells no focal length
         return None
     return focal_in_pixels(value, image.size) if 5 <= value <= 1000 else None
+
+
+def _turn(image: Image.Image) -> int:
+    """Orientation that the header tells."""
+    try:
+        value = int(image.getexif().get(ExifTags.Base.Orientation, 1))
+    except Exception:  # as in `_focal`
+        return 1
+    return value if 1 <= value <= 8 else 1
 
 
 def _bad(path: Path, what: str) -> BadPhotograph:

@@ -2,8 +2,8 @@
 
 Known: `data/Fabric N/{silhouettes,meshes}/Fabric_N_Sample_S_Capture_C.*`; `data/Fabric N Observations/Sample S/...`
 with `Obs_K` or `Observation_K`; named sets `bnn_image_gt/<cloth>/...sample_S_Upward_Drape_D.*`. The root may be the
-release, its `data` folder, one fabric's folder, or hold one fabric. What a file is called decides its capture; its
-folder decides its fabric and sample.
+release, its `data` folder, one fabric's folder or a folder in there, or hold one fabric. What a file is called decides
+its capture; its folder decides its fabric and sample.
 """
 
 import os
@@ -22,16 +22,17 @@ _SIDE_FILES = re.compile(
     r"(readme|licen[cs]e|citation).*|fabrics\.csv|(protocol|sha256|croissant|truth|manifest)\.json|check_.*\.jpg|weights\.csv",
     re.I,
 )
+_DIGITS = r"(\d{1,18})(?!\d)"  # of a number in a file's name, which may be a date; all of them, within 64 bits
 _FABRIC_FOLDER = re.compile(r"fabric[ _-]*(\d+)(?P<series>[ _-]*obs\w*)?", re.I)
 _SAMPLE_FOLDER = re.compile(r"sample[ _-]*(\d+)", re.I)
 _IMAGE_FOLDER = re.compile(r"sil\w*", re.I)
 _MESH_FOLDER = re.compile(r"mesh\w*", re.I)
-_FABRIC = re.compile(r"fabric[ _-]*(\d{1,6})", re.I)
-_SAMPLE = re.compile(r"sample[ _-]*(\d{1,6})", re.I)
-_CAPTURE = re.compile(r"capture[ _-]*(\d{1,6})", re.I)
-_OBSERVATION = re.compile(r"obs(?:ervation)?[ _-]*(\d{1,6})", re.I)
+_FABRIC = re.compile(rf"fabric[ _-]*{_DIGITS}", re.I)
+_SAMPLE = re.compile(rf"sample[ _-]*{_DIGITS}", re.I)
+_CAPTURE = re.compile(rf"capture[ _-]*{_DIGITS}", re.I)
+_OBSERVATION = re.compile(rf"obs(?:ervation)?[ _-]*{_DIGITS}", re.I)
 _FACE = re.compile(r"(up|down)ward", re.I)
-_DRAPE = re.compile(r"drape[ _-]*(\d{1,6})", re.I)
+_DRAPE = re.compile(rf"drape[ _-]*{_DIGITS}", re.I)
 _ZERO = re.compile(r"((?:fabric|sample|capture|obs(?:ervation)?)[ _-]*)0+(?!\d)", re.I)
 NUMBER_ZERO = "number-zero"
 
@@ -103,7 +104,8 @@ class Layout:
         }
 
     def beside(self, name: str) -> Path | None:
-        """Finds a table that belongs to the data: in the root, in its `data` folder, or above a fabric or data folder.
+        """Finds a table that belongs to the data: in the root, in its `data` folder, or above a data folder,
+        a fabric's, or one of silhouettes, meshes or a sample.
 
         Args:
             name: File name of the table.
@@ -112,7 +114,7 @@ class Layout:
             Its path; None if there is none.
         """
         places, top = [self.root, self.root / "data"], self.root
-        while top.name == "data" or _FABRIC_FOLDER.fullmatch(top.name):
+        while top.name == "data" or any(pattern.fullmatch(top.name) for pattern in _HOMES):
             top = top.parent
             places.append(top)
         return next((place / name for place in places if os.path.lexists(place / name)), None)

@@ -111,6 +111,8 @@ def _captures(value: Any) -> dict[int, str]:
     if not all(number.isdecimal() and side in ("up", "down", "") for number, side in sides.items()):
         raise ValueError(rule)
     captures = {int(number): side for number, side in sides.items()}
+    if len(captures) < len(sides):
+        raise ValueError(f"{rule}, each number once")
     if 0 in captures:
         raise ValueError(f"{rule}, and numbers begin at 1")
     return captures

@@ -107,6 +107,22 @@ def test_any_level_of_the_layout_is_a_root(toy, root):
     assert dataset.sample(0).mesh is not None
 
 
+def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):
+    """They would be read by the release's scale and sizes, and give other numbers."""
+    (toy / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    (toy / "protocol.json").write_text('{"cloth_radius_m": 0.14}')
+    dataset = load(toy / "data/Fabric 7/silhouettes")
+    assert len(dataset) == 12
+    assert dataset.require_density(0) == 0.2
+    assert dataset.protocol.cloth_radius_m == 0.14
+
+
+def test_samples_may_be_numbered_by_their_date(toy):
+    for path in image_path(toy, 1, 1).parent.iterdir():
+        path.rename(path.with_name(path.name.replace("Sample_", "Sample_2026112")))
+    assert sorted(set(load(toy).index["sample"])) == [20261121, 20261122, 20261123]
+
+
 @pytest.mark.parametrize("change", ["no-meshes", "fabric-at-root", "misspelt", "flat", "gz", "underscores"])
 def test_variants_of_the_layout(toy, change):
     fabric = toy / "data" / "Fabric 7"

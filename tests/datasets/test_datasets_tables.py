@@ -151,6 +151,7 @@ def test_fabric_table_forgives_blanks(tmp_path):
         ({"captures": {"1": "left"}}, "captures must map"),
         ({"captures": ["up"]}, "captures must map"),
         ({"captures": {"0": "up", "1": "down"}}, "captures must map .* and numbers begin at 1"),
+        ({"captures": {"1": "up", "01": "down"}}, "captures must map .* each number once"),
         ({"plate_radius_m": 0.2}, "plate_radius_m must be below cloth_radius_m"),
         ([1, 2], "must hold one JSON object"),
         ({"plate_radius_m": 90}, r"plate_radius_m must be from 0.01 to 0.4 m \(90 mm are 0.09 m\), got 90"),

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,21 @@ def test_pictures_that_cannot_be_used_are_not_forced(lab):
     assert not any("--force" in step for step in steps)
 
 
+def test_samples_whose_pictures_cannot_be_used_are_not_to_be_cut_again(lab):
+    for fabric, cut in (("fabric_1", False), ("fabric_2", True)):
+        steps = fabric_next(load(lab), fabric, Drapes(samples=1, silhouettes=3, units=1, unusable=2), "", None, 0)
+        assert any(step.startswith("Cut 2 more samples") for step in steps) is cut
+
+
+def test_captures_without_a_number_are_to_be_numbered(lab, tmp_path):
+    """Their face cannot be told by `captures` in protocol.json, which goes by the number."""
+    for path in (lab / "data/Fabric 1/silhouettes").iterdir():
+        (tmp_path / path.name.replace("_Capture_1", "")).write_bytes(path.read_bytes())
+    steps = fabric_next(load(tmp_path), "fabric_1", Drapes(samples=3, silhouettes=3, units=3), "", None, 0)
+    assert any(step.startswith("Number the captures in the names of the pictures") for step in steps)
+    assert not any("protocol.json" in step for step in steps)
+
+
 def test_a_fabric_of_several_samples_is_diagnosed_whether_weighed_or_not(answer, out):
     for fabric in (answer.fabrics[0], answer.fabrics[2]):
         assert fabric.diagnosis is not None
@@ -223,6 +239,23 @@ def test_photographs_are_prepared_again_only_where_they_or_the_options_changed(p
     assert len(read) == 2
 
 
+def test_a_data_set_of_somebody_else_in_the_workspace_is_left_alone(photographs, lab, tmp_path):
+    """However often the command is repeated: a record of its own would make the data set its own to remove."""
+    out = tmp_path / "out"
+    shutil.copytree(lab, out)
+    before = sorted(out.rglob("*"))
+    for _ in range(2):
+        result = identify(photographs, "--out", out, *CHEAP)
+        assert result.exit_code == 2, result.output
+        assert "data: is not empty; give a new folder, or remove it" in said(result)
+        assert sorted(out.rglob("*")) == before
+    (out / "data.json").write_text("{}")
+    result = identify(photographs, "--out", out, *CHEAP)
+    assert result.exit_code == 2, result.output
+    assert "data.json was not written by an identification; choose another --out" in said(result)
+    assert sorted(out.rglob("*")) == sorted([*before, out / "data.json"])
+
+
 def test_a_photograph_that_is_refused_is_named(photographs, tmp_path):
     folder = tmp_path / "photos"
     folder.mkdir()
@@ -257,6 +290,7 @@ def test_photographs_without_a_sure_outline_are_refused_together(photographs, tm
     [
         (["nowhere"], "nowhere: no such folder; give a folder of photographs, or a data set"),
         (["synthetic", "--plate-diameter", "150 mm"], "--plate-diameter is about photographs"),
+        (["synthetic", "--image-size", "300"], "--image-size is about photographs"),
         (["synthetic", "--solver", "homo", "--solver", "heter"], "identify fits with one solver, got 2: homo, heter"),
         (["synthetic", "--cloth", "silk"], "unknown cloth silk: use one of fabric_1"),
         (["synthetic", "--cloth", "fabric_1", "--solver", "homoo"], "did you mean 'homo'?"),
@@ -290,6 +324,13 @@ def test_square_pictures_without_a_ruler_are_silhouettes(lab, photographs, tmp_p
     assert not holds_photographs(tmp_path)
     assert not holds_photographs(lab)
     assert holds_photographs(photographs)
+
+
+def test_photographs_of_silk_are_photographs(photographs, tmp_path):
+    (tmp_path / "silk").mkdir()
+    for path in photographs.glob("*.jpg"):
+        (tmp_path / ("silk" if path.stem.startswith("Fabric") else ".") / path.name).write_bytes(path.read_bytes())
+    assert holds_photographs(tmp_path)
 
 
 def test_the_drape_with_the_median_coefficient_is_typical(lab):

@@ -5,10 +5,12 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from PIL import ExifTags, Image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.photographs.preparation.pictures import find_pictures
+from cusick_bench.photographs.preparation.weights import weights_of_options
 
 GREY = np.full((400, 500, 3), 128, np.uint8)
 
@@ -60,6 +62,9 @@ def test_a_folder_that_lacks_something(tmp_path, names, says):
         (["--weight", "180"], "weight must be a number > 0 with a unit"),
         (["--weight", "180 kg/m2"], "cloths have"),
         (["--weight", "7=180 g/m2"], "for a fabric that no picture shows"),
+        (["--weight", "180 g/m2", "--weight", "1=1 oz/yd2", "--weight", "2 oz/yd2"], "a second weight of all fabrics"),
+        (["--weight", "1=180 g/m2", "--weight", "1=190 g/m2"], "'1=190 g/m2' is a second weight of fabric 1"),
+        (["--captures", "1=up,2=up,1=down"], "--captures has 1 twice"),
         (["--cloth-diameter", "30"], "--cloth-diameter must be a number > 0 with a unit"),
         (["--plate-diameter", "400 mm"], "the plate must be smaller than 0.9 of the cloth"),
         (["--captures", "1=left"], "--captures must be"),
@@ -76,6 +81,17 @@ def test_hidden_files_are_no_pictures(tmp_path):
     """macOS puts a file ._NAME beside NAME on foreign disks."""
     found = find_pictures(_folder(tmp_path, DRAPE, f"._{DRAPE}", "plate.jpg", "._plate.jpg"))
     assert [picture.path.name for picture in found.drapes] == [DRAPE]
+
+
+def test_samples_may_be_numbered_by_their_date(tmp_path):
+    names = [f"Fabric_1_Sample_{date}_Capture_1.jpg" for date in (20261126, 20261127)]
+    found = find_pictures(_folder(tmp_path, *names, "plate.jpg"))
+    assert [picture.sample for picture in found.drapes] == [20261126, 20261127]
+
+
+@pytest.mark.parametrize("texts", [["180 g/m2", "2=200 g/m2"], ["2=200 g/m2", "180 g/m2"]])
+def test_the_weight_of_one_fabric_goes_before_that_of_all(texts):
+    assert weights_of_options(texts, [1, 2]) == pytest.approx({1: 0.18, 2: 0.2})
 
 
 def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_into(tmp_path):
@@ -101,6 +117,13 @@ def test_a_file_that_is_no_picture(tmp_path):
     assert "cannot be read as a picture" in _refused(folder, tmp_path)
 
 
+def test_a_picture_of_sixteen_bits(tmp_path):
+    """It would be cut off at level 255, and be white all over."""
+    folder = _folder(tmp_path, DRAPE)
+    cv2.imwrite(str(folder / "plate.png"), GREY[..., 0].astype(np.uint16) * 257)
+    assert "plate.png: has more than 8 bits a pixel; save it with 8 bits a channel" in _refused(folder, tmp_path)
+
+
 def test_a_picture_of_another_size(tmp_path, photographs):
     folder = tmp_path / "photographs"
     shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
@@ -112,6 +135,18 @@ def test_a_picture_of_another_size(tmp_path, photographs):
     words = ["data", "prepare", str(folder), "--out", str(tmp_path / "set")]
     assert CliRunner().invoke(app, words).exit_code == 0
     assert _contents(tmp_path / "set") == ["check", "data", "fabrics.csv", "protocol.json"]
+
+
+def test_a_picture_that_its_header_turns_otherwise(tmp_path, photographs):
+    """Turned by half a circle it has the same size, and its plate nearly the same place."""
+    folder = tmp_path / "photographs"
+    shutil.copytree(photographs, folder, ignore=shutil.ignore_patterns("board-[1-9]*", "*Sample_2*"))
+    with Image.open(folder / DRAPE) as image:
+        header = image.getexif()
+        header[ExifTags.Base.Orientation] = 3
+        image.save(folder / DRAPE, exif=header)
+    said = _refused(folder, tmp_path)
+    assert "has the orientation 3 in its header, the calibration's pictures 1" in said
 
 
 def test_the_output_folder_must_be_new(tmp_path):

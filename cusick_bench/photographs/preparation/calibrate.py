@@ -38,7 +38,8 @@ def calibrated(
         The view.
 
     Raises:
-        BadPhotograph: No board or plate is seen, its middle lies outside the pictures, or they have different sizes.
+        BadPhotograph: No board or plate is seen, its middle lies outside the pictures, or they have different sizes
+            or are turned otherwise.
     """
     pictures = [picture for picture in (board_on_plate, *boards_held, plate) if picture is not None]
     if not pictures:
@@ -46,6 +47,7 @@ def calibrated(
             "neither board nor plate was photographed", remedy="see docs/drape-meter.md", kind="no-ruler"
         )
     for name, photograph in pictures:
+        require_turn(photograph, pictures[0][1].turn, name)
         require_size(photograph, pictures[0][1].size, name)
     if board_on_plate is None:
         assert plate is not None
@@ -69,6 +71,30 @@ def calibrated(
             kind="no-plate",
         )
     return view
+
+
+def require_turn(photograph: Photograph, turn: int, name: str) -> None:
+    """Refuses a picture whose header turns it otherwise than those that the camera was calibrated from.
+
+    A phone that looks straight down does not know how it is held, and may change its mind between two pictures.
+
+    Args:
+        photograph: The picture.
+        turn: Orientation that it should have, as Exif has it.
+        name: Its file, for the message.
+
+    Raises:
+        BadPhotograph: It has another one.
+    """
+    if photograph.turn != turn:
+        raise BadPhotograph(
+            f"has the orientation {photograph.turn} in its header, the calibration's pictures {turn}, so that it would "
+            "be turned otherwise",
+            where=name,
+            remedy="take the orientation out of the headers of all pictures if the camera was not moved, else take all "
+            "pictures again",
+            kind="other-orientation",
+        )
 
 
 def require_size(photograph: Photograph, size: tuple[int, int], name: str) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import SUFFIXES
 
-_NUMBERS = {name: re.compile(rf"{name}[ _-]*(\d{{1,6}})", re.IGNORECASE) for name in ("fabric", "sample", "capture")}
+_NUMBERS = {
+    name: re.compile(rf"{name}[ _-]*(\d{{1,18}})(?!\d)", re.IGNORECASE) for name in ("fabric", "sample", "capture")
+}
 _RULE = "Fabric_1_Sample_2_Capture_1.jpg, or Fabric 1/Sample_2_Capture_1.jpg"
 _MOST_FILES = 20_000
 

@@ -17,7 +17,7 @@ from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.datasets.files.protocol import Protocol, first_fault
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.errors import BadPhotograph
-from cusick_bench.photographs.preparation.calibrate import Named, calibrated, require_size
+from cusick_bench.photographs.preparation.calibrate import Named, calibrated, require_size, require_turn
 from cusick_bench.photographs.preparation.pictures import DrapePicture, Pictures, find_pictures
 from cusick_bench.photographs.preparation.reading_on_axis import outline_on_axis
 from cusick_bench.photographs.preparation.silhouette import overlay, silhouette
@@ -184,6 +184,25 @@ def protocol_of(view: PlateView, setting: Setting) -> Protocol:
         ) from error
 
 
+def require_free(folder: Path, out: Path) -> None:
+    """Refuses a folder in which a data set would mix with other files, or its pictures with the photographs.
+
+    Args:
+        folder: The photographs.
+        out: Folder of the data set that is to be made of them.
+
+    Raises:
+        BadPhotograph: It holds more than a table of weights, or lies in the folder of the photographs.
+    """
+    if not free(out, _WRITTEN, allowed=(TABLE,)):
+        raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise BadPhotograph(
+            "lies in the folder of the photographs, where its pictures would be taken for photographs the next time",
+            where=out, remedy="give a folder beside it", kind="not-empty",
+        )  # fmt: skip
+
+
 def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], None] = lambda name: None) -> Preparation:
     """Prepares a folder of photographs. The data set appears when it is whole; after an error nothing is left of it.
 
@@ -200,22 +219,16 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     Raises:
         BadPhotograph: Anything that one has to mend first: the folder, the calibration, a picture of another camera.
     """
-    if not free(out, _WRITTEN, allowed=(TABLE,)):
-        raise BadPhotograph("is not empty", where=out, remedy="give a new folder, or remove it", kind="not-empty")
-    if out.resolve().is_relative_to(folder.resolve()):
-        raise BadPhotograph(
-            "lies in the folder of the photographs, where its pictures would be taken for photographs the next time",
-            where=out, remedy="give a folder beside it", kind="not-empty",
-        )  # fmt: skip
+    require_free(folder, out)
     pictures = find_pictures(folder)
-    view = _view(pictures, setting)
+    view, turn = _view(pictures, setting)
     protocol = protocol_of(view, setting)
     fabrics = sorted({picture.fabric for picture in pictures.drapes})
     document = protocol.document() | {"notes": {"made_from": "photographs", "calibration": calibration_notes(view)}}
     prepared = []
     with whole_folder(out, _WRITTEN) as part:
         for picture in pictures.drapes:
-            prepared.append(_prepared(picture, view, protocol, setting, part))
+            prepared.append(_prepared(picture, view, turn, protocol, setting, part))
             done(picture.name)
         (part / PROTOCOL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         (part / FABRICS).write_text(fabrics_table(fabrics, setting), encoding="utf-8")
@@ -223,26 +236,28 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     return Preparation(out, view, protocol, tuple(prepared), unweighed)
 
 
-def _view(pictures: Pictures, setting: Setting) -> PlateView:
+def _view(pictures: Pictures, setting: Setting) -> tuple[PlateView, int]:
+    """The calibrated camera, and the orientation that its pictures have in their headers."""
+
     def named(path: Path | None) -> Named | None:
         return None if path is None else (str(path), read_photograph(path))
 
     held = [(str(path), read_photograph(path)) for path in pictures.boards_held]
-    return calibrated(
-        named(pictures.board_on_plate),
-        held,
-        named(pictures.plate),
-        setting.plate_radius,
-        height=setting.camera_height,
-        printed=setting.printed,
-    )
+    board, plate = named(pictures.board_on_plate), named(pictures.plate)
+    view = calibrated(board, held, plate, setting.plate_radius, height=setting.camera_height, printed=setting.printed)
+    ruler = board or plate
+    assert ruler is not None  # or there is no view
+    return view, ruler[1].turn
 
 
-def _prepared(picture: DrapePicture, view: PlateView, protocol: Protocol, setting: Setting, out: Path) -> Prepared:
+def _prepared(
+    picture: DrapePicture, view: PlateView, turn: int, protocol: Protocol, setting: Setting, out: Path
+) -> Prepared:
     try:
         photograph = read_photograph(picture.path)
     except BadPhotograph as error:  # the others are prepared all the same
         return Prepared(picture, 0.0, (error.what,), False)
+    require_turn(photograph, turn, str(picture.path))
     require_size(photograph, view.size, str(picture.path))
     outline, on_axis = outline_on_axis(photograph, view, setting.plate_radius, setting.cloth_radius)
     good = outline.confidence >= setting.accepted

@@ -112,5 +112,7 @@ def _faces(text: str) -> dict[int, str]:
             raise BadPhotograph(f"--captures must be NUMBER=up|down,..., got {part!r}", remedy="such as 1=up,2=down")
         if int(number) == 0:
             raise BadPhotograph(f"numbers of --captures begin at 1, got {part!r}", remedy="such as 1=up,2=down")
+        if int(number) in sides:
+            raise BadPhotograph(f"--captures has {int(number)} twice, got {text!r}", remedy="keep one of them")
         sides[int(number)] = side
     return sides

@@ -108,7 +108,7 @@ def _within(value: float, bounds: tuple[float, float], unit: str, text: str) -> 
 
 
 def weights_of_options(texts: Sequence[str], fabrics: Sequence[int]) -> dict[int, float]:
-    """Reads the values of `--weight`: one for all fabrics, or NUMBER=VALUE.
+    """Reads the values of `--weight`: one for all fabrics that have none of their own, or NUMBER=VALUE.
 
     Args:
         texts: Values as given.
@@ -118,19 +118,27 @@ def weights_of_options(texts: Sequence[str], fabrics: Sequence[int]) -> dict[int
         Areal density by fabric [kg/m2].
 
     Raises:
-        BadPhotograph: A value or a fabric that is not there.
+        BadPhotograph: A value or a fabric that is not there, or two values for the same.
     """
+    common: dict[int, float] = {}
     found: dict[int, float] = {}
     for text in texts:
         number, equals, value = text.partition("=")
+        named = int(number) if number.strip().isascii() and number.strip().isdecimal() else 0
+        second = named in found if equals else bool(common)
+        if second:
+            raise BadPhotograph(
+                f"--weight {text!r} is a second weight {f'of fabric {named}' if equals else 'of all fabrics'}",
+                remedy="keep one of them", kind="bad-quantity",
+            )  # fmt: skip
         if not equals:
-            found |= dict.fromkeys(fabrics, weight(text))
-        elif number.strip().isascii() and number.strip().isdecimal() and int(number) in fabrics:
-            found[int(number)] = weight(value)
+            common = dict.fromkeys(fabrics, weight(text))
+        elif named in fabrics:
+            found[named] = weight(value)
         else:
             raise BadPhotograph(
                 f"--weight {text!r} is for a fabric that no picture shows",
                 remedy=f"fabrics are {', '.join(map(str, fabrics))}",
                 kind="bad-quantity",
             )
-    return found
+    return common | found
