@@ -19,7 +19,7 @@ from cusick_bench.photographs.preparation.pictures import Pictures, find_picture
 from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
 from cusick_bench.photographs.preparation.prepare import Setting, prepare, require_free
 from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
-from cusick_bench.photographs.reading import SUFFIXES
+from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
 _SILHOUETTES = ("silh", "silo")  # beginnings of names of folders; the release's are misspelt, and silk is a cloth
@@ -48,7 +48,10 @@ def holds_photographs(folder: Path) -> bool:
     named = (path for path in folder.glob("**/[sS]il*") if path.name.lower().startswith(_SILHOUETTES))
     if marked or any(path.is_dir() for path in named):
         return False
-    pictures = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in SUFFIXES and path.is_file()]
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    pictures = [path for path in files if path.suffix.lower() in SUFFIXES]
+    if not pictures and any(path.suffix.lower() in UNREAD_SUFFIXES for path in files):
+        return True  # to be refused as such
     if not pictures:
         raise IdentifyError(
             f"{folder} holds no pictures; give photographs such as Fabric_1_Sample_2_Capture_1.jpg with "

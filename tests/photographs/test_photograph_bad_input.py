@@ -83,6 +83,19 @@ def test_hidden_files_are_no_pictures(tmp_path):
     assert [picture.path.name for picture in found.drapes] == [DRAPE]
 
 
+def test_a_phone_s_format_is_refused_unless_the_picture_is_there_in_another(tmp_path):
+    folder = _folder(tmp_path, DRAPE, "plate.jpg")
+    (folder / DRAPE.replace("jpg", "DNG")).write_bytes(b"raw")  # as cameras write beside it
+    assert len(find_pictures(folder).drapes) == 1
+    (folder / "Fabric_1_Sample_2_Capture_1.HEIC").write_bytes(b"heic")
+    assert "Fabric_1_Sample_2_Capture_1.HEIC: is a picture in the format HEIC" in _refused(folder, tmp_path)
+    only = tmp_path / "only"
+    only.mkdir()
+    (only / "Fabric_1_Sample_1_Capture_1.heic").write_bytes(b"heic")
+    done = CliRunner().invoke(app, ["identify", str(only), "--out", str(tmp_path / "found")])
+    assert "export it as JPEG" in " ".join(done.output.split())
+
+
 def test_samples_may_be_numbered_by_their_date(tmp_path):
     names = [f"Fabric_1_Sample_{date}_Capture_1.jpg" for date in (20261126, 20261127)]
     found = find_pictures(_folder(tmp_path, *names, "plate.jpg"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cusick_bench.photographs.errors import BadPhotograph
-from cusick_bench.photographs.reading import SUFFIXES
+from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 
 _NUMBERS = {
     name: re.compile(rf"{name}[ _-]*(\d{{1,18}})(?!\d)", re.IGNORECASE) for name in ("fabric", "sample", "capture")
@@ -62,8 +62,8 @@ def find_pictures(folder: Path) -> Pictures:
         What each picture shows.
 
     Raises:
-        BadPhotograph: No folder, no pictures of drapes, a name that says nothing or the same as another, or nothing
-            to calibrate with.
+        BadPhotograph: No folder, no pictures of drapes, a format that is not read, a name that says nothing or the
+            same as another, or nothing to calibrate with.
     """
     if not folder.is_dir():
         raise BadPhotograph("is no folder", where=folder, remedy="give the folder of the photographs", kind="no-folder")
@@ -125,12 +125,27 @@ def _files(folder: Path) -> list[Path]:
     for place, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         shown = sorted(name for name in files if not name.startswith("."))  # macOS puts ._NAME beside NAME
-        found += [Path(place) / name for name in shown if Path(name).suffix.lower() in SUFFIXES]
+        read = [name for name in shown if Path(name).suffix.lower() in SUFFIXES]
+        _require_read(Path(place), shown, read)
+        found += [Path(place) / name for name in read]
         if len(found) > _MOST_FILES:
             raise BadPhotograph(
                 f"holds more than {_MOST_FILES} pictures", where=folder, remedy="give a smaller folder", kind="too-many"
             )
     return found
+
+
+def _require_read(place: Path, shown: list[str], read: list[str]) -> None:
+    """Refuses a picture of another format, unless one of the same name can be read, as cameras write beside it."""
+    stems = {Path(name).stem for name in read}
+    for name in shown:
+        if Path(name).suffix.lower() in UNREAD_SUFFIXES and Path(name).stem not in stems:
+            raise BadPhotograph(
+                f"is a picture in the format {Path(name).suffix[1:].upper()}, which is not read",
+                where=place / name,
+                remedy="export it as JPEG or PNG, unscaled and not cropped; phones can be set to take JPEG",
+                kind="unreadable-photograph",
+            )
 
 
 def _drape(path: Path, folder: Path) -> DrapePicture:
