@@ -223,6 +223,7 @@ def test_a_page_that_loses_its_context_says_so(without_webgl):
 def test_a_card_leads_to_its_drape(opened):
     page = opened(reduced_motion="reduce")
     page.get_by_role("tab", name="viscose_white").click()
+    page.get_by_role("tab", name="viscose_white", selected=True).wait_for()  # or the card is still another cloth's
     page.locator("[role=tabpanel]:visible article", has_text="sobol").get_by_text("turn it in 3D").click()
     chosen = "() => document.activeElement.tagName === 'CANVAS'"  # what a click does last; a busy page does it later
     page.wait_for_function(chosen)
