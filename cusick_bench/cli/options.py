@@ -225,6 +225,9 @@ Budget = Annotated[
 Seeds = Annotated[int, fit_option(min=1, max=MOST_SEEDS, help="Number of seeds.")]
 
 # Diagnosis
+DiagnosedData = Annotated[
+    str, typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA")
+]
 Atlas = Annotated[Path, diagnosis_option(help="Fitted atlas, from `atlas fit`.")]
 WithoutEffect = Annotated[
     list[str] | None,

@@ -164,6 +164,11 @@ class Bar:
         self.tally.what = what
         self.changed()
 
+    def tell(self, what: str, done: float, total: float | None = None) -> None:
+        """What is being done now, and how much is done, as `show` takes it."""
+        self.say(what)
+        self.show(done, total)
+
 
 @contextmanager
 def progress_bar(

@@ -1,7 +1,8 @@
 """Reading of files that others wrote, within limits: nothing is unpickled, and sizes are looked at before content.
 
 json_file: one JSON object; npz_file: arrays; csv_file: tables. All raise `BadFile`: the file, what is wrong with it,
-and the remedy. What we write: csv_text, tables without formulas; table_file, the same or Parquet; json_text.
+and the remedy. What we write: csv_text, tables without formulas; table_file, the same or Parquet; json_text. digest:
+fingerprints of files.
 """
 
 from cusick_bench.files.csv_file import CsvTable, read_csv

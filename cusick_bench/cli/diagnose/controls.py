@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,11 +12,12 @@ from rich.table import Table
 from rich.text import Text
 
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
-from cusick_bench.cli.options import Atlas, Force, Json, Seed, WithoutEffect, Workers, output_option
+from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED, Options, repeated_option
+from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.store import write_atomically
 
 if TYPE_CHECKING:
@@ -33,10 +33,7 @@ _STYLES = {"no": "red", "yes": "green", "": ""}
 @app.command("diagnose-controls")
 @user_errors
 def diagnose_controls(
-    data: Annotated[
-        str,
-        typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA"),
-    ] = "cusick",
+    data: DiagnosedData = "cusick",
     fabric: Annotated[
         list[str] | None,
         typer.Option("--cloth", "--fabric", help="Cloth to control; repeatable; by default all with six samples."),
@@ -101,8 +98,7 @@ def diagnose_controls(
             under = fabric_under_control(dataset, name, halves=halves, seed=seed, force=force)
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
-                bar.say(f"{name}: {what}")
-                bar.show(number + share)
+                bar.tell(f"{name}: {what}", number + share)
 
             judgements += controlled(
                 under, emulator, calibration, options, names=control or (), workers=workers, progress=step
@@ -118,7 +114,7 @@ def _facts(command: str, dataset: DrapeDataset, atlas: Path) -> dict[str, Any]:
     from cusick_bench.runner.numerics import diagnosis_numerics
 
     version = version_text(diagnosis_numerics(diagnosis=NUMERICS_VERSION))
-    digests = {"data_sha256": dataset.content_hash, "atlas_sha256": hashlib.sha256(atlas.read_bytes()).hexdigest()}
+    digests = {"data_sha256": dataset.content_hash, "atlas_sha256": file_digest(atlas)}
     return {"command": command, "code": version, **digests}
 
 

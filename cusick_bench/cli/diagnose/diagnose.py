@@ -11,7 +11,16 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
-from cusick_bench.cli.options import Atlas, Force, Json, Seed, SimulatedSamples, WithoutEffect, output_option
+from cusick_bench.cli.options import (
+    Atlas,
+    DiagnosedData,
+    Force,
+    Json,
+    Seed,
+    SimulatedSamples,
+    WithoutEffect,
+    output_option,
+)
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
@@ -28,10 +37,7 @@ _MOST_CAUSES = 8  # that the terminal shows
 @app.command("diagnose")
 @user_errors
 def diagnose_data(
-    data: Annotated[
-        str,
-        typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA"),
-    ] = "cusick",
+    data: DiagnosedData = "cusick",
     fabric: Annotated[
         list[str] | None,
         typer.Option("--cloth", "--fabric", help="Cloth to diagnose; repeatable; by default all with three samples."),
@@ -65,20 +71,14 @@ def diagnose_data(
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     with progress_bar("reading data", len(chosen) + 1) as bar, kept:
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
-
-        def tell(what: str, share: float) -> None:
-            bar.say(what)
-            bar.show(share)
-
-        diagnosis = data_set_diagnosis(captures, emulator, calibration, options, tell)
+        diagnosis = data_set_diagnosis(captures, emulator, calibration, options, bar.tell)
         shared = diagnosis.shared
         if shared is not None:
             shared.write(out / "laboratory.json")
         for number, name in enumerate(chosen):
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
-                bar.say(f"{name}: {what}")
-                bar.show(number + 1 + share)
+                bar.tell(f"{name}: {what}", number + 1 + share)
 
             command = options.command(data, diagnosis.together(name), atlas, force=force)
             one = diagnosis.document(name, command=command, progress=step)

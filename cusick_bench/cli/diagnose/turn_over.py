@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
-from cusick_bench.cli.options import Atlas, Force, Json
+from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED
@@ -29,10 +29,7 @@ _SAYS: dict[Way, str] = {
 @app.command("diagnose-turn-over")
 @user_errors
 def diagnose_turn_over(
-    data: Annotated[
-        str,
-        typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA"),
-    ] = "cusick",
+    data: DiagnosedData = "cusick",
     fabric: Annotated[
         list[str] | None,
         typer.Option("--cloth", "--fabric", help="Cloth to look at; repeatable; by default all with both faces."),
@@ -59,12 +56,7 @@ def diagnose_turn_over(
         raise DiagnosisError(f"no fabric of {data} has pictures of both faces; photograph some samples face down, too")
     with progress_bar("reading data") as bar, interruptible("nothing was written"):
         captures = [read_captures(dataset, name, force=force) for name in chosen]
-
-        def tell(what: str, share: float) -> None:
-            bar.say(what)
-            bar.show(share)
-
-        found = turn_over(captures, emulator, calibration, progress=tell)
+        found = turn_over(captures, emulator, calibration, progress=bar.tell)
     if not found.by_fabric:
         why = "; ".join(f"{name}: {reason}" for name, reason in found.refused.items())
         raise DiagnosisError(f"no fabric of {data} can be compared with the atlas: {why}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +13,7 @@ from rich.text import Text
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.errors import WithheldError
@@ -82,7 +82,7 @@ def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict
     """Where the numbers come from."""
     from cusick_bench.runner.environment import version_text
 
-    digests = (hashlib.sha256(path.read_bytes()).hexdigest() for path in (answers, labels))
+    digests = map(file_digest, (answers, labels))
     more = "".join(f" --{name} {path.name}" for name, path in given.items() if path is not None)
     return {
         "command": f"cusick-bench withheld score {answers.name} {labels.name} --seed {seed}{more}",

@@ -114,12 +114,7 @@ def identify_command(
     with GridProgress() as grid, kept():
         fits = work.fit(grid, workers, sys.argv)
     with progress_bar("diagnosing", 1) as bar, kept():
-
-        def show(what: str, share: float) -> None:
-            bar.say(what)
-            bar.show(share)
-
-        diagnoses = work.diagnose(show, atlas)
+        diagnoses = work.diagnose(bar.tell, atlas)
     document = work.write(measured, fits, diagnoses, command_line())
     if as_json:
         print_json(document.content() | {"path": work.workspace.document, "page": work.workspace.page})

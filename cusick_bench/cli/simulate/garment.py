@@ -49,7 +49,6 @@ from cusick_bench.garment import GarmentError
 from cusick_bench.runner.store import disk_errors, write_json
 
 if TYPE_CHECKING:
-    from cusick_bench.cli.progress import Bar
     from cusick_bench.garment import Cloth
 
 
@@ -116,7 +115,7 @@ def skirt(
         with disk_errors(out):
             out.mkdir(parents=True, exist_ok=True)
     with progress_bar("hanging the skirts (at most so many steps)") as bar:
-        worn = wear(cloth, wearing, lambda what, done, total: _tell_stage(bar, what, done, total))
+        worn = wear(cloth, wearing, bar.tell)
     document = worn.document() | {"seconds": time.perf_counter() - clock}
     if out is not None:
         with disk_errors(out), progress_bar("drawing"), interruptible(f"what was ready is in {out}"):
@@ -221,11 +220,6 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     own = fitted.loc[fitted["solver"].isin(chosen)]
     labels = own["cloth"] if len(chosen) == 1 else own["cloth"] + " of " + own["solver"]
     return {str(label): Path(folder) for label, folder in zip(labels, own["folder"], strict=True)}
-
-
-def _tell_stage(bar: Bar, what: str, done: int, total: int) -> None:
-    bar.say(what)
-    bar.show(done, total)
 
 
 def _cloth(

@@ -322,6 +322,11 @@ class DiagnosisDocument(Part):
         named = set(self.effects)
         return sorted(self.causes, key=lambda cause: (cause.effect not in named, -cause.likelihood_of_acting))
 
+    @property
+    def held_together(self) -> tuple[str, ...]:
+        """Effects that `with_effect` simulates together, the largest shift first."""
+        return tuple(argument.partition(":")[0] for argument in self.with_effect)
+
     def write(self, path: Path) -> None:
         """Writes the document as a JSON file, which appears whole or not at all.
 

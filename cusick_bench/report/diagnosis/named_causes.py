@@ -15,8 +15,7 @@ def named_causes(document: DiagnosisDocument) -> list[str]:
     Returns:
         Their names.
     """
-    together = [argument.partition(":")[0] for argument in document.with_effect]
-    held = document.closure.effect or together or document.effects
+    held = document.closure.effect or document.held_together or document.effects
     return [name for name in dict.fromkeys(held) if name in registered()]
 
 

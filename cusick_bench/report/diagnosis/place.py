@@ -96,8 +96,7 @@ def _region(angle: tuple[float, float] | None, radius: tuple[float, float] | Non
 
 def _arrow(document: DiagnosisDocument) -> Arrow | None:
     """Direction of the named effect with the largest shift, which the place is about; None where it has none."""
-    acting = (argument.partition(":")[0] for argument in document.with_effect)  # the largest shift first
-    placed = next((name for name in acting if name in document.effects), None)
+    placed = next((name for name in document.held_together if name in document.effects), None)
     for cause in document.causes:
         effect = registered().get(cause.effect)
         if effect is None or placed not in (None, cause.effect):

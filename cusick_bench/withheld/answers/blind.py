@@ -20,12 +20,13 @@ from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import Options
+from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
-from cusick_bench.withheld.answers.parts import answer_numerics, case_part, file_digest
+from cusick_bench.withheld.answers.parts import answer_numerics, case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cusick_bench.diagnosis import NUMERICS_VERSION
+from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.processes import process_pool
@@ -84,18 +85,6 @@ def answer_numerics() -> dict[str, int]:
         Version of each part, by name.
     """
     return diagnosis_numerics(diagnosis=NUMERICS_VERSION)
-
-
-def file_digest(path: Path) -> str:
-    """SHA-256 of a file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        Its digest in hexadecimal digits.
-    """
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _folder_digest(folder: Path) -> str:

@@ -1,0 +1,125 @@
+"""A simulated drape as a camera sees it: its picture, what is measured on it, and its files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cusick_bench.cli.options import CameraName
+from cusick_bench.sim.constants import CLOTH_RADIUS, IMAGE_SIZE, PIXELS_PER_METRE
+
+if TYPE_CHECKING:
+    import torch
+
+    from cusick_bench.datasets.profile import Profile
+    from cusick_bench.sim.drape import Drape
+    from cusick_bench.sim.render.camera import Camera
+
+_MARGIN = 1.05  # half a picture over the flat cloth's reach, at least
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How drapes are seen and measured; a cloth too large for the release's pictures gets larger ones.
+
+    Attributes:
+        camera: Camera.
+        scale: Its scale at the plate's level [px/m].
+        centre: Pixel of the plate's axis.
+        size: Height and width of a picture [px].
+        cloth_radius: Radius of the flat cloth [m].
+    """
+
+    camera: Camera
+    scale: float
+    centre: tuple[float, float]
+    size: int
+    cloth_radius: float
+
+    @classmethod
+    def of(cls, camera: CameraName, cloth_radius: float, reach: float) -> Sight:
+        """The sight of a cloth.
+
+        Args:
+            camera: Kind of camera.
+            cloth_radius: Radius of the flat cloth [m].
+            reach: Largest distance of a vertex from the plate's axis [m].
+
+        Returns:
+            The sight.
+        """
+        from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
+
+        size = max(IMAGE_SIZE, 2 * math.ceil(_MARGIN * PIXELS_PER_METRE * reach))
+        centre = (size - 1) / 2, (size - 1) / 2
+        if camera is CameraName.parallel:
+            return cls(ParallelCamera(centre_px=centre), PIXELS_PER_METRE, centre, size, cloth_radius)
+        pinhole = PinholeCamera(centre_px=centre)
+        return cls(pinhole, pinhole.focal_px / pinhole.eye_height_m, centre, size, cloth_radius)
+
+    def outcome(self, drape: Drape, seen: torch.Tensor, faces: np.ndarray) -> Outcome:
+        """A drape with its picture.
+
+        Args:
+            drape: The drape.
+            seen: Where its points seem to be [m].
+            faces: Its triangles.
+
+        Returns:
+            The drape as it is seen.
+        """
+        from cusick_bench.datasets.profile import profile_from_image
+        from cusick_bench.sim.render.silhouette import render
+
+        image = render(seen, faces, self.camera, size=self.size)
+        profile = profile_from_image(image, pixels_per_metre=self.scale, centre=self.centre)
+        return Outcome(drape, image, profile, self)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One simulated drape with the numbers that describe it; nobody knows whether one with history is at rest."""
+
+    drape: Drape
+    image: torch.Tensor
+    profile: Profile
+    sight: Sight
+
+    def summary(self) -> dict[str, Any]:
+        """What the JSON document says of the drape."""
+        from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
+        from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
+
+        sight = self.sight
+        prominence = FOLD_PROMINENCE * (sight.cloth_radius / CLOTH_RADIUS)
+        return {
+            "drape_coefficient": drape_coefficient(
+                self.image, pixels_per_metre=sight.scale, cloth_radius=sight.cloth_radius
+            ),
+            "folds": fold_count(self.profile, prominence=prominence),
+            "converged": None if math.isnan(self.drape.residual) else self.drape.converged,
+            "residual": self.drape.residual,
+            "halvings": self.drape.halvings,
+            "seconds": self.drape.seconds,
+            "mean_radius_m": float(self.profile.radii.mean()),
+            "amplitudes_m": amplitude_spectrum(self.profile),
+        }
+
+
+def write_drape(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None:
+    """Mesh, silhouette (dark cloth on white, as the release has it) and profile of one drape."""
+    from PIL import Image
+
+    from cusick_bench.sim.cloth.obj import write_obj
+
+    write_obj(folder / f"{name}.obj", outcome.drape.vertices.detach().numpy(), faces)
+    grey = np.round(255 * (1 - outcome.image.detach().numpy())).astype(np.uint8)
+    Image.fromarray(grey).save(folder / f"{name}.png")
+    table = np.column_stack([np.degrees(outcome.profile.angles), outcome.profile.radii])
+    np.savetxt(
+        folder / f"{name}_profile.csv", table, delimiter=",", header="angle_deg,radius_m", comments="", fmt="%.6g"
+    )
