@@ -296,11 +296,6 @@ class DrapeProblem:
         Returns:
             The drapes; brisk ones have no gradients, and are the same to the bit in any batch.
         """
-        if len(taus) == 1 and self.simulator.settings.pace != "steady":  # lockstep rounds one cloth otherwise than two
-            return _first(self._dropped(taus.expand(2, -1), warm))
-        return self._dropped(taus, warm)
-
-    def _dropped(self, taus: Tensor, warm: Tensor | None) -> DrapeBatch:
         specimens = [self.space.specimen(tau) for tau in taus]
         materials = [one.material for one in specimens]
         initial = _stacked([self.initial if one.initial is None else one.initial for one in specimens])
@@ -439,14 +434,6 @@ class DrapeProblem:
             else:
                 results[member] = Simulated(failure="the drape, its loss or its gradient is not finite")
         return results
-
-
-def _first(batch: DrapeBatch) -> DrapeBatch:
-    """A batch of the first cloth alone."""
-    return replace(
-        batch, vertices=batch.vertices[:1], failures=batch.failures[:1], converged=batch.converged[:1],
-        residual=batch.residual[:1], iterations=batch.iterations[:1], halvings=batch.halvings[:1],
-    )  # fmt: skip
 
 
 def _stacked(tensors: list[Tensor | None]) -> Tensor | None:

@@ -102,6 +102,17 @@ def test_a_cloth_that_flies_apart_falls_again_steadily_and_spoils_no_other():
     assert batch.iterations.tolist() == [10, 15 * 2**halvings, 10]
 
 
+def test_a_cloth_that_flies_apart_has_the_same_drape_alone_and_among_others():
+    simulator = DrapeSimulator(MESH, replace(STEADY, steps=15, pace="brisk"))
+    cloths = [specimen(number).material for number in (16, 5, 16)]
+    laid = torch.stack([torch.from_numpy(simulator.laid_down(seed)) for seed in range(len(cloths))])
+    with torch.no_grad():
+        batch = simulator.drape_batch(cloths, initial=laid)
+        alone = [simulator.drape(cloth, initial=one) for cloth, one in zip(cloths, laid, strict=True)]
+    assert (batch.halvings > 0).tolist() == [True, False, True]
+    assert torch.equal(batch.vertices, torch.stack([drape.vertices for drape in alone]))
+
+
 def test_a_gradient_is_refused():
     cloth = uniform_material(density=0.2, bending=1e-5)
     cloth.bending.requires_grad_()

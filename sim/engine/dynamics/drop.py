@@ -98,12 +98,14 @@ class Stepper:
         mass: Vertex masses [kg].
         h: Step [s].
         batch: Whether errors say whose cloth they are about.
+        lockstep: Whether a solver in lockstep is to factorise even a single matrix as it does those of a batch.
     """
 
     system: ClothSystem
     mass: Float[ndarray, "members vertices"]
     h: float
     batch: bool = True
+    lockstep: bool = False
 
     @cached_property
     def blocks(self) -> Float[ndarray, "members slots 3 3"]:
@@ -143,7 +145,7 @@ class Stepper:
             The factor, of one matrix or of a batch.
         """
         linear = self.system.linear
-        if len(self.blocks) == 1:
+        if len(self.blocks) == 1 and not self.lockstep:
             return linear.factorise(self.blocks[0], out=old)
         return linear.factorise_batch(self.blocks, out=old)
 
@@ -217,6 +219,7 @@ def drop(
     record: bool = True,
     factor_memory: int = FACTOR_MEMORY,
     pace: Pace | None = None,
+    lockstep: bool = False,
 ) -> Rollout:
     """Drops a cloth, or a batch of cloths, from rest.
 
@@ -231,6 +234,7 @@ def drop(
         factor_memory: Most memory for kept factors [bytes].
         pace: Pushes between steps, of as many steps; none by default. The adjoint knows of none, so that states can
             not be recorded with them.
+        lockstep: Whether a single cloth is to fall as in a batch, to the bit, with a linear solver in lockstep.
 
     Returns:
         The states.
@@ -248,7 +252,7 @@ def drop(
     positions = np.empty((steps + 1 if record else 2, *laid.shape))
     velocities = np.zeros_like(positions)
     positions[0] = laid
-    stepper, far = Stepper(system, p.mass, step_seconds, batch), too_far(laid)
+    stepper, far = Stepper(system, p.mass, step_seconds, batch, lockstep), too_far(laid)
     factors: list[Factor | None] = []
     kept, factor = 0, None
     for step in range(steps):

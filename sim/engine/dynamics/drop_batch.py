@@ -4,6 +4,10 @@ Long steps blow up a few limp cloths. A cloth that flies apart is dropped again 
 over the same time, as often as the settings allow (`DrapeSettings.halvings`); the others keep their drape to the bit.
 Shorter steps are always steady (`pace`). A cloth that is lost in its first step is not dropped again: its forces as it
 was laid down know nothing of the step, so its tables or its loads are at fault.
+
+In lockstep a matrix is factorised otherwise, to rounding, than by itself, and limp cloth makes centimetres of rounding.
+So that no drape depends on the other cloths of its batch, first drops are in lockstep, even of a single cloth, and
+drops with shorter steps, of which a batch has few, are one by one.
 """
 
 from dataclasses import dataclass, field, replace
@@ -139,8 +143,6 @@ class DroppedBatch:
     def drop(self, members: Int[ndarray, "some"], halvings: int, *, last: bool) -> Int[ndarray, "again"]:
         """Drops some cloths, as many at once as the threads factorise: each thread's matrix then stays in its cache.
 
-        In lockstep none is left to drop by itself, which would be to rounding the same only.
-
         Args:
             members: Their places in the batch.
             halvings: How often their step is halved.
@@ -149,7 +151,8 @@ class DroppedBatch:
         Returns:
             Places of those that a shorter step may help.
         """
-        together = numba.get_num_threads() * self.system.linear.width
+        width = self.system.linear.width
+        together = 1 if width > 1 and halvings else numba.get_num_threads() * width
         groups = np.array_split(members, -(-len(members) // together))
         memory = None
         if self.factor_memory is not None:
@@ -160,13 +163,13 @@ class DroppedBatch:
     def _drop_group(self, alive: Int[ndarray, "alive"], halvings: int, memory: int | None, last: bool) -> list[int]:
         """Drops cloths together; those that diverge are set aside and the others dropped again without them."""
         s, system, again = halved(self.settings, halvings), self.system, []
-        pace = pace_of(s.pace, s.steps)
+        pace, lockstep = pace_of(s.pace, s.steps), system.linear.width > 1 and not halvings
         while len(alive):
             own, laid = self.parameters.take(alive), self.laid[alive]
             try:
                 rollout = drop(
                     system, own, laid, steps=pace.steps, step_seconds=s.step_seconds, record=memory is not None,
-                    keep_factors=memory is not None, factor_memory=memory or 0, pace=pace,
+                    keep_factors=memory is not None, factor_memory=memory or 0, pace=pace, lockstep=lockstep,
                 )  # fmt: skip
             except MembersDiverged as error:
                 lost = alive[list(error.members)]
