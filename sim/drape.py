@@ -34,6 +34,7 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.statics.branch import Branch, follow
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
+from cusick_bench.sim.first_derivatives import first_derivatives
 from cusick_bench.sim.outcome import Outcome
 from cusick_bench.sim.torch_engine.drop import CPU_MEMORY
 from cusick_bench.sim.torch_engine.engine import COMPILED, TorchEngine, torch_device
@@ -354,9 +355,11 @@ class _DrapeFunction(torch.autograd.Function):
         parameters = Parameters(_array(stretch), _array(bending), _array(mass), _array(rest_angle), _array(poisson))
         positions, ctx.back = outcome.run(parameters, _array(initial), any(ctx.needs_input_grad))
         ctx.tables = (stretch.shape[1], bending.shape[1])
+        ctx.save_for_backward(stretch, bending, mass, rest_angle, poisson, initial)
         return torch.from_numpy(positions).to(initial.device)
 
     @staticmethod
+    @first_derivatives("a drape")
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         gradient, g_initial = ctx.back(_array(grad_outputs[0]))
         stretch, bending = (

@@ -107,6 +107,7 @@ def drop_with_history(
     from cusick_bench.sim.engine.dynamics.drop import Stepper, too_far
     from cusick_bench.sim.engine.dynamics.drop_batch import flown_apart
     from cusick_bench.sim.engine.parameters import Parameters
+    from cusick_bench.sim.threads import alone
 
     settings, base, unknowns = simulator.settings, simulator.system, simulator.unknowns
     if settings.mode != "drop":
@@ -129,15 +130,16 @@ def drop_with_history(
     v, v_new, x_new = np.zeros_like(x), np.zeros_like(x), np.empty_like(x)
     stepper, factor = Stepper(base, elastic.mass[None], settings.step_seconds, batch=False), None
     system, p = base, elastic
-    for step in range(settings.steps):
-        system, p = base, elastic
-        for state in states:
-            system, p = state.advance(system, p, x[0], step / settings.steps)
-        found = system.evaluate(x, laid, p.batch(), exact=False)
-        number = step, settings.steps
-        factor = stepper.step(number, iter([(slice(None), found)]), (x, v), (x_new, v_new), far, factor)
-        x, x_new, v, v_new = x_new, x, v_new, v
-    left = system.evaluate(x, laid, p.batch(), exact=False).force()[0, system.free]
+    with alone():
+        for step in range(settings.steps):
+            system, p = base, elastic
+            for state in states:
+                system, p = state.advance(system, p, x[0], step / settings.steps)
+            found = system.evaluate(x, laid, p.batch(), exact=False)
+            number = step, settings.steps
+            factor = stepper.step(number, iter([(slice(None), found)]), (x, v), (x_new, v_new), far, factor)
+            x, x_new, v, v_new = x_new, x, v_new, v
+        left = system.evaluate(x, laid, p.batch(), exact=False).force()[0, system.free]
     failure = flown_apart(settings, float(np.linalg.norm(left) / (settings.gravity * elastic.mass.sum())))
     if failure is not None:
         raise DrapeDiverged(failure)

@@ -20,6 +20,7 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.statics.descent import FALLING
 from cusick_bench.sim.engine.statics.equilibrium import Equilibrium, equilibrium, equilibrium_adjoint
 from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.sim.threads import alone
 
 DROP_AT_REST = 0.05
 """Net force below which a dropped cloth counts as at rest, as a fraction of its weight."""
@@ -70,10 +71,14 @@ class Outcome:
         self.residual, self.iterations = np.full(members, np.nan), np.zeros(members, np.int64)
         self.halvings = np.zeros(members, np.int64)
         own, start = self.unknowns.parameters(p), self.unknowns.configuration(laid)
-        x, own_back = self._drop(own, start, differentiate) if self._drops else self._rest(own, start)
+        with alone():
+            x, own_back = self._drop(own, start, differentiate) if self._drops else self._rest(own, start)
 
         def back(g_x: ndarray) -> tuple[ParameterGradient, ndarray]:
-            return self.unknowns.gradient(*own_back(self.unknowns.by_configuration(g_x)))
+            own = self.unknowns.by_configuration(g_x)
+            with alone():
+                found = own_back(own)
+            return self.unknowns.gradient(*found)
 
         return self.unknowns.positions(x), back
 

@@ -3,9 +3,15 @@
 `thread_pool` starts the threads, of GNU OpenMP where it is there (see `openmp`), and puts numba's configuration back.
 
 OpenMP does not survive a fork: numba would end the child. `check_fork` says so in time, and what to do.
+
+Systems and linear solvers use their storage again at every step. `alone` therefore lets one thread of a process
+simulate at a time; kernels run on all threads of the pool as it is.
 """
 
 import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -63,3 +69,24 @@ def check_fork() -> None:
             "this process was forked from one that has simulated, and OpenMP threads do not survive a fork; start "
             "processes with multiprocessing.get_context('spawn'), or set NUMBA_THREADING_LAYER=workqueue"
         )
+
+
+class _Turn:
+    """Whose turn it is; renewed in a forked process, whose other threads are gone and would never give it back."""
+
+    lock = threading.RLock()
+
+    @classmethod
+    def renew(cls) -> None:
+        cls.lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):  # Windows does not fork
+    os.register_at_fork(after_in_child=_Turn.renew)
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Waits until no other thread of this process simulates, and keeps them waiting meanwhile."""
+    with _Turn.lock:
+        yield

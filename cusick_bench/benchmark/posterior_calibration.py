@@ -112,7 +112,7 @@ def plan_numerics(plan: CalibrationPlan) -> str:
     from cusick_bench.solvers.registry import make_solver
 
     versions = cell_numerics(make_solver(plan.solver), DrapeSettings(law=plan.law))  # pyright: ignore[reportArgumentType]
-    asked = f"{plan.solver}, {plan.vertices} vertices, budget {plan.budget:g}, law {plan.law}, seed {plan.seed}"
+    asked = f"{plan.solver}, {plan.vertices} vertices, budget {plan.budget:.15g}, law {plan.law}, seed {plan.seed}"
     return f"{asked}; {numerics_text(versions)}"
 
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from cusick_bench.problem.priors import STRETCH_SIZE, StiffnessPrior
+from cusick_bench.problem.priors import BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.drape import DrapeSimulator
+from cusick_bench.sim.engine.triangles.system import Law
 
 # Range of 618 measured fabrics (Feng, Huang, Xu, Wang, ACM TOG 41(6), 2022).
 DENSITY_RANGE = (0.0153, 0.8703)  # [kg/m2]
@@ -28,11 +29,12 @@ class Specimen:
     anisotropy: float
 
 
-def specimen(seed: int) -> Specimen:
+def specimen(seed: int, law: Law = "paper") -> Specimen:
     """A random admissible cloth: density and bending stiffness log-uniform over their measured ranges, independent.
 
     Args:
         seed: Seed of the draw.
+        law: Material law that its tables are for; the cloth is the same under each.
 
     Returns:
         The cloth.
@@ -42,6 +44,7 @@ def specimen(seed: int) -> Specimen:
     anisotropy = float(np.exp(generator.uniform(-1, 1) * np.log(ANISOTROPY)))
     rows = bending * anisotropy ** np.array([0.5, generator.uniform(-0.5, 0.5), -0.5])
     table = rows[:, None] * np.exp(CURVATURE_SPREAD * generator.normal(size=(3, 5)))
+    table *= BENDING_TABLE_FACTOR[law]
     stretch = StiffnessPrior("paper", density).stretch(torch.from_numpy(generator.normal(size=STRETCH_SIZE)))
     material = Material(stretch, torch.from_numpy(table), torch.tensor(density, dtype=torch.float64))
     return Specimen(material, density, bending, anisotropy)
@@ -72,7 +75,7 @@ def robustness(
     failures, iterations, converged, diverged, halved = [], [], 0, 0, 0
     for first in range(0, draws, group):
         seeds = range(seed + first, seed + min(first + group, draws))
-        specimens = [specimen(number) for number in seeds]
+        specimens = [specimen(number, simulator.settings.law) for number in seeds]
         laid = torch.stack([torch.from_numpy(simulator.laid_down(number)) for number in seeds])
         batch = simulator.drape_batch([s.material for s in specimens], initial=laid)
         for number, one, ok, failure, residual in zip(

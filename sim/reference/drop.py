@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 from torch import Tensor
 
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
+from cusick_bench.sim.first_derivatives import first_derivatives
 from cusick_bench.sim.reference.laws import Reference, TorchParameters
 
 
@@ -74,12 +75,14 @@ class _SparseSolve(torch.autograd.Function):
                       diag_pivot_thresh=0.0, options={"SymmetricMode": True})  # fmt: skip
         solution = factor.solve(right.detach().numpy())
         ctx.kept = (factor, solution, pattern)
+        ctx.save_for_backward(numbers, right)
         return torch.from_numpy(solution)
 
     @staticmethod
+    @first_derivatives("a sparse solve")
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor, Tensor, None]:
         factor, solution, pattern = ctx.kept
-        multiplier = factor.solve(grad_outputs[0].numpy())
+        multiplier = factor.solve(grad_outputs[0].detach().numpy())
         by_numbers = -multiplier[pattern.row] * solution[pattern.column]
         return torch.from_numpy(by_numbers), torch.from_numpy(multiplier), None
 

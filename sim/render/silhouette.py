@@ -14,6 +14,7 @@ from torch import Tensor
 
 from cusick_bench.sim.constants import IMAGE_SIZE
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.first_derivatives import first_derivatives
 from cusick_bench.sim.render.camera import Camera
 from cusick_bench.sim.render.coverage import area_gradient, pixel_areas
 from cusick_bench.sim.render.outline import outline
@@ -33,11 +34,12 @@ class _Coverage(torch.autograd.Function):
         # Pixel p covers [p - 1/2, p + 1/2] here and [p, p + 1] in `coverage`.
         ctx.points = np.ascontiguousarray(points.detach().cpu().numpy().astype(np.float64) + 0.5)
         ctx.faces = faces
+        ctx.save_for_backward(points)
         ctx.outline = outline(ctx.points, faces, size)
         return torch.from_numpy(pixel_areas(ctx.points, ctx.outline, size, size)).to(points.device)
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
+    @first_derivatives("the coverage of pixels")
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
         gradient = area_gradient(ctx.points, ctx.faces, ctx.outline, upstream.detach().cpu().numpy())
         return torch.from_numpy(gradient).to(upstream.device), None, None

@@ -24,11 +24,11 @@ from typing import Any
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 from cusick_bench.sim.engine.plate.system import ShellSystem
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.first_derivatives import first_derivatives
 from cusick_bench.sim.linear.interface import BlockPattern
 from cusick_bench.sim.torch_engine.batch_forces import BatchForces
 from cusick_bench.sim.torch_engine.batched_solver import TorchLinear
@@ -114,7 +114,7 @@ class _Drops(torch.autograd.Function):
         return torch.cat(last), *report
 
     @staticmethod
-    @once_differentiable
+    @first_derivatives("a drape")
     def backward(  # pyright: ignore[reportIncompatibleMethodOverride]
         ctx: Any, *grad_outputs: Tensor
     ) -> tuple[Tensor | None, ...]:

@@ -8,6 +8,7 @@ Both engines take the same steps and have the same exact adjoint. Positions and 
 copied to the host is one number a cloth: how it fared.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -141,6 +142,9 @@ class TorchEngine:
             dropped = self._dropped(p.take(some), anchor, halved(s, halvings))
             positions = positions.index_copy(0, some.to(positions.device), dropped.positions)
             outcome.put(members, self._outcome(dropped, weight if len(weight) == 1 else weight[members], halvings))
+        lost = [member for member, failure in enumerate(outcome.failures) if failure is not None]
+        if lost:
+            positions = positions.index_fill(0, torch.tensor(lost, device=positions.device), math.nan)
         return positions if maps is None else maps.positions(positions), outcome
 
     def _dropped(self, p: BatchParameters, laid: Tensor, s: DrapeSettings) -> DroppedMembers:
@@ -174,7 +178,10 @@ class TorchEngine:
                 good, dropped.factored.tolist(), dropped.steps.tolist(), residual.tolist(), strict=True
             )
         ]
-        return TorchOutcome(failures, residual, np.where(good, s.steps, 0), np.full(len(good), halvings))
+        lost = np.array([failure is not None for failure in failures])
+        return TorchOutcome(
+            failures, np.where(lost, np.nan, residual), np.where(lost, 0, s.steps), np.full(len(good), halvings)
+        )
 
     def at_once(self) -> int:
         """Cloths without gradients that drop together within the memory; a larger batch runs in groups."""

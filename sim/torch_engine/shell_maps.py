@@ -14,6 +14,7 @@ from scipy.sparse import csr_array, vstack
 from torch import Tensor
 
 from cusick_bench.sim.engine.plate.unknowns import ShellUnknowns
+from cusick_bench.sim.first_derivatives import first_derivatives
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.gather import SparseMatrix
 
@@ -33,6 +34,7 @@ class _ControlPoints(torch.autograd.Function):
         return torch.from_numpy(unknowns.configuration(_host(laid))).to(laid.device)
 
     @staticmethod
+    @first_derivatives("the shape in which a cloth is laid down")
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor, None]:
         g = grad_outputs[0]
         return torch.from_numpy(ctx.unknowns.by_laid(_host(g))).to(g.device), None

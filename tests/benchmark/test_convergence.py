@@ -25,6 +25,7 @@ from cusick_bench.datasets.files.plate_drapes import PlateDrape
 from cusick_bench.report.figures.convergence import convergence_figure, reference_panels
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import SimulationError
 
@@ -155,6 +156,15 @@ class TestReference:
         assert (cloth.stretch.numpy() == tables).all()
         assert cloth.bending.numpy() == pytest.approx(np.exp(-5) * 0.2 * 9.8 * 0.15**3)
         assert float(cloth.density) == 0.2
+
+    def test_the_cloth_is_the_same_plate_under_every_law(self):
+        """The published program bends a plate as if it had a quarter of its table."""
+        sunk = {}
+        for law in ("published", "paper"):
+            settings = DrapeSettings(law=law, clamp="whole", laying_amplitude=0.0)
+            drape = DrapeSimulator(disc_mesh(150), settings).drape(plate_cloth(-3.0, 0.0, law))
+            sunk[law] = float(drape.vertices[:, 2].min())
+        assert sunk["published"] == pytest.approx(sunk["paper"], rel=0.02)
 
     def test_a_law_without_rests_is_refused(self):
         with pytest.raises(SimulationError, match="published"):

@@ -100,3 +100,8 @@ def test_plans_that_fit_nothing_are_refused() -> None:
         CalibrationPlan(fits=0)
     with pytest.raises(CalibrationError, match="no finished fit"):
         calibration_table([])
+
+
+def test_fits_of_another_budget_are_others_however_near_it_is():
+    assert plan_numerics(CalibrationPlan(budget=1234567.0)) != plan_numerics(CalibrationPlan(budget=1234568.0))
+    assert "budget 1000, law" in plan_numerics(CalibrationPlan(budget=1000.0))

@@ -13,7 +13,7 @@ from cusick_bench.sim.cloth.obj import read_obj
 from tests.support.worn_skirts import learned_posterior, skirt_cell
 
 NUMBERS = ["--density", "0.2", "--bending", "1e-5"]
-SMALL = ["--vertices", "160", "--length", "0.3", "--hem", "0.2", "--hip", "0.13"]
+SMALL = ["--vertices", "160", "--length", "0.3", "--hip", "0.13"]
 
 
 def _run(*arguments: str):
@@ -22,7 +22,7 @@ def _run(*arguments: str):
 
 def test_command_writes_meshes_pictures_motion_and_numbers(tmp_path: Path):
     result = _run(
-        *NUMBERS, *SMALL, "--kind", "a-line", "--draws", "2", "--dynamic", "--duration", "0.4", "--out",
+        *NUMBERS, *SMALL, "--kind", "a-line", "--hem", "0.2", "--draws", "2", "--dynamic", "--duration", "0.4", "--out",
         str(tmp_path / "out"), "--json",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -69,6 +69,7 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         ([*NUMBERS, "--law", "published"], "tables are for law paper"),
         ([*NUMBERS, "--draws", "0"], "number of draws must be at least 1"),
         ([*NUMBERS, "--kind", "a-line", "--hem", "0.1"], "wider than its waist"),
+        ([*NUMBERS, "--hem", "0.3"], "--hem is about an A-line skirt, and a circular one is waist + length wide"),
         ([*NUMBERS, "--length", "-1"], "length must be > 0"),
         ([*NUMBERS, "--kind", "a-line", "--hip", "0.4"], "must fit into the skirt"),
         ([*NUMBERS, "--hip", "0.05"], "waist <= hip"),

@@ -170,6 +170,24 @@ def test_a_cloth_that_no_step_saves_says_which_was_the_shortest():
     assert batch.iterations.tolist() == [0, 20]
 
 
+@pytest.mark.parametrize("device", ["cpu", "cpu:torch"])
+def test_a_cloth_that_trembles_wildly_at_the_end_has_no_drape(device):
+    wild = uniform_material(density=0.02, bending=1e-9, stretch=5000.0, shear=5.0)  # ends with 100 times its weight
+    calm = uniform_material(density=0.2, bending=1e-5)
+    density = wild.density.clone().requires_grad_()
+    settings = DrapeSettings(clamp="whole", step_seconds=0.1, steps=30)
+    simulator = DrapeSimulator(disc_mesh(120, seed=2), settings, device=device)
+    batch = simulator.drape_batch([Material(wild.stretch, wild.bending, density), calm])
+    assert str(batch.failures[0]).startswith("the cloth flies apart: net force")
+    assert batch.failures[1] is None
+    assert torch.isnan(batch.vertices[0]).all()
+    assert torch.isfinite(batch.vertices[1]).all()
+    assert np.isnan(batch.residual).tolist() == [True, False]
+    assert batch.iterations.tolist() == [0, 30]
+    batch.vertices[1].square().sum().backward()
+    assert density.grad == 0
+
+
 def test_a_cloth_lost_in_its_first_step_is_not_dropped_again():
     good = specimen(CALM[0]).material
     bad = Material(-1e3 * good.stretch, good.bending, good.density)

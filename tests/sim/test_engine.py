@@ -198,6 +198,20 @@ class TestRobustness:
         assert found["fraction"] == 1.0
         assert found["failures"] == []
 
+    def test_every_law_drapes_the_same_cloths(self, monkeypatch):
+        """The published program bends a plate as if it had a quarter of its table."""
+        tables = {}
+        draped = DrapeSimulator.drape_batch
+
+        def seen(simulator, materials, **laid):
+            tables[simulator.settings.law] = torch.stack([one.bending for one in materials])
+            return draped(simulator, materials, **laid)
+
+        monkeypatch.setattr(DrapeSimulator, "drape_batch", seen)
+        for law in ("paper", "published"):
+            robustness(DrapeSimulator(disc_mesh(150), DrapeSettings(law=law, steps=1)), 3)
+        assert torch.equal(tables["published"], 4 * tables["paper"])
+
     def test_failures_are_listed_with_their_cloth(self):
         found = robustness(DrapeSimulator(disc_mesh(150), DrapeSettings(mode="equilibrium", iterations=1)), 4)
         assert found["converged"] + len(found["failures"]) == 4

@@ -46,10 +46,11 @@ def plate_cloth(ln_bending: float, poisson: float, law: Law) -> Material:
         law: Material law that it is for.
 
     Returns:
-        The cloth, homogeneous and isotropic.
+        The cloth, homogeneous and isotropic: the same plate under every law.
     """
-    from cusick_bench.sim.cloth.material import uniform_material
+    from cusick_bench.sim.cloth.material import PUBLISHED_BENDING_FACTOR, uniform_material
 
     stiffness = math.exp(ln_bending) * DENSITY * GRAVITY * CLOTH_RADIUS**3
+    table = stiffness * (PUBLISHED_BENDING_FACTOR if law == "published" else 1.0)
     own: dict[str, float] = {} if law in FIXED_POISSON else {"poisson": poisson}
-    return uniform_material(density=DENSITY, bending=stiffness, stretch=STRETCH, shear=STRETCH / 2, **own)
+    return uniform_material(density=DENSITY, bending=table, stretch=STRETCH, shear=STRETCH / 2, **own)

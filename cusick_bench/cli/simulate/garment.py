@@ -42,6 +42,7 @@ from cusick_bench.cli.simulate.garment_options import (
     Stretch,
     WaistRadius,
     motion_option,
+    skirt_size,
     waist_motion,
     wearing_of,
 )
@@ -92,7 +93,7 @@ def skirt(
     ] = None,
     waist: WaistRadius = 0.11,
     length: Length = 0.35,
-    hem: HemRadius = 0.22,
+    hem: HemRadius = None,
     hip: HipRadius = 0.13,
     seed: Seed = 0,
     out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
@@ -100,7 +101,6 @@ def skirt(
 ) -> None:
     """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
     from cusick_bench.garment.output import write_motion, write_rest
-    from cusick_bench.garment.skirt import SkirtSize
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
@@ -108,7 +108,7 @@ def skirt(
     cloth = _cloth(result, density, bending, stretch, shear, heterogeneity, name)
     _check_law(law, cloth)
     wearing = wearing_of(
-        kind, SkirtSize(waist, length, hem), hip, moving,
+        kind, skirt_size(kind, waist, length, hem), hip, moving,
         vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,
     )  # fmt: skip
     if out is not None:
@@ -150,7 +150,7 @@ def compare(
     vertices: Vertices = 2500,
     waist: WaistRadius = 0.11,
     length: Length = 0.35,
-    hem: HemRadius = 0.22,
+    hem: HemRadius = None,
     hip: HipRadius = 0.13,
     seed: Seed = 0,
     out: Annotated[
@@ -166,14 +166,13 @@ def compare(
     from cusick_bench.garment import cloth_of_cell
     from cusick_bench.garment.page import write_page
     from cusick_bench.garment.side_by_side import compared, save_side_by_side
-    from cusick_bench.garment.skirt import SkirtSize
     from cusick_bench.garment.wearing import wear
 
     clock = time.perf_counter()
     moving = waist_motion(not static, motion, amplitude, period, duration)
     cells = _cells_of(run, solver or [])
     wearing = wearing_of(
-        kind, SkirtSize(waist, length, hem), hip, moving,
+        kind, skirt_size(kind, waist, length, hem), hip, moving,
         vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,
     )  # fmt: skip
     cloths = [replace(cloth_of_cell(folder, spread=heterogeneity), name=name) for name, folder in cells.items()]
@@ -291,12 +290,13 @@ def _print_compared(rows: list[dict[str, Any]], folder: Path) -> None:
     for title in ("cloth", "folds", "hem radius [mm]", "drape coefficient", "draws differ by [mm]", "at rest"):
         table.add_column(title, justify="left" if title == "cloth" else "right")
     for row in rows:
+        between = 1e3 * row["vertex_sd_m"]  # NaN of a single draw
         table.add_row(
             row["cloth"],
             mean_and_deviation(row, "folds", 1, 1),
             mean_and_deviation(row, "hem_radius_m", 1e3),
             mean_and_deviation(row, "drape_coefficient", 1, 3),
-            f"{1e3 * row['vertex_sd_m']:.0f}",
+            f"{between:.0f}" if between == between else "-",
             "yes" if row["at_rest"] else "no",
         )
     output.print(table)

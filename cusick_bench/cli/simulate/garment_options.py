@@ -48,7 +48,9 @@ Shear = Annotated[
 Kind = Annotated[KindName, _skirt_option(help="Cut of the skirt.")]
 WaistRadius = Annotated[float, _skirt_option("--waist", max=1, help="Radius of the waist [m].")]
 Length = Annotated[float, _skirt_option(max=2, help="Length from waist to hem [m].")]
-HemRadius = Annotated[float, _skirt_option("--hem", max=3, help="Radius of the A-line skirt's hem [m].")]
+HemRadius = Annotated[
+    float | None, _skirt_option("--hem", max=3, help="Radius of the A-line skirt's hem [m], by default 0.22.")
+]
 HipRadius = Annotated[float, _skirt_option("--hip", max=2, help="Radius of the hips [m]; 0 for no body in the skirt.")]
 Motion = Annotated[MotionName | None, motion_option(help="How the waist moves, by default sway.")]
 Amplitude = Annotated[
@@ -94,6 +96,33 @@ def waist_motion(
     if motion is not MotionName.turn:
         return WaistMotion(sway=0.08 if amplitude is None else amplitude, **times)
     return WaistMotion(turn=math.radians(90.0 if amplitude is None else amplitude), **times)
+
+
+def skirt_size(kind: KindName, waist: float, length: float, hem: float | None) -> SkirtSize:
+    """The measures that the options ask for.
+
+    Args:
+        kind: Cut of the skirt.
+        waist: Radius of the waist [m].
+        length: Length from waist to hem [m].
+        hem: Radius of the hem of an A-line skirt [m]; None for the usual one.
+
+    Returns:
+        The measures.
+
+    Raises:
+        GarmentError: A value out of range, or a hem is asked of a skirt that has none of its own.
+    """
+    from cusick_bench.garment import GarmentError, SkirtSize
+
+    if hem is None:
+        return SkirtSize(waist, length)
+    if kind is KindName.circular:
+        raise GarmentError(
+            "--hem is about an A-line skirt, and a circular one is waist + length wide; leave it out, or give "
+            "--kind a-line"
+        )
+    return SkirtSize(waist, length, hem)
 
 
 def wearing_of(

@@ -69,7 +69,7 @@ class _Group:
         parameters: Theirs.
         rollout: Their states.
         members: Their places in the batch.
-        settled: Which of them keep this drop; the others are dropped again.
+        settled: Which of them keep this drop; the others are dropped again, or have no drape.
         step_seconds: Step that it took [s].
     """
 
@@ -140,13 +140,12 @@ class DroppedBatch:
             group.add_gradient(self.system, g_x, gradient, g_initial)
         return gradient, g_initial
 
-    def drop(self, members: Int[ndarray, "some"], halvings: int, *, last: bool) -> Int[ndarray, "again"]:
+    def drop(self, members: Int[ndarray, "some"], halvings: int) -> Int[ndarray, "again"]:
         """Drops some cloths, as many at once as the threads factorise: each thread's matrix then stays in its cache.
 
         Args:
             members: Their places in the batch.
             halvings: How often their step is halved.
-            last: Whether they are not dropped again, whatever becomes of them.
 
         Returns:
             Places of those that a shorter step may help.
@@ -158,9 +157,9 @@ class DroppedBatch:
         if self.factor_memory is not None:
             memory = (self.factor_memory - sum(group.rollout.factor_bytes for group in self._groups)) // len(groups)
         self.halvings[members] = halvings
-        return np.array([one for group in groups for one in self._drop_group(group, halvings, memory, last)], np.int64)
+        return np.array([one for group in groups for one in self._drop_group(group, halvings, memory)], np.int64)
 
-    def _drop_group(self, alive: Int[ndarray, "alive"], halvings: int, memory: int | None, last: bool) -> list[int]:
+    def _drop_group(self, alive: Int[ndarray, "alive"], halvings: int, memory: int | None) -> list[int]:
         """Drops cloths together; those that diverge are set aside and the others dropped again without them."""
         s, system, again = halved(self.settings, halvings), self.system, []
         pace, lockstep = pace_of(s.pace, s.steps), system.linear.width > 1 and not halvings
@@ -183,9 +182,11 @@ class DroppedBatch:
             self.residual[alive] = np.linalg.norm(force[:, system.free].reshape(len(alive), -1), axis=1) / weight
             self.iterations[alive], self.positions[alive] = pace.steps, x
             wild = [flown_apart(s, residual) for residual in self.residual[alive].tolist()]
+            settled = np.array([failure is None for failure in wild])
             for member, failure in zip(alive, wild, strict=True):
-                self.failures[member] = failure
-            settled = np.array([last or failure is None for failure in wild])
+                self.failures[member] = None
+                if failure is not None:
+                    self._lose(np.array([member]), failure)
             if settled.any():  # or the way back would pass through it for nothing
                 self._groups.append(_Group(own, rollout, alive, settled, s.step_seconds))
             again += alive[~settled].tolist()
@@ -223,7 +224,7 @@ def drop_batch(
     """
     batch, left = DroppedBatch(system, settings, parameters, laid, factor_memory), np.arange(len(laid))
     for halving in range(halvings + 1):
-        left = batch.drop(left, halving, last=halving == halvings)
+        left = batch.drop(left, halving)
         if not len(left):
             break
     return batch
