@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -57,6 +56,7 @@ def diagnose_data(
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.data_set import data_set_diagnosis
+    from cusick_bench.diagnosis.document.folder_names import folder_names
     from cusick_bench.diagnosis.errors import Refused
     from cusick_bench.diagnosis.measure.captures import read_captures
     from cusick_bench.sim.effects import effect
@@ -68,6 +68,7 @@ def diagnose_data(
     chosen = list(dict.fromkeys(fabric or _with_samples(dataset)))
     out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     written: list[_Written] = []
+    folders = folder_names(dataset.cloths)
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     with progress_bar("reading data", len(chosen) + 1) as bar, kept:
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
@@ -84,7 +85,7 @@ def diagnose_data(
             one = diagnosis.document(name, command=command, progress=step)
             if one.refused is not None and len(chosen) == 1:
                 raise Refused(one.refused)
-            written.append(_write(one, out))
+            written.append(_write(one, out / folders[name]))
     if summary is not None:
         _summarise([one.document for one in written], summary)
     if as_json:
@@ -116,11 +117,10 @@ class _Written:
         return self.document.content() | {"path": self.path, "page": self.page}
 
 
-def _write(one: DiagnosisDocument, out: Path) -> _Written:
+def _write(one: DiagnosisDocument, folder: Path) -> _Written:
     """Writes document and page into a folder of their own."""
     from cusick_bench.report.diagnosis.page import write_diagnosis_page
 
-    folder = out / re.sub(r"[^\w.-]+", "_", one.fabric)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "diagnosis.json"
     one.write(path)
