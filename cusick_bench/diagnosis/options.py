@@ -5,8 +5,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cusick_bench.diagnosis.errors import DiagnosisError
+
 SHIPPED = Path(__file__).parent / "atlas" / "atlas.npz"
 """The fitted atlas of this package."""
+
+ONE_SAMPLE = "one simulated sample has no scatter, and so no gap to the data; take 2 or more, or 0 to simulate nothing"
 
 
 @dataclass(frozen=True)
@@ -14,7 +18,8 @@ class Options:
     """How to diagnose.
 
     Attributes:
-        samples: Simulated samples of each model and fold; 0 leaves the simulations, and so gap and closure, out.
+        samples: Simulated samples of each model and fold, two or more; 0 leaves the simulations, and so gap and
+            closure, out.
         always: Simulate also where no effect shows.
         without: Effects that are not to be considered.
         seed: Seed of simulations and tests.
@@ -24,6 +29,10 @@ class Options:
     always: bool = True
     without: tuple[str, ...] = ()
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.samples == 1:
+            raise DiagnosisError(ONE_SAMPLE)
 
     def command(self, data: str, fabrics: Sequence[str], atlas: Path = SHIPPED, *, force: bool = False) -> str:
         """The command that makes a document again.

@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DataCounts
-from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.errors import DiagnosisError, Refused
 from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, Share
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
@@ -260,6 +260,11 @@ def test_what_has_been_measured_already_is_not_advised() -> None:
     either = {"rest-curvature": 0.5, NONE: 0.5}
     assert TURN_OVER in [one.measurement.name for one in advise(either, most=9)]
     assert TURN_OVER not in [one.measurement.name for one in advise(either, made=(TURN_OVER,), most=9)]
+
+
+def test_one_simulated_sample_is_refused() -> None:
+    with pytest.raises(DiagnosisError, match="2 or more, or 0"):
+        Options(samples=1)
 
 
 def test_one_picture_of_each_drape_shows_creep_as_little_as_friction(one_thread: None) -> None:
