@@ -189,6 +189,8 @@ def _print_laboratory(shared: LaboratoryDocument) -> None:
         evidence = ", ".join(f"{name} {value:.1f}" for name, value in one.evidence.items())
         table.add_row(one.effect, one.stage, f"{one.probability:.2f}", parameters, evidence)
     output.print(table)
+    for note in shared.notes:
+        output.print(f"note: {note}")
 
 
 def _print(written: _Written) -> None:
