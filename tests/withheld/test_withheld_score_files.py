@@ -68,7 +68,7 @@ class TestFailures:
 class TestFiles:
     def test_missing_and_extra_cases_are_named(self, tmp_path):
         labels = {"a": label("none"), "b": label("creep")}
-        with pytest.raises(WithheldError, match=r"lacks 1: b; answer every case"):
+        with pytest.raises(WithheldError, match=r"lacks 1: b; answer every case; a refusal has the verdict refused"):
             revealed(tmp_path, labels, {"a": answer("none")})
         with pytest.raises(WithheldError, match=r"labels.json lacks 1: c"):
             revealed(tmp_path, labels, {c: answer("none") for c in "abc"})
