@@ -72,3 +72,11 @@ def test_cloths_whose_names_differ_in_punctuation_have_folders_of_their_own(diag
     run(out, "silk [a]", data=lab)  # where it is does not hang on what it is asked for with
     again = {path.parent.name: json.loads(path.read_text())["fabric"] for path in out.glob("*/diagnosis.json")}
     assert again == written
+
+
+def test_a_table_that_cannot_be_written_is_refused_before_the_work(diagnosed, tmp_path):
+    asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path), "--table", str(tmp_path)]
+    finished = CliRunner().invoke(app, asked)
+    assert finished.exit_code == 2
+    assert "--table must name a file" in finished.stderr
+    assert diagnosed == []

@@ -157,3 +157,15 @@ def test_faces_that_no_sample_shows_both_of_are_not_called_one_face(laboratories
             one for one in doubts(ours, sample_statistics(ours).features()) if "in part" in one and "face" in one
         )
         assert words in note
+
+
+def test_few_samples_of_each_face_are_not_called_few_samples(laboratories):
+    both = captures(laboratories, "release")
+    up = both.side == "up"
+    for rows, words in (
+        (up == (both.sample % 2 == 0), "only 3 samples of a face:"),  # of six
+        (both.sample <= 3, "only 3 samples:"),
+        ((both.sample <= 2) & (up == (both.sample == 1)), "only 1 sample of a face:"),
+    ):
+        ours = both.select(rows)
+        assert doubts(ours, sample_statistics(ours).features())[0].startswith(words)

@@ -57,7 +57,7 @@ def diagnose_data(
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.data_set import data_set_diagnosis
     from cusick_bench.diagnosis.document.folder_names import folder_names
-    from cusick_bench.diagnosis.errors import Refused
+    from cusick_bench.diagnosis.errors import DiagnosisError, Refused
     from cusick_bench.diagnosis.measure.captures import read_captures
     from cusick_bench.sim.effects import effect
 
@@ -67,6 +67,10 @@ def diagnose_data(
         dataset = load(data, progress=bar.show)
     chosen = list(dict.fromkeys(fabric or _with_samples(dataset)))
     out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
+    if summary is not None:
+        if summary.is_dir():
+            raise DiagnosisError(f"--table must name a file, got the folder {summary}; give for instance diagnosis.csv")
+        summary.parent.mkdir(parents=True, exist_ok=True)
     written: list[_Written] = []
     folders = folder_names(dataset.cloths)
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
@@ -167,7 +171,6 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
                 "code": one.provenance.version,
             }
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, csv_text(pd.DataFrame(rows), float_format="%.4g").encode())
 
 

@@ -49,7 +49,11 @@ def doubts(captures: Captures, features: Features) -> list[str]:
     notes = []
     number = int(features.samples.max())
     if number < _FEW:
-        notes.append(f"only {number} samples: natural variability is the model's, and only strong effects show")
+        of_face = "" if number == len(np.unique(captures.sample)) else " of a face"
+        notes.append(
+            f"only {number} sample{'s' * (number != 1)}{of_face}: natural variability is the model's, and only strong "
+            "effects show"
+        )
     if features.single:
         notes.append(
             "answered in part: one face only, so what belongs to the cloth and what to the laboratory cannot be told "
