@@ -91,12 +91,19 @@ def laboratory_document(found: Laboratory, captures: Mapping[str, Captures]) -> 
             )
         )
     own = [captures[name] for name in found.fabrics]
-    notes = (*lengths_of_atlas(own[0].protocol), *_shown_twice(own))
+    notes = (*lengths_of_atlas(own[0].protocol), *shown_twice(own))
     return LaboratoryDocument(fabrics=found.fabrics, effects=tuple(causes), notes=notes)
 
 
-def _shown_twice(fabrics: Sequence[Captures]) -> Iterator[str]:
-    """A note for each two sets that share pictures, as a named set does with the fabric that it is taken from."""
+def shown_twice(fabrics: Sequence[Captures]) -> Iterator[str]:
+    """Which sets share pictures, as a named set does with the fabric that it is taken from.
+
+    Args:
+        fabrics: Silhouettes of each.
+
+    Yields:
+        A note for each two of them.
+    """
     outlines = {one.fabric: {radii.tobytes() for radii in one.radii} for one in fabrics}
     for first, second in combinations(outlines, 2):
         if count := len(outlines[first] & outlines[second]):
