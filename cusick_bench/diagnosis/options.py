@@ -5,8 +5,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cusick_bench.diagnosis.errors import DiagnosisError
-
 SHIPPED = Path(__file__).parent / "atlas" / "atlas.npz"
 """The fitted atlas of this package."""
 
@@ -29,10 +27,6 @@ class Options:
     always: bool = True
     without: tuple[str, ...] = ()
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.samples == 1:
-            raise DiagnosisError(ONE_SAMPLE)
 
     def command(self, data: str, fabrics: Sequence[str], atlas: Path = SHIPPED, *, force: bool = False) -> str:
         """The command that makes a document again.

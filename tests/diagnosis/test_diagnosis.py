@@ -262,9 +262,9 @@ def test_what_has_been_measured_already_is_not_advised() -> None:
     assert TURN_OVER not in [one.measurement.name for one in advise(either, made=(TURN_OVER,), most=9)]
 
 
-def test_one_simulated_sample_is_refused() -> None:
+def test_one_simulated_sample_is_refused(emulator: Emulator) -> None:
     with pytest.raises(DiagnosisError, match="2 or more, or 0"):
-        Options(samples=1)
+        diagnose(read_captures(load("synthetic"), "fabric_2"), emulator, options=Options(samples=1))
 
 
 def test_one_picture_of_each_drape_shows_creep_as_little_as_friction(one_thread: None) -> None:
