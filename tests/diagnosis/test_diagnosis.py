@@ -21,7 +21,7 @@ from cusick_bench.diagnosis.inference.detectability.power import detectable_at, 
 from cusick_bench.diagnosis.inference.findings.budget import Budget, Share
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
 from cusick_bench.diagnosis.inference.findings.unusual import unusual
-from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
+from cusick_bench.diagnosis.inference.residuals.feature_rows import SPREAD, faces_of
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
@@ -260,6 +260,15 @@ def test_what_has_been_measured_already_is_not_advised() -> None:
     either = {"rest-curvature": 0.5, NONE: 0.5}
     assert TURN_OVER in [one.measurement.name for one in advise(either, most=9)]
     assert TURN_OVER not in [one.measurement.name for one in advise(either, made=(TURN_OVER,), most=9)]
+
+
+def test_a_density_does_not_hang_on_the_units_of_the_rows(emulator: Emulator) -> None:
+    """They are those of the best base parameters, and densities of several are compared."""
+    residual = residual_of(emulator, *drawn_fabric(emulator, np.random.default_rng(7)))
+    rows = np.ones(len(residual.kept))
+    rows[SPREAD] = 2.0  # entries of `SPREADS` are in no unit of theirs
+    coarser = replace(residual, sd=2 * residual.sd, root=residual.root * (rows / 2)[residual.kept, None])
+    assert coarser.log_likelihood == pytest.approx(residual.log_likelihood)
 
 
 def test_one_simulated_sample_is_refused(emulator: Emulator) -> None:
