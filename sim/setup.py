@@ -37,10 +37,30 @@ Field = Callable[[Tensor], Tensor]
 PositionMap = Callable[[Tensor], Tensor]
 """From positions (vertices, 3) [m] to positions."""
 
+MeshField = Callable[[Mesh, Tensor], Tensor]
+"""From a mesh and material points (n, 2) [m] to values (n,)."""
+
 RestAngle = Callable[[Mesh], Tensor]
 """From a mesh to dihedral angles (hinges,) [rad], positive where the cloth is convex seen from its face."""
 
 Side = Literal["up", "down"]
+
+
+@dataclass(frozen=True, eq=False)
+class OnCloth:
+    """A field that lies where it does by the cloth's rim: that of the mesh which is draped, so that effects may come in
+    any order.
+
+    Attributes:
+        field: The field on any mesh.
+        mesh: The mesh so far; `Setup.cloth` takes the last one.
+    """
+
+    field: MeshField
+    mesh: Mesh
+
+    def __call__(self, points: Tensor) -> Tensor:
+        return self.field(self.mesh, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +138,11 @@ class Setup:
         mesh, material = self.mesh, self.material
         stretch, bending, density = material.stretch, material.bending, material.density
         if self.log_stretch:
-            stretch = stretch * _factor(self.log_stretch, face_centres(mesh))[:, None, None]
+            stretch = stretch * _factor(self.log_stretch, mesh, face_centres(mesh))[:, None, None]
         if self.log_bending:
-            bending = bending * _factor(self.log_bending, hinge_centres(mesh))[:, None, None]
+            bending = bending * _factor(self.log_bending, mesh, hinge_centres(mesh))[:, None, None]
         if self.log_mass:
-            density = density * _factor(self.log_mass, face_centres(mesh))
+            density = density * _factor(self.log_mass, mesh, face_centres(mesh))
         return Material(stretch, bending, density, material.poisson)
 
     def rest_angle(self) -> Float[Tensor, "hinges"]:
@@ -258,11 +278,11 @@ def turned(shape: Float[Tensor, "vertices 3"], degrees: float | Tensor) -> Float
     return torch.stack([cosine * x - sine * y, sine * x + cosine * y, z], dim=-1)
 
 
-def _factor(logs: Sequence[Field], points: np.ndarray) -> Tensor:
+def _factor(logs: Sequence[Field], mesh: Mesh, points: np.ndarray) -> Tensor:
     at = torch.from_numpy(points)
     total = torch.zeros(len(points), dtype=torch.float64)
     for log in logs:
-        total = total + log(at)
+        total = total + (log.field(mesh, at) if isinstance(log, OnCloth) else log(at))
     return total.exp()
 
 

@@ -14,6 +14,7 @@ import typer
 
 from cusick_bench.cli.completion import complete_cloth, complete_data, complete_effect, complete_solver
 from cusick_bench.cli.written_paths import outside_package
+from cusick_bench.diagnosis.options import ONE_SAMPLE
 from cusick_bench.sim.constants import DEFAULT_LAW, HEAVIEST_CLOTH, LIGHTEST_CLOTH, VERTICES_OF_PAPER
 from cusick_bench.sim.errors import CusickError
 
@@ -224,6 +225,24 @@ Budget = Annotated[
 ]
 Seeds = Annotated[int, fit_option(min=1, max=MOST_SEEDS, help="Number of seeds.")]
 
+
+def not_one(samples: int) -> int:
+    """Checks how many samples are simulated; the callback of `SimulatedSamples`.
+
+    Args:
+        samples: Their number.
+
+    Returns:
+        The same.
+
+    Raises:
+        typer.BadParameter: A single one.
+    """
+    if samples == 1:
+        raise typer.BadParameter(ONE_SAMPLE)
+    return samples
+
+
 # Diagnosis
 DiagnosedData = Annotated[
     str, typer.Argument(help="Data set: name or folder; by default the release in CUSICK_DATA.", metavar="DATA")
@@ -238,7 +257,11 @@ WithoutEffect = Annotated[
 SimulatedSamples = Annotated[
     int,
     diagnosis_option(
-        "--samples", min=0, max=MOST_SAMPLES, help="Simulated samples of each model; 0 leaves gap and closure out."
+        "--samples",
+        min=0,
+        max=MOST_SAMPLES,
+        help="Simulated samples of each model, two or more; 0 leaves gap and closure out.",
+        callback=not_one,
     ),
 ]
 Cases = Annotated[Path, typer.Argument(help="Folder of the cases.", metavar="CASES")]

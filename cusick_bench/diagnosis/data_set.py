@@ -48,7 +48,7 @@ class DataSetDiagnosis:
     @cached_property
     def shared(self) -> LaboratoryDocument | None:
         """The document of what the fabrics share."""
-        return None if self.laboratory is None else laboratory_document(self.laboratory)
+        return None if self.laboratory is None else laboratory_document(self.laboratory, self.captures)
 
     def together(self, fabric: str) -> Sequence[str]:
         """Fabrics that have to be diagnosed together to get the same answer for one of them.

@@ -16,6 +16,7 @@ import numpy as np
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
+from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.findings.budget import Budget
 from cusick_bench.diagnosis.inference.findings.intervals import ParameterInterval, parameter_intervals
@@ -33,7 +34,7 @@ from cusick_bench.diagnosis.inference.single_effects.next_measurement import TUR
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
 from cusick_bench.diagnosis.measure.gap import Gap
-from cusick_bench.diagnosis.options import Options
+from cusick_bench.diagnosis.options import ONE_SAMPLE, Options
 from cusick_bench.diagnosis.simulation.closure import Closure, Draping, closures
 from cusick_bench.sim.setup import Simulators
 
@@ -133,9 +134,11 @@ def diagnose(
 
     Raises:
         Refused: Another geometry than the atlas', one sample only, or a cloth beyond the atlas.
-        DiagnosisError: No usable drape.
+        DiagnosisError: No usable drape, or a single sample to simulate.
     """
     chosen, known = options or Options(), calibration or Calibration()
+    if chosen.samples == 1:
+        raise DiagnosisError(ONE_SAMPLE)
     generator = np.random.default_rng([_SEED, chosen.seed])
     progress("statistics, base model, sets of effects", 0.0)
     evidence = fabric_evidence(captures, emulator, known, generator, without=chosen.without, shared=shared)

@@ -8,13 +8,16 @@ from pathlib import Path
 SHIPPED = Path(__file__).parent / "atlas" / "atlas.npz"
 """The fitted atlas of this package."""
 
+ONE_SAMPLE = "one simulated sample has no scatter, and so no gap to the data; take 2 or more, or 0 to simulate nothing"
+
 
 @dataclass(frozen=True)
 class Options:
     """How to diagnose.
 
     Attributes:
-        samples: Simulated samples of each model and fold; 0 leaves the simulations, and so gap and closure, out.
+        samples: Simulated samples of each model and fold, two or more; 0 leaves the simulations, and so gap and
+            closure, out.
         always: Simulate also where no effect shows.
         without: Effects that are not to be considered.
         seed: Seed of simulations and tests.

@@ -1,6 +1,5 @@
 """What the simulator leaves out of each fabric: diagnosed together, written one by one, made anew only where needed."""
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from cusick_bench.datasets.errors import DataError
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.data_set import data_set_diagnosis
+from cusick_bench.diagnosis.document.folder_names import folder_names
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
@@ -25,17 +25,18 @@ LEAST_SAMPLES = 3
 Progress = Callable[[str, float], None]
 
 
-def fabric_folder(workspace: Workspace, fabric: str) -> Path:
+def fabric_folder(workspace: Workspace, dataset: DrapeDataset, fabric: str) -> Path:
     """Folder of a fabric's diagnosis.
 
     Args:
         workspace: The workspace.
+        dataset: The data, whose other fabrics have folders of their own.
         fabric: Name of the fabric.
 
     Returns:
         Its path, whether it exists or not.
     """
-    return workspace.diagnosis / re.sub(r"[^\w.-]+", "_", fabric)
+    return workspace.diagnosis / folder_names(dataset.cloths)[fabric]
 
 
 def diagnose_fabrics(
@@ -77,11 +78,12 @@ def diagnose_fabrics(
         [atlas],
     )
     documents = {}
+    folders = {name: fabric_folder(workspace, dataset, name) for name in captures}
     if kept(workspace.diagnosis_record, key) is not None:
-        documents = {name: one for name in captures if (one := _earlier(workspace, name)) is not None}
+        documents = {name: one for name, folder in folders.items() if (one := _earlier(folder)) is not None}
     else:
-        for name in captures:
-            (fabric_folder(workspace, name) / "diagnosis.json").unlink(missing_ok=True)
+        for folder in folders.values():
+            (folder / "diagnosis.json").unlink(missing_ok=True)
         workspace.diagnosis.mkdir(parents=True, exist_ok=True)
         keep(workspace.diagnosis_record, key, {"fabrics": list(captures)})
     waiting = [name for name in captures if name not in documents]
@@ -100,7 +102,7 @@ def diagnose_fabrics(
 
         command = asked.command(data, diagnosis.together(name), atlas, force=options.force)
         documents[name] = diagnosis.document(name, command=command, progress=tell)
-        _write(documents[name], fabric_folder(workspace, name))
+        _write(documents[name], folders[name])
     return {name: documents[name] for name in captures}, missing
 
 
@@ -127,8 +129,7 @@ def _captures(
     return captures, missing
 
 
-def _earlier(workspace: Workspace, name: str) -> DiagnosisDocument | None:
-    folder = fabric_folder(workspace, name)
+def _earlier(folder: Path) -> DiagnosisDocument | None:
     if not (folder / "diagnosis.html").is_file():
         return None
     try:

@@ -159,7 +159,8 @@ class Identification:
         density = float(own["areal_density"])
         weight = density if isfinite(density) and density > 0 else None
         drapes, fit, document = _drapes(measured), fits[0].get(name), diagnoses[0].get(name)
-        diagnosis = None if document is None else _diagnosed(document, self.workspace)
+        folder = fabric_folder(self.workspace, self.dataset, name)
+        diagnosis = None if document is None else _diagnosed(document, folder, self.workspace)
         fit_missing = fits[1].get(name, "")
         shown = self.preparation.refused if self.preparation else ()
         refused = sum(one.fabric == int(own["fabric"]) for one in shown)
@@ -244,8 +245,8 @@ def _bending(document: DiagnosisDocument) -> float | None:
     return exp(level) * data.areal_density_kg_m2 * data.gravity_m_s2 * data.cloth_radius_m**3
 
 
-def _diagnosed(document: DiagnosisDocument, workspace: Workspace) -> Diagnosed:
-    folder = fabric_folder(workspace, document.fabric).relative_to(workspace.out).as_posix()
+def _diagnosed(document: DiagnosisDocument, folder: Path, workspace: Workspace) -> Diagnosed:
+    path = folder.relative_to(workspace.out).as_posix()
     return Diagnosed(
         verdict=document.verdict,
         headline=document.headline,
@@ -253,6 +254,6 @@ def _diagnosed(document: DiagnosisDocument, workspace: Workspace) -> Diagnosed:
         p=document.gap.p,
         closure=document.closure.fraction,
         bending=_bending(document),
-        path=f"{folder}/diagnosis.json",
-        page=f"{folder}/diagnosis.html",
+        path=f"{path}/diagnosis.json",
+        page=f"{path}/diagnosis.html",
     )

@@ -1,11 +1,13 @@
 """`cusick-bench diagnose`: what it makes of the fabrics that are named, and the table of its answers."""
 
 import csv
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from made_up_diagnosis import NO_PROFILES, causes, document, parsed
+from toy_cloths import draw, toy_profile, write_image
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -32,10 +34,10 @@ def diagnosed(monkeypatch) -> list[str]:
     return done
 
 
-def run(folder: Path, *fabrics: str) -> list[dict[str, str]]:
+def run(folder: Path, *fabrics: str, data: str = "synthetic") -> list[dict[str, str]]:
     """Rows of the table."""
     named = [word for fabric in fabrics for word in ("--fabric", fabric)]
-    asked = ["diagnose", "synthetic", *named, "--out", str(folder), "--table", str(folder / "table.csv")]
+    asked = ["diagnose", data, *named, "--out", str(folder), "--table", str(folder / "table.csv")]
     finished = CliRunner().invoke(app, asked)
     assert finished.exit_code == 0, finished.output
     with (folder / "table.csv").open() as file:
@@ -55,3 +57,26 @@ def test_probabilities_of_the_table_stand_in_the_order_of_the_effects(diagnosed,
         "off-centre": "0.80",
     }
     assert [part.split(":")[0] for part in row["parameters"].split("; ")] == ["creep", "off-centre"]
+
+
+def test_cloths_whose_names_differ_in_punctuation_have_folders_of_their_own(diagnosed, tmp_path):
+    names = ["silk (a)", "silk [a]", "silk_a_"]
+    for number, name in enumerate(names):
+        for sample in (1, 2, 3):
+            picture = tmp_path / "lab" / "bnn_image_gt" / name / f"sample_{sample}_Upward_Drape_1.png"
+            write_image(picture, draw(toy_profile(number, sample, 1)))
+    lab, out = str(tmp_path / "lab"), tmp_path / "out"
+    run(out, data=lab)
+    written = {path.parent.name: json.loads(path.read_text())["fabric"] for path in out.glob("*/diagnosis.json")}
+    assert written == {"silk_a_": "silk_a_", "silk_a__2": "silk (a)", "silk_a__3": "silk [a]"}
+    run(out, "silk [a]", data=lab)  # where it is does not hang on what it is asked for with
+    again = {path.parent.name: json.loads(path.read_text())["fabric"] for path in out.glob("*/diagnosis.json")}
+    assert again == written
+
+
+def test_a_table_that_cannot_be_written_is_refused_before_the_work(diagnosed, tmp_path):
+    asked = ["diagnose", "synthetic", "--fabric", "fabric_1", "--out", str(tmp_path), "--table", str(tmp_path)]
+    finished = CliRunner().invoke(app, asked)
+    assert finished.exit_code == 2
+    assert "--table must name a file" in finished.stderr
+    assert diagnosed == []

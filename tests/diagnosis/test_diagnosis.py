@@ -5,21 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cusick_bench.datasets import load
 from cusick_bench.diagnosis.atlas.base_model import LOW, PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.observation import silhouette
 from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.document.build import answer, document
 from cusick_bench.diagnosis.document.headline import headline
 from cusick_bench.diagnosis.document.model import DataCounts
-from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.errors import DiagnosisError, Refused
 from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
 from cusick_bench.diagnosis.inference.findings.budget import Budget, Share
 from cusick_bench.diagnosis.inference.findings.detection import detection_p_value, detection_statistic
 from cusick_bench.diagnosis.inference.findings.unusual import unusual
-from cusick_bench.diagnosis.inference.residuals.feature_rows import faces_of
+from cusick_bench.diagnosis.inference.residuals.feature_rows import SPREAD, faces_of
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
 from cusick_bench.diagnosis.inference.residuals.residual import Residual, against_base
 from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
@@ -35,7 +37,7 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import (
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.inference.single_effects.localise import place
 from cusick_bench.diagnosis.inference.single_effects.next_measurement import TURN_OVER, advise
-from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
+from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles, read_captures
 from cusick_bench.diagnosis.measure.features import features
 from cusick_bench.diagnosis.measure.statistics import GROUPS, NAMES, rotated
 from cusick_bench.diagnosis.simulation.samples import simulate
@@ -258,6 +260,29 @@ def test_what_has_been_measured_already_is_not_advised() -> None:
     either = {"rest-curvature": 0.5, NONE: 0.5}
     assert TURN_OVER in [one.measurement.name for one in advise(either, most=9)]
     assert TURN_OVER not in [one.measurement.name for one in advise(either, made=(TURN_OVER,), most=9)]
+
+
+def test_a_density_does_not_hang_on_the_units_of_the_rows(emulator: Emulator) -> None:
+    """They are those of the best base parameters, and densities of several are compared."""
+    residual = residual_of(emulator, *drawn_fabric(emulator, np.random.default_rng(7)))
+    rows = np.ones(len(residual.kept))
+    rows[SPREAD] = 2.0  # entries of `SPREADS` are in no unit of theirs
+    coarser = replace(residual, sd=2 * residual.sd, root=residual.root * (rows / 2)[residual.kept, None])
+    assert coarser.log_likelihood == pytest.approx(residual.log_likelihood)
+
+
+def test_one_simulated_sample_is_refused(emulator: Emulator) -> None:
+    with pytest.raises(DiagnosisError, match="2 or more, or 0"):
+        diagnose(read_captures(load("synthetic"), "fabric_2"), emulator, options=Options(samples=1))
+
+
+def test_one_picture_of_each_drape_shows_creep_as_little_as_friction(one_thread: None) -> None:
+    captures = read_captures(load("synthetic"), "fabric_2")
+    first = captures.select(np.isin(captures.capture, (1, 3)))
+    found = diagnose(first, *load_atlas(), Options(samples=0))
+    assert found.acting["creep"] == found.acting["bending-friction"] > 0
+    assert found.probability["creep"] == found.probability["bending-friction"]
+    assert any("creep cannot be told from bending-friction" in note for note in found.notes)
 
 
 @pytest.mark.slow

@@ -465,6 +465,15 @@ class TestCommand:
         assert done.exit_code == 2
         assert message in done.stderr
 
+    def test_controls_that_no_fabric_allows_are_no_empty_table(self, tmp_path):
+        out = tmp_path / "controls.csv"
+        asked = ["diagnose-controls", "synthetic", "--fabric", CLOTH, "--control", "slip", "--out", str(out)]
+        for _ in range(2):
+            done = CliRunner().invoke(app, asked)
+            assert done.exit_code == 2
+            assert f"none of slip can be tried on {CLOTH}" in done.stderr
+            assert not out.exists()
+
     def test_every_control_has_a_line_in_the_docs(self):
         from cusick_bench.diagnosis.controls import known_answers
 

@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.diagnosis.document.answer import (
     Answer,
     BudgetShare,
@@ -16,6 +18,7 @@ from cusick_bench.diagnosis.document.answer import (
     StatedCause,
     Unexplained,
 )
+from cusick_bench.diagnosis.document.laboratory import laboratory_document
 from cusick_bench.diagnosis.document.model import (
     BaseParameters,
     Cause,
@@ -32,6 +35,8 @@ from cusick_bench.diagnosis.document.model import (
     StatisticRow,
 )
 from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory
+from cusick_bench.diagnosis.measure.captures import Captures, captures_from_profiles
 
 FULL = DiagnosisDocument(
     fabric="fabric <7>",
@@ -189,3 +194,27 @@ def test_an_answer_holds_what_was_given() -> None:
 )
 def test_closures_of_earlier_files_name_one_effect(written: Any, read: tuple[str, ...]) -> None:
     assert Closure.parse(json.dumps({"effect": written, "fraction": 0.5}), "here").effect == read
+
+
+def _pictures(fabric: str, radii: np.ndarray, protocol: Protocol | None = None) -> Captures:
+    numbers = np.arange(len(radii))
+    return captures_from_profiles(
+        radii, sample=numbers, side=["up"] * len(radii), capture=numbers * 0 + 1, fabric=fabric, protocol=protocol
+    )
+
+
+def test_a_laboratory_says_which_pictures_count_twice_and_what_its_lengths_are_in() -> None:
+    radii = 0.12 + 0.01 * np.random.default_rng(1).random((9, 360))
+    captures = {
+        "fabric_2": _pictures("fabric_2", radii[:6]),
+        "cotton": _pictures("cotton", radii[4:7]),
+        "wool": _pictures("wool", radii[7:]),
+    }
+    (note,) = laboratory_document(Laboratory(tuple(captures), (), {}), captures).notes
+    assert note.startswith("fabric_2 and cotton share 2 pictures")
+    small = {name: _pictures(name, radii[7:] * 0.8, Protocol(cloth_radius_m=0.12)) for name in ("wool", "silk")}
+    lengths, shared = laboratory_document(Laboratory(tuple(small), (), {}), small).notes
+    assert lengths.endswith("for this one, of 120 mm, multiply them by 0.8")
+    assert shared.startswith("wool and silk share 2 pictures")
+    alone = {"wool": captures["wool"], "fabric_2": captures["fabric_2"]}
+    assert laboratory_document(Laboratory(tuple(alone), (), {}), alone).notes == ()

@@ -15,7 +15,7 @@ from cusick_bench.diagnosis.atlas.store import Calibration, load_uncalibrated
 from cusick_bench.diagnosis.diagnose import diagnose
 from cusick_bench.diagnosis.document.build import document
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts
-from cusick_bench.diagnosis.errors import DiagnosisError
+from cusick_bench.diagnosis.errors import DiagnosisError, Refused
 from cusick_bench.diagnosis.inference.fabric_evidence import FabricEvidence, fabric_evidence
 from cusick_bench.diagnosis.inference.residuals.refusal import doubts
 from cusick_bench.diagnosis.inference.residuals.samples import sample_statistics, to_atlas
@@ -157,3 +157,29 @@ def test_faces_that_no_sample_shows_both_of_are_not_called_one_face(laboratories
             one for one in doubts(ours, sample_statistics(ours).features()) if "in part" in one and "face" in one
         )
         assert words in note
+
+
+def test_few_samples_of_each_face_are_not_called_few_samples(laboratories):
+    both = captures(laboratories, "release")
+    up = both.side == "up"
+    for rows, words in (
+        (up == (both.sample % 2 == 0), "only 3 samples of a face:"),  # of six
+        (both.sample <= 3, "only 3 samples:"),
+        ((both.sample <= 2) & (up == (both.sample == 1)), "only 1 sample of a face:"),
+    ):
+        ours = both.select(rows)
+        assert doubts(ours, sample_statistics(ours).features())[0].startswith(words)
+
+
+def test_a_picture_under_several_names_is_said(laboratories):
+    ours = captures(laboratories, "release")
+    first, second = (np.flatnonzero(ours.sample == number) for number in (1, 2))
+    radii = ours.radii.copy()
+    radii[second] = radii[first]
+    features = sample_statistics(ours).features()
+    (note,) = (one for one in doubts(replace(ours, radii=radii), features) if "repeat" in one and "picture" in one)
+    assert note.startswith(f"{len(second)} pictures of this fabric repeat others")
+    assert not [one for one in doubts(ours, features) if one.endswith("`data audit`")]
+    same = replace(ours, radii=np.tile(radii[:1], (len(radii), 1)))
+    with pytest.raises(Refused, match=rf"all {len(radii)} pictures of {CLOTH} are the same one"):
+        diagnose(same, load_uncalibrated()[0], options=Options(samples=0))

@@ -316,6 +316,22 @@ def test_what_silhouettes_hardly_tell_apart_is_not_told_apart() -> None:
     assert evened_out(together).sets == {("camera-scale", "cut-size"): 1.0}
 
 
+def test_without_repeated_captures_creep_is_not_told_from_friction() -> None:
+    sure = posterior(
+        {"creep": 0.9, "bending-friction": 0.04, "plate-tilt": 1.0},
+        {("creep", "plate-tilt"): 0.9, ("bending-friction", "plate-tilt"): 0.04, ("plate-tilt",): 0.06},
+        {"creep": 0.9, "bending-friction": 0.04, "plate-tilt": 0.06} | NOTHING,
+    )
+    assert finding(0.01, evened_out(sure), FITS).effects == ("plate-tilt", "creep"), "a drift was looked at"
+    found = evened_out(sure, drift_known=False)
+    assert found.effects == pytest.approx({"creep": 0.47, "bending-friction": 0.47, "plate-tilt": 1.0})
+    assert list(found.sets)[:2] == [("bending-friction", "plate-tilt"), ("creep", "plate-tilt")]
+    assert sum(found.sets.values()) == pytest.approx(1)
+    stated = finding(0.01, found, FITS)
+    assert stated.effects == ("plate-tilt",)
+    assert stated.groups == (("bending-friction", "creep"),), "the first stands for both, and can be simulated"
+
+
 def test_look_alikes_share_their_probability() -> None:
     shared = posterior(
         {"camera-offset": 0.5, "plate-tilt": 0.45, "creep": 0.9},

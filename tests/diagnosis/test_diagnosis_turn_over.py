@@ -2,9 +2,11 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from toy_cloths import write_toy
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -105,3 +107,17 @@ class TestCommand:
         done = CliRunner().invoke(app, ["diagnose-turn-over", "synthetic", "--fabric", "fabric_1"])
         assert done.exit_code != 0
         assert "no pictures face down" in " ".join(done.output.split())
+
+    def test_pictures_that_count_twice_are_named(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        nat = dict(zip(WAYS, (0.0, -12.0, -30.0, -40.0), strict=True))
+        found = TurnOver({"fabric_7": nat, "fabric_8": nat}, {})
+        monkeypatch.setattr(module, "turn_over", lambda captures, *given, **more: found)
+        write_toy(tmp_path, fabrics=(7, 9), meshes=False)
+        for picture in sorted((tmp_path / "data" / "Fabric 7" / "silhouettes").iterdir()):
+            again = tmp_path / "data" / "Fabric 8" / "silhouettes" / picture.name.replace("Fabric_7", "Fabric_8")
+            again.parent.mkdir(parents=True, exist_ok=True)
+            again.write_bytes(picture.read_bytes())
+        for options in ([], ["--json"]):
+            done = CliRunner().invoke(app, ["diagnose-turn-over", str(tmp_path), *options])
+            assert done.exit_code == 0, done.output
+            assert "fabric_7 and fabric_8 share 12 pictures" in done.stdout

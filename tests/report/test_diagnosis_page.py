@@ -6,10 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from html_page import Page
-from made_up_diagnosis import BASE, EMPTY, NO_PROFILES, causes, document, made_up_profiles, parsed, small_document
+from made_up_diagnosis import (
+    BASE,
+    EMPTY,
+    NO_PROFILES,
+    causes,
+    document,
+    made_up_profiles,
+    parsed,
+    small_document,
+    statistic,
+)
 
 from cusick_bench.report.diagnosis.number_format import percent
 from cusick_bench.report.diagnosis.page import diagnosis_page, write_diagnosis_page
+from cusick_bench.report.diagnosis.statistics import statistic_table
 
 
 def page(content: dict, folder: Path) -> Page:
@@ -125,6 +136,9 @@ def test_a_floor_below_zero_makes_no_ratio(tmp_path):
     assert "2.5 times in 1000" in text
     tiny = page(made | {"gap": {"base": 0.85, "floor": 0.0013, "p": 0.0025}}, tmp_path).text
     assert "0.85 floor 0.0013" in tiny
+    for left, words in ((0.6, "leaves less"), (0.9, "leaves no less")):
+        held = page(made | {"gap": {"base": 0.81, "floor": -0.0073, "p": 0.0025, "effect": left}}, tmp_path).text
+        assert f"The gap exceeds its floor; a cause {words}." in held
     assert "times its floor" not in tiny
 
 
@@ -324,3 +338,12 @@ def test_a_gap_that_no_cause_explains_is_not_denied(tmp_path):
     text = page(made, tmp_path).text
     assert "The gap is 27 times its floor" in text
     assert "no gap to close" not in text
+
+
+def test_a_statistic_has_the_sign_that_it_is_written_with(tmp_path):
+    """Of the face that differs more in standard errors, which may be less in its unit: fewer samples show the other."""
+    low = statistic("area_dc", "size", "1", (0.40, 0.41, 0.5, 0.5), -4.0)
+    mixed = statistic("mean_radius", "size", "m", (0.123, 0.115, 0.12, 0.12), 3.0)
+    for rows, shown in (([low, mixed], ["−4.0", "+3.0"]), ([low | {"z": 4.0}, mixed], ["−4.0", "−3.0"])):
+        made = parsed(document(NO_PROFILES) | {"statistics": rows})
+        assert [row.z for row in statistic_table(made).rows] == shown

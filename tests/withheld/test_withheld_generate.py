@@ -140,6 +140,13 @@ def test_another_suite_is_not_mixed_in(made):
     assert contents(cases) == before
 
 
+def test_cases_whose_labels_are_gone_get_no_labels_of_another_suite(made, tmp_path):
+    """Labels that fit no case would stand there from then on, and refuse the right seed."""
+    with pytest.raises(WithheldError, match=r"commitment.json belongs to another suite"):
+        generate(suite(9), made[0], tmp_path / "labels")
+    assert not (tmp_path / "labels").exists()
+
+
 def test_effects_and_severities_are_spread_evenly_in_an_order_that_tells_nothing():
     singles = len(DRAWN) * len(MULTIPLES)
     plans = plan_suite(4, {"null": 60, "single": singles, "pair": 30, "unknown": 24})

@@ -68,7 +68,7 @@ class TestFailures:
 class TestFiles:
     def test_missing_and_extra_cases_are_named(self, tmp_path):
         labels = {"a": label("none"), "b": label("creep")}
-        with pytest.raises(WithheldError, match=r"lacks 1: b; answer every case"):
+        with pytest.raises(WithheldError, match=r"lacks 1: b; answer every case; a refusal has the verdict refused"):
             revealed(tmp_path, labels, {"a": answer("none")})
         with pytest.raises(WithheldError, match=r"labels.json lacks 1: c"):
             revealed(tmp_path, labels, {c: answer("none") for c in "abc"})
@@ -164,6 +164,19 @@ class TestFiles:
         }
         found = scored(tmp_path, labels, bare)
         assert (found.detection, found.value("detection AUROC")) == ("verdict", 1)
+
+    def test_a_method_that_states_none_only_where_it_finds_nothing_detects_what_it_names(self, tmp_path):
+        """As the baselines do: what they name was taken for less than nothing."""
+        labels = {"a": label("none"), "b": label("creep"), "c": label("none")}
+        stated = {
+            "a": answer("none", ("none", 1.0)),
+            "b": answer("effect", ("creep", 0.5), ("plate-tilt", 0.2)),
+            "c": answer("none", ("none", 1.0)),
+        }
+        for said in stated.values():
+            said["gap"] = {}
+        found = scored(tmp_path, labels, stated)
+        assert (found.detection, found.value("detection AUROC")) == ("none", 1)
 
     def test_an_answer_that_states_no_p_value_counts_against_its_giver(self, tmp_path):
         labels = {"a": label("none"), "b": label("creep"), "c": label("none")}

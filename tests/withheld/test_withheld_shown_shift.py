@@ -190,11 +190,13 @@ class TestCommands:
     def test_what_others_make_is_not_distinct(self, shown: ShownShift, subsets: set[str]):
         """A threefold shift of which other effects leave 1.8 or .4, and one that is too weak to be clear."""
         label = Label(("creep",), SINGLE, "history", multiple=0.1)
-        said = read_answer({"verdict": "none", "causes": [], "set90": ["none"]}, "answer")
-        answered = with_measured_severities(LabelledAnswers({"a": said}, {"a": label}, ()), {"a": shown}, "twins.json")
-        assert answered.labels["a"].multiple == shown.multiple
-        found = {figure.subset for figure in score(answered).figures if figure.cases and figure.name == "power"}
-        assert found & {CLEAR, DISTINCT} == subsets
+        for without, name in (([], "power"), (["creep"], "unknown recalled")):  # listed, and left out for this answer
+            said = {"verdict": "none", "causes": [], "set90": ["none"], "without": without}
+            answers = LabelledAnswers({"a": read_answer(said, "answer")}, {"a": label}, ())
+            answered = with_measured_severities(answers, {"a": shown}, "twins.json")
+            assert answered.labels["a"].multiple == shown.multiple
+            found = {figure.subset for figure in score(answered).figures if figure.cases and figure.name == name}
+            assert found & {CLEAR, DISTINCT} == subsets
 
     def test_labels_of_another_suite_are_refused(self, small_suite: Path, tmp_path: Path):
         labels = read_label_documents(small_suite / "labels" / "labels.json")

@@ -103,7 +103,13 @@ def diagnose_controls(
             judgements += controlled(
                 under, emulator, calibration, options, names=control or (), workers=workers, progress=step
             )
-            _write(out, judgements, facts)
+            if judgements:
+                _write(out, judgements, facts)
+    if not judgements:
+        raise DiagnosisError(
+            f"none of {', '.join(control or CONTROLS)} can be tried on {', '.join(chosen)}: controls need faces, "
+            "repeated captures or meshes that are not there; leave --control out, or name other fabrics"
+        )
     tell(f"wrote {out} and {out.with_suffix('.md')}")
     _print(judgements, facts, as_json)
 

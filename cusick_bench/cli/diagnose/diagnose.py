@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -57,7 +56,8 @@ def diagnose_data(
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.data_set import data_set_diagnosis
-    from cusick_bench.diagnosis.errors import Refused
+    from cusick_bench.diagnosis.document.folder_names import folder_names
+    from cusick_bench.diagnosis.errors import DiagnosisError, Refused
     from cusick_bench.diagnosis.measure.captures import read_captures
     from cusick_bench.sim.effects import effect
 
@@ -67,7 +67,12 @@ def diagnose_data(
         dataset = load(data, progress=bar.show)
     chosen = list(dict.fromkeys(fabric or _with_samples(dataset)))
     out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
+    if summary is not None:
+        if summary.is_dir():
+            raise DiagnosisError(f"--table must name a file, got the folder {summary}; give for instance diagnosis.csv")
+        summary.parent.mkdir(parents=True, exist_ok=True)
     written: list[_Written] = []
+    folders = folder_names(dataset.cloths)
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     with progress_bar("reading data", len(chosen) + 1) as bar, kept:
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
@@ -84,7 +89,7 @@ def diagnose_data(
             one = diagnosis.document(name, command=command, progress=step)
             if one.refused is not None and len(chosen) == 1:
                 raise Refused(one.refused)
-            written.append(_write(one, out))
+            written.append(_write(one, out / folders[name]))
     if summary is not None:
         _summarise([one.document for one in written], summary)
     if as_json:
@@ -116,11 +121,10 @@ class _Written:
         return self.document.content() | {"path": self.path, "page": self.page}
 
 
-def _write(one: DiagnosisDocument, out: Path) -> _Written:
+def _write(one: DiagnosisDocument, folder: Path) -> _Written:
     """Writes document and page into a folder of their own."""
     from cusick_bench.report.diagnosis.page import write_diagnosis_page
 
-    folder = out / re.sub(r"[^\w.-]+", "_", one.fabric)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "diagnosis.json"
     one.write(path)
@@ -167,7 +171,6 @@ def _summarise(documents: list[DiagnosisDocument], path: Path) -> None:
                 "code": one.provenance.version,
             }
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, csv_text(pd.DataFrame(rows), float_format="%.4g").encode())
 
 
@@ -189,6 +192,8 @@ def _print_laboratory(shared: LaboratoryDocument) -> None:
         evidence = ", ".join(f"{name} {value:.1f}" for name, value in one.evidence.items())
         table.add_row(one.effect, one.stage, f"{one.probability:.2f}", parameters, evidence)
     output.print(table)
+    for note in shared.notes:
+        output.print(f"note: {note}")
 
 
 def _print(written: _Written) -> None:

@@ -14,6 +14,8 @@ from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cusick_bench.diagnosis.inference.laboratory.turn_over import TurnOver, Way
 
 
@@ -45,6 +47,7 @@ def diagnose_turn_over(
     """
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
+    from cusick_bench.diagnosis.document.laboratory import shown_twice
     from cusick_bench.diagnosis.inference.laboratory.turn_over import turn_over
     from cusick_bench.diagnosis.measure.captures import read_captures
 
@@ -61,10 +64,11 @@ def diagnose_turn_over(
         why = "; ".join(f"{name}: {reason}" for name, reason in found.refused.items())
         raise DiagnosisError(f"no fabric of {data} can be compared with the atlas: {why}")
     about_x = captures[0].warp_seen_down == 0
+    notes = list(shown_twice([one for one in captures if one.fabric in found.by_fabric]))
     if as_json:
-        print_json(_document(found, about_x))
+        print_json(_document(found, about_x) | {"notes": notes})
         return
-    _print(found, about_x)
+    _print(found, about_x, notes)
 
 
 def _with_both_faces(dataset: Any) -> list[str]:
@@ -105,7 +109,7 @@ def _sentence(found: TurnOver, about_x: bool) -> str:
     return f"{says[0].upper()}{says[1:]}: {remedy[found.told]}."
 
 
-def _print(found: TurnOver, about_x: bool) -> None:
+def _print(found: TurnOver, about_x: bool, notes: Sequence[str]) -> None:
     from cusick_bench.diagnosis.inference.laboratory.turn_over import WAYS
 
     table = Table("nat, less as the protocol says", *WAYS, title="ln of the joint density with the likeliest effects")
@@ -117,4 +121,6 @@ def _print(found: TurnOver, about_x: bool) -> None:
     output.print(table)
     for name, reason in found.refused.items():
         output.print(f"note: {name}: {reason}")
+    for note in notes:
+        output.print(f"note: {note}")
     output.print(_sentence(found, about_x), style="bold")

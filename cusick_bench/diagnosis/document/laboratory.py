@@ -1,6 +1,8 @@
 """The document of a laboratory: effects that all fabrics of a data set share."""
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 from pydantic import Field
@@ -8,6 +10,8 @@ from pydantic import Field
 from cusick_bench.diagnosis.document.model import ParameterValue
 from cusick_bench.diagnosis.document.part import Part, Probability
 from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory
+from cusick_bench.diagnosis.inference.residuals.samples import lengths_of_atlas
+from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.effects import registered
 
@@ -40,10 +44,12 @@ class LaboratoryDocument(Part):
     Attributes:
         fabrics: Fabrics that were looked at together.
         effects: Effects that they may share, the likeliest first.
+        notes: What is in doubt, and what lengths are in.
     """
 
     fabrics: tuple[str, ...]
     effects: tuple[SharedCause, ...]
+    notes: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
         """Writes the document as a JSON file, which appears whole or not at all.
@@ -54,11 +60,12 @@ class LaboratoryDocument(Part):
         write_atomically(path, json.dumps(self.content(), allow_nan=False).encode())
 
 
-def laboratory_document(found: Laboratory) -> LaboratoryDocument:
+def laboratory_document(found: Laboratory, captures: Mapping[str, Captures]) -> LaboratoryDocument:
     """Everything about one laboratory.
 
     Args:
         found: What its fabrics share.
+        captures: Silhouettes of each of its fabrics.
 
     Returns:
         The document.
@@ -83,4 +90,24 @@ def laboratory_document(found: Laboratory) -> LaboratoryDocument:
                 evidence=dict(one.evidence),
             )
         )
-    return LaboratoryDocument(fabrics=found.fabrics, effects=tuple(causes))
+    own = [captures[name] for name in found.fabrics]
+    notes = (*lengths_of_atlas(own[0].protocol), *shown_twice(own))
+    return LaboratoryDocument(fabrics=found.fabrics, effects=tuple(causes), notes=notes)
+
+
+def shown_twice(fabrics: Sequence[Captures]) -> Iterator[str]:
+    """Which sets share pictures, as a named set does with the fabric that it is taken from.
+
+    Args:
+        fabrics: Silhouettes of each.
+
+    Yields:
+        A note for each two of them.
+    """
+    outlines = {one.fabric: {radii.tobytes() for radii in one.radii} for one in fabrics}
+    for first, second in combinations(outlines, 2):
+        if count := len(outlines[first] & outlines[second]):
+            yield (
+                f"{first} and {second} share {count} pictures: what these say of the laboratory counts twice; name one "
+                "of the two with --fabric to count it once"
+            )

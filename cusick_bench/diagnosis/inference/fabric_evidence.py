@@ -120,7 +120,8 @@ def fabric_evidence(
     if hidden:
         notes.append(f"undetectable in this fabric, whatever their strength: {', '.join(hidden)}")
     sampled = fabric_sets(data, plain, generator, shared=shared, progress=progress)
-    sets = replace(sampled, posterior=evened_out(sampled.posterior))
+    drift_known = bool(np.isfinite(data.features.order).any())
+    sets = replace(sampled, posterior=evened_out(sampled.posterior, drift_known=drift_known))
     likeliest = [*(one.hypothesis.name for one in shared), *next(iter(sets.posterior.sets))]
     likely = named_causes(data, sets, likeliest)
     notes += domain_doubts(emulator, data.features, sets.residual, data.shift(likely, sets.residual))

@@ -66,6 +66,8 @@ def statistic_table(document: DiagnosisDocument) -> StatisticTable:
     """
     scored = [(row, row.z) for row in document.statistics]
     known = sorted(((row, z) for row, z in scored if z is not None), key=lambda item: -abs(item[1]))[:_MOST_ROWS]
+    if all(z >= 0 for _, z in scored if z is not None):  # files of earlier versions hold absolute values
+        known = [(row, _with_sign(row, z)) for row, z in known]
     largest = max((abs(z) for _, z in known), default=1.0) or 1.0
     rows = [_shown(row, z, largest) for row, z in known]
     with_cause = any(row.effect is not None for row in document.statistics)
@@ -85,7 +87,6 @@ def _shown(row: StatisticRow, z: float, largest: float) -> ShownStatistic:
     def shown(value: float | None) -> str:
         return UNKNOWN if value is None else plain(factor * value if abs(value) > rounding else 0.0, 3)
 
-    z = _with_sign(row, z)
     score = signed(f"{z:.1f}")
     return ShownStatistic(
         name=statistic_name(row.name),
@@ -100,9 +101,9 @@ def _shown(row: StatisticRow, z: float, largest: float) -> ShownStatistic:
 
 
 def _with_sign(row: StatisticRow, z: float) -> float:
-    """z with the sign of data minus base model, of the face that differs more; files may hold its absolute value."""
+    """|z| with the sign of data minus base model, of the face that differs more."""
     faces = [value for value in (row.up, row.down) if value is not None]
     base = row.base
-    if z < 0 or base is None or not faces:
+    if base is None or not faces:
         return z
     return copysign(z, max((value - base for value in faces), key=abs))

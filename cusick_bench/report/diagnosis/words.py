@@ -141,7 +141,8 @@ def gap_in_words(base: float | None, floor: float | None, effect: float | None, 
     if effect is None:
         return first + "."
     if ratio is None:
-        return f"{first}; {'all causes together leave' if several else 'a cause leaves'} less."
+        left = "less" if effect < base else "no less"
+        return f"{first}; {'all causes together leave' if several else 'a cause leaves'} {left}."
     return f"{first}; with {'all causes' if several else 'the cause'} {plain(effect / floor)} times."
 
 

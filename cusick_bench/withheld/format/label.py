@@ -177,7 +177,8 @@ class Label:
         """
         if self.kind != SINGLE or not set(left_out) & set(self.effects):
             return self
-        return Label((), OUTSIDE, causes.UNKNOWN, self.multiple, self.unit, hidden=f"{self.truth}, left out")
+        hidden = f"{self.truth}, left out"
+        return Label((), OUTSIDE, causes.UNKNOWN, self.multiple, self.unit, unlike=self.unlike, hidden=hidden)
 
 
 _LABEL = TypeAdapter(LabelDocument)

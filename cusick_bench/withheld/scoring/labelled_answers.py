@@ -8,7 +8,7 @@ from cusick_bench.withheld.answers.leave_out import labels_to_answer
 from cusick_bench.withheld.answers.oracle import OracleClosures
 from cusick_bench.withheld.answers.shown_shift import ShownShift
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.answer import Answer, AnswersDocument, read_answers
+from cusick_bench.withheld.format.answer import REFUSED, Answer, AnswersDocument, read_answers
 from cusick_bench.withheld.format.checked_json import read_object
 from cusick_bench.withheld.format.fields import finite_or_nan
 from cusick_bench.withheld.format.label import DETECTABLE, NULL, Label, LabelDocument, read_label_documents, truth_of
@@ -122,7 +122,7 @@ def _require_same_cases(answered: set[str], labelled: set[str], answers: Path, l
     if not labelled:
         raise WithheldError(f"{labels} must hold at least one case, got none; give the labels of the answered cases")
     for lacking, what, remedy in (
-        (labelled - answered, f"{answers} lacks", "answer every case; a refusal has the verdict unknown"),
+        (labelled - answered, f"{answers} lacks", f"answer every case; a refusal has the verdict {REFUSED}"),
         (answered - labelled, f"{labels} lacks", "score answers with the labels of the same cases"),
     ):
         if lacking:

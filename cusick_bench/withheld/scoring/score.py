@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.withheld.format.answer import BaselineAnswer
+from cusick_bench.withheld.format.causes import NONE
 from cusick_bench.withheld.format.label import DETECTABLE, NULL, SINGLE, TYPICAL, Label
 from cusick_bench.withheld.scoring.figures import RESAMPLES, Figure, figures_of
 from cusick_bench.withheld.scoring.judgement import judgement_of
@@ -90,8 +91,9 @@ def score(
 
 
 def _judged(answers: Mapping[str, BaselineAnswer], labels: Mapping[str, Label]) -> pd.DataFrame:
-    table = pd.DataFrame([vars(judgement_of(case, answers[case], labels[case])) for case in sorted(labels)])
-    return table.assign(evidence=_evidence(table))
+    names = sorted(labels)
+    table = pd.DataFrame([vars(judgement_of(case, answers[case], labels[case])) for case in names])
+    return table.assign(evidence=_evidence(table, [answers[case] for case in names]))
 
 
 def _baselines(answered: LabelledAnswers) -> dict[str, dict[str, BaselineAnswer]]:
@@ -110,12 +112,18 @@ def _detection(cases: pd.DataFrame) -> str:
     return next((column for column in ("p", "none") if np.isfinite(cases[column]).any()), "verdict")
 
 
-def _evidence(cases: pd.DataFrame) -> Float[ndarray, " cases"]:
-    """How sure an answer is that something is there. An answer that does not say counts against its giver."""
+def _evidence(cases: pd.DataFrame, answers: Sequence[BaselineAnswer]) -> Float[ndarray, " cases"]:
+    """How sure an answer is that something is there. An answer that does not say counts against its giver.
+
+    An answer that states causes, but not none, leaves to none what these leave.
+    """
     column = _detection(cases)
     if column == "verdict":
         return cases["detected"].to_numpy(float)
     stated = cases[column].to_numpy(float)
+    if column == "none":
+        left = [answer.probabilities()[NONE] if answer.causes else nan for answer in answers]
+        stated = np.where(np.isfinite(stated), stated, left)
     return np.where(np.isfinite(stated), 1 - stated, cases["kind"] == NULL)
 
 

@@ -140,13 +140,14 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         (labels / LABELS, found),
         (out / COMMITMENT, commitment),
     )
-    for path, document in documents:
-        text = json.dumps(document, indent=1) + "\n"
+    texts = {path: json.dumps(document, indent=1) + "\n" for path, document in documents}
+    for path, text in texts.items():  # all of them, before any is written
         if path.exists() and not (read_suite(path) == suite if path.name == SUITE else path.read_text() == text):
             raise WithheldError(
                 f"{path} belongs to another suite; go on with the seed and options that it was made with, or choose "
                 "an empty folder"
             )
+    for path, text in texts.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             _write_whole(path, text.encode())

@@ -12,6 +12,7 @@ from cusick_bench.sim.effects.material.patch import PLACE, Patch
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from cusick_bench.sim.cloth.mesh import Mesh
     from cusick_bench.sim.setup import Setup
 
 
@@ -39,9 +40,11 @@ class LocalMassPatch(Effect):
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch
 
+        from cusick_bench.sim.setup import OnCloth
+
         patch, mass = Patch.of(value), value["mass"]
 
-        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
-            return torch.log1p(mass * patch(points))
+        def log_factor(mesh: Mesh, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
+            return torch.log1p(mass * patch.on(mesh, points))
 
-        return setup.with_added(log_mass=log_factor)
+        return setup.with_added(log_mass=OnCloth(log_factor, setup.mesh))

@@ -13,6 +13,7 @@ from cusick_bench.sim.effects.base import Effect, Parameter, Values
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from cusick_bench.sim.cloth.mesh import Mesh
     from cusick_bench.sim.setup import Setup
 
 
@@ -40,13 +41,15 @@ class RimStiffening(Effect):
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch
 
-        stiffening, width = value["stiffening"], value["width"]
-        rim = setup.mesh.material[setup.mesh.boundary]
-        centre = torch.from_numpy(rim.mean(0))
-        radius = float(np.hypot(*(rim - rim.mean(0)).T).mean())
+        from cusick_bench.sim.setup import OnCloth
 
-        def log_factor(points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
+        stiffening, width = value["stiffening"], value["width"]
+
+        def log_factor(mesh: Mesh, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
+            rim = mesh.material[mesh.boundary]
+            centre = torch.from_numpy(rim.mean(0))
+            radius = float(np.hypot(*(rim - rim.mean(0)).T).mean())
             inward = (radius - torch.linalg.norm(points - centre, dim=1)).clamp(min=0)
             return stiffening * torch.exp(-inward / width)
 
-        return setup.with_added(log_bending=log_factor)
+        return setup.with_added(log_bending=OnCloth(log_factor, setup.mesh))

@@ -14,6 +14,7 @@ from cusick_bench.sim.cloth.heterogeneity import face_centres
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.cloth.warp import cloth_circle
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.contact.barrier import smallest_distance
 from cusick_bench.sim.contact.intersections import intersections
@@ -246,6 +247,27 @@ def test_the_rim_has_its_factor_and_the_plate_has_none():
         assert float(log(_at(CLOTH_RADIUS, degrees))) == pytest.approx(1.2, rel=1e-9)
         assert float(log(_at(CLOTH_RADIUS - 0.01, degrees))) == pytest.approx(1.2 / math.e, rel=1e-9)
         assert abs(float(log(_at(PLATE_RADIUS, degrees)))) < 0.003 * 1.2
+
+
+@pytest.mark.parametrize("side", ["up", "down"])
+@pytest.mark.parametrize("moved", ["off-centre:shift=0.01,direction=30", "plate-slip:slide=0.01"])
+def test_a_patch_lies_at_its_place_of_a_cloth_beside_the_axis(moved, side):
+    """Added mass lies about the cloth's own middle plus the patch's place, in whichever order effects come."""
+    patch = parse("local-mass-patch:mass=2,direction=130,radius=0.12,size=0.01")
+    bare = parse(moved).apply(replace(_setup(disc_mesh(2699)), side=side))
+    first, last = parse(moved).apply(patch.apply(replace(_setup(disc_mesh(2699)), side=side))), patch.apply(bare)
+    assert torch.equal(first.cloth().density, last.cloth().density)
+    added = torch.from_numpy(bare.mesh.areas) * (last.cloth().density - bare.cloth().density)
+    middle = (added @ torch.from_numpy(face_centres(bare.mesh)) / added.sum()).numpy()
+    place = cloth_circle(bare.mesh)[0] + _at(0.12, 130.0).numpy()[0]
+    assert np.abs(middle - place).max() < 5e-4
+
+
+@pytest.mark.parametrize("moved", ["cut-size:error=-0.006", "off-centre:shift=0.01,direction=30"])
+def test_a_stiff_rim_lies_at_the_rim_whichever_effect_comes_first(moved):
+    rim, cut = parse("rim-stiffening:stiffening=1.2,width=0.005"), parse(moved)
+    first, last = cut.apply(rim.apply(_setup())), rim.apply(cut.apply(_setup()))
+    assert torch.equal(first.cloth().bending, last.cloth().bending)
 
 
 # --- stiffness field --------------------------------------------------------------------------------------------------

@@ -26,13 +26,18 @@ def require_enough(captures: Captures) -> None:
         captures: Silhouettes of a fabric.
 
     Raises:
-        Refused: One sample only.
+        Refused: One sample only, or one picture under several names.
     """
     count = len(np.unique(captures.sample))
     if count < LEAST_SAMPLES:
         raise Refused(
             f"a diagnosis needs at least {LEAST_SAMPLES} samples, {captures.fabric} has {count}: how folds vary from "
             "sample to sample cannot be told from an effect; drape more samples of it"
+        )
+    if _repeated(captures) == len(captures) - 1:
+        raise Refused(
+            f"all {len(captures)} pictures of {captures.fabric} are the same one, which no two drapes are; give the "
+            "pictures of each sample"
         )
 
 
@@ -49,7 +54,11 @@ def doubts(captures: Captures, features: Features) -> list[str]:
     notes = []
     number = int(features.samples.max())
     if number < _FEW:
-        notes.append(f"only {number} samples: natural variability is the model's, and only strong effects show")
+        of_face = "" if number == len(np.unique(captures.sample)) else " of a face"
+        notes.append(
+            f"only {number} sample{'s' * (number != 1)}{of_face}: natural variability is the model's, and only strong "
+            "effects show"
+        )
     if features.single:
         notes.append(
             "answered in part: one face only, so what belongs to the cloth and what to the laboratory cannot be told "
@@ -62,6 +71,11 @@ def doubts(captures: Captures, features: Features) -> list[str]:
         )
     elif features.samples.min() < features.samples.max():
         notes.append(f"answered in part: {features.samples[0]} samples face up, {features.samples[1]} face down")
+    if repeated := _repeated(captures):
+        notes.append(
+            f"{repeated} picture{'s' * (repeated != 1)} of this fabric repeat others, which no two drapes do: samples "
+            "that are counted twice make effects look surer than they are; see `data audit`"
+        )
     counts = _capture_counts(captures)
     if not np.isfinite(features.order).any():
         notes.append(
@@ -116,6 +130,11 @@ def _beyond(emulator: Emulator, features: Features, at: Residual, shift: Float[n
     missed = (np.nanmean(features.mean[:, area]) - emulator.mean(at.theta)[area]) / at.sd[area]
     explained = as_seen(shift, features.single)[FACE_EVEN][area]
     return bool(min(abs(missed), abs(missed - explained)) > _BEYOND)
+
+
+def _repeated(captures: Captures) -> int:
+    """How many pictures show exactly what another one shows."""
+    return len(captures) - len({radii.tobytes() for radii in captures.radii})
 
 
 def _capture_counts(captures: Captures) -> ndarray:

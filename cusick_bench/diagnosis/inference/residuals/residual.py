@@ -74,8 +74,9 @@ class Residual:
 
     @property
     def log_likelihood(self) -> float:
-        """ln of the density of the known entries in the base model, but for a constant [nat]."""
-        return -0.5 * self.squares - float(np.log(np.diag(self.root)).sum())
+        """ln of the density of the known features in the base model, but for a constant; of any base parameters, whose
+        units differ [nat]."""
+        return -0.5 * self.squares - self.log_unit
 
     @property
     def log_unit(self) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.datasets.files.protocol import CAMERA_HEIGHTS
+from cusick_bench.datasets.files.protocol import CAMERA_HEIGHTS, Protocol
 from cusick_bench.diagnosis.errors import Refused
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.diagnosis.measure.features import Features
@@ -65,12 +65,7 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
             f"over {protocol.cloth_radius_m:g} m = {ratio:.3g}; drape samples of "
             f"{2 * protocol.plate_radius_m / nominal_ratio:.3g} m, or correct protocol.json"
         )
-    factor, notes = CLOTH_RADIUS / protocol.cloth_radius_m, list(captures.notes)
-    if factor != 1:
-        notes.append(
-            f"lengths are those of the atlas' cloth of {1e3 * CLOTH_RADIUS:g} mm radius; for this one, of "
-            f"{1e3 * protocol.cloth_radius_m:g} mm, multiply them by {1 / factor:.4g}"
-        )
+    factor, notes = CLOTH_RADIUS / protocol.cloth_radius_m, [*captures.notes, *lengths_of_atlas(protocol)]
     if protocol.projection == "pinhole":
         notes.append(
             "radii are corrected for the pinhole camera of protocol.json as those of straight generators from the "
@@ -85,6 +80,23 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
     )
     scaled = replace(captures, radii=captures.radii * factor, area=captures.area * factor**2, protocol=nominal)
     return scaled, notes
+
+
+def lengths_of_atlas(protocol: Protocol) -> list[str]:
+    """What lengths of a diagnosis are in.
+
+    Args:
+        protocol: Nominal values of the experiment.
+
+    Returns:
+        A note for cloth of another radius than the atlas'.
+    """
+    if protocol.cloth_radius_m == CLOTH_RADIUS:
+        return []
+    return [
+        f"lengths are those of the atlas' cloth of {1e3 * CLOTH_RADIUS:g} mm radius; for this one, of "
+        f"{1e3 * protocol.cloth_radius_m:g} mm, multiply them by {protocol.cloth_radius_m / CLOTH_RADIUS:.4g}"
+    ]
 
 
 def sample_statistics(captures: Captures) -> SampleStatistics:
