@@ -25,6 +25,7 @@ from cusick_bench.leaderboard import (
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
 from cusick_bench.leaderboard.verification.submit import append, rows_of
+from cusick_bench.metrics.proper_scores import variogram_score
 
 app = typer.Typer()
 app.command()(leaderboard)
@@ -446,6 +447,18 @@ def test_a_cell_that_says_what_no_cell_can_say_is_no_row(tmp_path, noise, change
     (skipped,) = document["skipped"]
     assert (skipped["path"], skipped["status"]) == (str(folder), "damaged")
     assert reason in skipped["reason"]
+
+
+def test_a_fair_score_below_zero_is_one(tmp_path):
+    """The variance of the draws' mean is taken off: of two draws and a sample between them more than there is."""
+    angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+    shallow, middle, deep = (0.12 + depth * np.cos(6 * angle)[None] for depth in (1e-3, 8e-3, 2e-2))
+    score = variogram_score(np.concatenate([shallow, deep]), middle)
+    assert score < -1e-3
+    write_cell(tmp_path, "bdp", "blue", test_variogram_score=score)
+    cells = load_cells(tmp_path)
+    assert cells.table["test_variogram_score"].tolist() == [score]
+    cells.require_sound()
 
 
 @pytest.mark.parametrize("name", [None, "", "null", "None", "nan", 7, ["homo"]])
