@@ -24,6 +24,7 @@ from cusick_bench.leaderboard.bootstrap import (
     cell_values,
     difference,
     estimate,
+    repeats,
 )
 from cusick_bench.leaderboard.cells import Cells, Skipped
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -197,7 +198,7 @@ class _Ranking:
             variant=variant,
             kind=str(group["kind"].iloc[0]),
             rank=None,
-            cells=len(group),
+            cells=len(set(zip(group["cloth"], repeats(group), strict=True))),  # one may be there under two spellings
             failed=failed,
             cloths=cloths,
             draws=draws.pop() if len(draws) == 1 else nan,

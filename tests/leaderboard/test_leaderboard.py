@@ -312,6 +312,25 @@ def test_failed_cells_of_a_row_are_counted(tmp_path):
     assert "| 1+1✗ |" in markdown(only(tmp_path))
 
 
+def test_one_method_in_several_spellings_is_one_row(tmp_path):
+    """Options in another order, with a space, or named though they have their defaults."""
+    options = {"draws": 5, "steps": 4, "rate": 0.15}
+    spellings = ("bdp,steps=4,draws=5", "bdp,draws=5, steps = 4", "bdp,draws=5,rate=0.15,steps=4")
+    for solver, cloth in zip(spellings, CLOTHS[:3], strict=True):
+        _with_options(write_cell(tmp_path, solver, cloth), options)
+    _with_options(write_cell(tmp_path, "bdp,draws=5,steps=4", "pink"), options)
+    failed = write_cell(tmp_path, "bdp, steps=4, draws=5", "red", status="failed", failure="diverged")
+    _with_options(failed, options)
+    _with_options(write_cell(tmp_path, "bdp,draws=6,steps=4", "blue"), options | {"draws": 6})
+    rows = {row.solver: (row.cells, row.failed) for row in only(tmp_path).rows if row.kind == "solver"}
+    assert rows == {"bdp,draws=5,steps=4": (3, 1), "bdp,draws=6,steps=4": (1, 0)}
+
+
+def _with_options(cell: Path, options: dict[str, float]) -> None:
+    for path in cell.glob("*.json"):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"solver_options": options}))
+
+
 def test_cells_of_two_splits_stand_apart(tmp_path):
     """Each board counts, and submits, its own finished and failed cells."""
     for split, code in (("paper", "1"), ("all", "2")):
