@@ -271,6 +271,21 @@ def test_best_of_n_stands_beside_as_many_random_phase_draws(tmp_path):
     assert "| .0380 /100 | .0395 |" in markdown(only(tmp_path))
 
 
+def test_random_phases_count_as_the_cells_beside_them_do(tmp_path):
+    """Of one cloth four samples are left out in turn, of the other two: who is as good as chance is shown to be so."""
+    for cloth, left_out, level in (("blue", 4, 0.05), ("red", 2, 0.02)):
+        for sample in range(left_out):
+            values = {"draws": 10, "test_mse_best": level + 1e-3 * sample, "test_mse": 0.06}
+            for solver in ("null:random-phase", "sampler"):
+                cell = write_cell(tmp_path, solver, cloth, sample, **values)
+                result = json.loads((cell / "result.json").read_text()) | {"seed": 0, "test": [sample]}
+                (cell / "result.json").write_text(json.dumps(result))
+    (row,) = (row for row in only(tmp_path).rows if row.kind == "solver")
+    assert row.matched_null == pytest.approx(row.value("test_mse_best"), rel=1e-12)
+    (row,) = (row for row in only(tmp_path, statistic="iqm").rows if row.kind == "solver")
+    assert row.matched_null == pytest.approx(row.value("test_mse_best"), rel=1e-12)
+
+
 def test_settings_that_differ_make_rows_of_their_own(tmp_path):
     write_cell(tmp_path, "homo", "blue", 0)
     write_cell(tmp_path, "homo", "blue", 1, vertices=1205, settings={"loss": "mse", "drape": {"steps": 20}})
