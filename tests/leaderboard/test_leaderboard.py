@@ -432,7 +432,8 @@ def test_no_name_runs_in_a_spreadsheet_or_in_tex(tmp_path):
 
 def test_command_prints_json_and_writes_files(tmp_path, noise):
     write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
-    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": ["/opt/bin/cusick-bench", "run"], "cores": 2}))
+    command = ["/opt/bin/cusick-bench", "run", "--cloth", "blue twill", "--solver", "bdp,draws=5"]
+    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": command, "cores": 2}))
     files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
     arguments = [str(tmp_path / "runs"), "--json"]
     outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])
@@ -440,7 +441,7 @@ def test_command_prints_json_and_writes_files(tmp_path, noise):
     rows = json.loads(outcome.stdout)["rows"]
     assert rows[1]["solver"] == "homo"
     assert rows[1]["test_mse"] == pytest.approx(0.05, abs=1e-3)
-    assert rows[1]["command"] == "cusick-bench run"
+    assert rows[1]["command"] == "cusick-bench run --cloth 'blue twill' --solver bdp,draws=5"  # can be typed again
     assert rows[1]["dataset_hash"] == "abc"
     assert all("homo" in file.read_text() for file in files)
     plain = CliRunner().invoke(app, [str(tmp_path / "runs")])
