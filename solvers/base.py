@@ -136,7 +136,7 @@ class Solver(ABC):
         return asdict(self)
 
     def solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress = silent) -> Prediction:
-        """Answers the problem within its budget.
+        """Answers the problem within its budget; the same on any number of threads.
 
         Args:
             problem: What to fit; it meters itself.
@@ -170,9 +170,13 @@ class Solver(ABC):
                 f"{self.name} works in the space {self.space!r}, and the problem is posed in {problem.space.name!r}; "
                 f"pose it with space={self.space!r}"
             )
+        from threadpoolctl import threadpool_limits
+
         faces = 2 if self.learns_both_faces and len(problem.other_face_images) else 1
         problem.meter.draws = faces * self.drapes_of_prediction
-        answer = self._solve(problem, generator, progress)
+        # BLAS cuts long sums by its number of threads; of another last digit a fit makes another answer
+        with threadpool_limits(limits=1, user_api="blas"):
+            answer = self._solve(problem, generator, progress)
         if np.shape(answer.train_image) != np.shape(problem.train_image):
             size = problem.protocol.image_size_px
             raise SolverError(

@@ -21,9 +21,11 @@ from cusick_bench.leaderboard.bootstrap import (
     Estimate,
     Statistic,
     Values,
+    beside,
     cell_values,
     difference,
     estimate,
+    repeats,
 )
 from cusick_bench.leaderboard.cells import Cells, Skipped
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -197,7 +199,7 @@ class _Ranking:
             variant=variant,
             kind=str(group["kind"].iloc[0]),
             rank=None,
-            cells=len(group),
+            cells=len(set(zip(group["cloth"], repeats(group), strict=True))),  # one may be there under two spellings
             failed=failed,
             cloths=cloths,
             draws=draws.pop() if len(draws) == 1 else nan,
@@ -209,16 +211,19 @@ class _Ranking:
         )
 
     def _matched_null(self, group: pd.DataFrame, table: pd.DataFrame) -> float:
-        """Best-of-N of as many random-phase draws, on the same cloths."""
+        """Best-of-N of as many random-phase draws, in the same cells; where these have none, of their cloth."""
         counts = set(cell_values(group, "draws").values())
         if len(counts) != 1 or (draws := counts.pop()) <= 1:
             return nan
         null = table.loc[table["solver"].str.startswith(RANDOM_PHASE)]
         equal = null.loc[null["draws"] == draws]
         best = cell_values(null, f"test_mse_best_of_{draws:.0f}") | cell_values(equal, "test_mse_best")
-        cloths = sorted(set(group["cloth"]))
-        means = [np.mean([value for (cloth, _), value in best.items() if cloth == name] or nan) for name in cloths]
-        return float(self.statistic(np.array(means)))
+        own, by_cloth = cell_values(group, "test_mse_best"), dict[str, list[float]]()
+        for (cloth, _), value in best.items():
+            by_cloth.setdefault(cloth, []).append(value)
+        means = {cloth: float(np.mean(values)) for cloth, values in by_cloth.items()}
+        matched = {cell: best.get(cell, means.get(cell[0], nan)) for cell in own}
+        return beside(own, matched, self.statistic) if own else nan
 
     def _floor(self, table: pd.DataFrame) -> Row | None:
         """What a second capture of the same drape scores: the mean over the cloths that have one."""

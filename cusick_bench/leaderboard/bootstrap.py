@@ -124,6 +124,21 @@ def estimate(values: Values, statistic: Statistic, generator: np.random.Generato
     return _interval([values], lambda columns: statistic(columns[0]), generator)
 
 
+def beside(values: Values, others: Values, statistic: Statistic) -> float:
+    """Statistic of other values of the same cells, which count as much as those of a solver do in its `estimate`.
+
+    Args:
+        values: A value for each cell (cloth, seed) of the solver.
+        others: The values to read them against, for all of these cells at least.
+        statistic: One of `STATISTICS`.
+
+    Returns:
+        The statistic of the others.
+    """
+    units = np.array([unit for stratum in _strata([values, others]) for unit in stratum])
+    return float(statistic(units[:, 1]))
+
+
 def difference(first: Values, second: Values, statistic: Statistic, generator: np.random.Generator) -> Estimate:
     """Statistic of `first` minus that of `second`, on the cells that both have, with its interval.
 

@@ -18,7 +18,7 @@ from cusick_bench.leaderboard.record_types import check_result, check_run
 from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
-from cusick_bench.runner.labels import numerics_text
+from cusick_bench.runner.labels import numerics_text, unspaced
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")
@@ -110,6 +110,7 @@ def load_cells(folder: Path | str) -> Cells:
             f"none of the {len(skipped)} cells in {folder} has finished; "
             f"repeat the `cusick-bench run` command to go on\n{reasons}"
         )
+    skipped = _in_one_spelling(rows, skipped)
     table = pd.DataFrame(rows)
     known = [place for place, cell in enumerate(skipped) if cell.columns]
     numbers = _repeats(pd.concat([table, pd.DataFrame([dict(skipped[place].columns) for place in known])]))
@@ -145,6 +146,26 @@ def _repeats(table: pd.DataFrame) -> list[int]:
             rank = {test: place for place, test in enumerate(sorted(set(left_out)))}
             numbers[rows] += stride * np.array([rank[test] for test in left_out])
     return numbers.tolist()
+
+
+def _in_one_spelling(rows: Sequence[dict[str, Any]], skipped: Sequence[Skipped]) -> list[Skipped]:
+    """Gives cells of one solver with equal options one text, the shortest of theirs; else they would make two rows.
+
+    Options stand in any order in a text, and it may name those that have their defaults. In rows the text is replaced;
+    the skipped cells are returned.
+    """
+    known = [*rows, *(dict(cell.columns) for cell in skipped)]
+    methods = [columns.pop("method", None) for columns in known]
+    shortest: dict[Any, str] = {}
+    for columns, method in zip(known, methods, strict=True):
+        if method is not None:
+            text = str(columns["solver"])
+            shortest[method] = min(shortest.get(method, text), text, key=lambda one: (len(one), one))
+    for columns, method in zip(known, methods, strict=True):
+        if method is not None:
+            columns["solver"] = shortest[method]
+    others = zip(skipped, known[len(rows) :], strict=True)
+    return [replace(cell, solver=columns.get("solver", cell.solver), columns=columns) for cell, columns in others]
 
 
 def _read_cell(folder: Path) -> dict[str, Any] | Skipped:
@@ -183,7 +204,21 @@ def _problem(result: Mapping[str, Any]) -> dict[str, Any]:
     """What was solved, under which settings, by which code."""
     known = {name: result.get(name, "") for name in _IDENTITY} | _code(result)
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
-    return {"kind": str(result["kind"]), **known, "settings": settings}
+    return {"kind": str(result["kind"]), **known, "settings": settings, "method": _method(result)}
+
+
+def _method(result: Mapping[str, Any]) -> tuple[Any, ...] | None:
+    """The solver by its name, all of its options and the causes; None of a cell that does not record its options."""
+    options = result.get("solver_options")
+    if not isinstance(options, dict):
+        return None
+    name = unspaced(str(result["solver"])).partition(",")[0]
+    values = (value if isinstance(value, int | float | str) else json.dumps(value) for value in options.values())
+    return (name, frozenset(zip(options, values, strict=True)), *map(str, _causes(result)))
+
+
+def _causes(record: Mapping[str, Any]) -> Sequence[Any]:
+    return (record.get("settings") or {}).get("causes", ())
 
 
 def _code(result: Mapping[str, Any]) -> dict[str, str]:
@@ -215,8 +250,7 @@ def _asked(path: Path) -> dict[str, Any]:
 
 def _named(record: dict[str, Any]) -> dict[str, Any]:
     """Solver, with the causes that its simulator knew of, cloth and seed."""
-    causes = [str(cause) for cause in (record.get("settings") or {}).get("causes", ())]
-    solver = labelled(name_of("solver", record["solver"]), causes)
+    solver = labelled(unspaced(name_of("solver", record["solver"])), [str(cause) for cause in _causes(record)])
     return {
         "solver": solver,
         "cloth": name_of("cloth", record["cloth"]),

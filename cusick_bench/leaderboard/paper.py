@@ -22,6 +22,7 @@ from cusick_bench.leaderboard.board import RANDOM_PHASE, Leaderboard, Row, metho
 from cusick_bench.leaderboard.bootstrap import Estimate, Values, cell_values, difference, mean
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, best_of, provenance, short, with_interval
+from cusick_bench.runner.labels import unspaced
 from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.black_box.nlopt_family import BENCHMARKED
 from cusick_bench.solvers.registry import solver_class
@@ -117,9 +118,9 @@ def methods(names: Iterable[str], draws: int) -> tuple[list[Method], list[str]]:
     """
     found, missing = [], []
     for name in names:
-        text, _, space = name.partition("@")
+        text, _, space = (part.strip() for part in unspaced(name).partition("@"))
         try:
-            cls = solver_class(text.partition(",")[0].strip())
+            cls = solver_class(text.partition(",")[0])
         except SolverError:
             missing.append(name)
             continue

@@ -19,7 +19,7 @@ _LIMITS = tuple(
         (r"_dc(_target)?$", -0.1, 1.1),  # of the ring beyond the plate; camera and rim blur it a little
         (r"_dc_(error|crps)$", 0.0, 1.2),
         (r"_folds($|_)", 0.0, 180.0),  # a fold a degree and a valley between them
-        (r"energy_distance", -10.0, inf),  # unbiased, so that it may lie a little below 0
+        (r"energy_distance|variogram_score", -10.0, inf),  # unbiased, so that they may lie a little below 0
         (r"^spent_|^draws$|_score$|_bias$", 0.0, inf),
     )
 )

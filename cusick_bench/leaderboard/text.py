@@ -1,5 +1,6 @@
 """A leaderboard as a table of short strings: the common source of its terminal, Markdown, LaTeX and HTML forms."""
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
@@ -255,10 +256,11 @@ def typed(command: str | Sequence[object]) -> str:
         command: Words of a command line, or the whole of it.
 
     Returns:
-        Text without the program's folder.
+        Text without the program's folder; words that hold spaces are in quotes.
     """
     words = command.split(" ") if isinstance(command, str) else [str(word) for word in command]
-    return " ".join([Path(words[0]).name, *words[1:]]) if words else ""
+    join = " ".join if isinstance(command, str) else shlex.join
+    return join([Path(words[0]).name, *words[1:]]) if words else ""
 
 
 def provenance(board: Leaderboard) -> list[str]:

@@ -13,7 +13,7 @@ from cusick_bench.datasets.splits import Split
 from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
-from cusick_bench.runner.labels import labelled
+from cusick_bench.runner.labels import labelled, unspaced
 from cusick_bench.runner.numerics import LAWS, cell_numerics
 from cusick_bench.runner.samples import seen_of_samples
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
@@ -225,7 +225,7 @@ def plan(
 
     Args:
         dataset: Data.
-        solvers: Registered names, with options.
+        solvers: Registered names, with options; one that means the same as one before it is passed over.
         cloths: Cloths of the data set, all by default.
         seeds: Seeds, only 0 by default.
         settings: The problem's settings; a solver that is about one parameter space gets that one.
@@ -242,7 +242,7 @@ def plan(
     """
     if not solvers:
         raise RunnerError("no solver given; see `cusick-bench solvers` for what there is")
-    made = {text: make_solver(text) for text in solvers}
+    made = _made(solvers)
     asked, unlike = settings or ProblemSettings(), dataset.protocol.unlike_release()
     if asked.camera == "protocol":
         asked = replace(asked, camera=dataset.protocol.projection)
@@ -281,6 +281,16 @@ def plan(
         if made[cell.solver].kind == "solver":
             dataset.require_density(cell.train[0])
     return cells
+
+
+def _made(solvers: Iterable[str]) -> dict[str, Solver]:
+    """Solvers by their text, each once, in whatever order its options stand and whichever defaults it names."""
+    made: dict[str, Solver] = {}
+    for text in solvers:
+        solver = make_solver(text)
+        if not any(type(solver) is type(one) and solver.options == one.options for one in made.values()):
+            made[unspaced(text)] = solver
+    return made
 
 
 def _settings_for(solver: Solver, asked: ProblemSettings) -> ProblemSettings:

@@ -1,6 +1,21 @@
 """How cells and versions are written in a line; reading results does not wait for the simulator."""
 
+import re
 from collections.abc import Mapping, Sequence
+
+_OPTION = re.compile(r"\s*,\s*(\w+)\s*=\s*")
+
+
+def unspaced(solver: str) -> str:
+    """A solver's name and options without spaces between them, which mean nothing.
+
+    Args:
+        solver: Registered name, with options, such as `bdp-field, draws = 5`.
+
+    Returns:
+        Text such as `bdp-field,draws=5`.
+    """
+    return _OPTION.sub(r",\1=", solver).strip()
 
 
 def labelled(solver: str, causes: Sequence[str]) -> str:

@@ -64,7 +64,7 @@ class BdpField(Solver):
         search: Most drapes for the bending level.
         refinement: Gradients for Adam in a round of the fit of the training specimen, 0 for no fit.
         rate: Its first step length [prior standard deviations].
-        samples: Most training samples that are learned from, of those that the split has; 0 for all.
+        samples: Most training samples that each face is learned from, of those that the split has; 0 for all.
         pace: How fast drops of drawn cloths get to their end, in the inference and in the prediction: `steady`, as the
             fit's own drapes, or `brisk`, in two thirds of the steps and eight cloths in lockstep.
     """

@@ -35,7 +35,7 @@ class ClothInference:
     Attributes:
         problem: The problem, whose simulator drapes.
         seed: Seed of the run.
-        samples: Most training samples that are learned from; 0 for all.
+        samples: Most training samples that each face is learned from; 0 for all.
         faces: What is known of each: the fitted one, and the other one where training samples show it.
         cloths: Draws of the cloth's parameters from what is known of them.
         seen: The drape that happened to be nearest to the training image.

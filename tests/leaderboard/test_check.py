@@ -303,6 +303,13 @@ class TestCommand:
         assert {f["solver"] for f in document["findings"] if f["verdict"] == "regression"} == {"sampler"}
         assert document["regressions"] == 2
 
+    def test_spaces_between_options_make_no_other_solver(self, files, tmp_path):
+        run, baseline = files
+        table = read_cells(run)
+        write_baseline(table.assign(solver=table["solver"] + ", draws = 5"), baseline, [])
+        write_baseline(table.assign(solver=table["solver"] + ",draws=5"), tmp_path / "run.csv", [])
+        assert self.check(tmp_path / "run.csv", "--against", baseline)[0] == 0
+
     def test_the_table_says_which(self, files, tmp_path):
         run, baseline = files
         write_baseline(read_cells(run).assign(train_mse=lambda t: t["train_mse"] / 2), baseline, ["command: none"])

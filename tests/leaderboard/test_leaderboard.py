@@ -25,6 +25,7 @@ from cusick_bench.leaderboard import (
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
 from cusick_bench.leaderboard.verification.submit import append, rows_of
+from cusick_bench.metrics.proper_scores import variogram_score
 
 app = typer.Typer()
 app.command()(leaderboard)
@@ -270,6 +271,21 @@ def test_best_of_n_stands_beside_as_many_random_phase_draws(tmp_path):
     assert "| .0380 /100 | .0395 |" in markdown(only(tmp_path))
 
 
+def test_random_phases_count_as_the_cells_beside_them_do(tmp_path):
+    """Of one cloth four samples are left out in turn, of the other two: who is as good as chance is shown to be so."""
+    for cloth, left_out, level in (("blue", 4, 0.05), ("red", 2, 0.02)):
+        for sample in range(left_out):
+            values = {"draws": 10, "test_mse_best": level + 1e-3 * sample, "test_mse": 0.06}
+            for solver in ("null:random-phase", "sampler"):
+                cell = write_cell(tmp_path, solver, cloth, sample, **values)
+                result = json.loads((cell / "result.json").read_text()) | {"seed": 0, "test": [sample]}
+                (cell / "result.json").write_text(json.dumps(result))
+    (row,) = (row for row in only(tmp_path).rows if row.kind == "solver")
+    assert row.matched_null == pytest.approx(row.value("test_mse_best"), rel=1e-12)
+    (row,) = (row for row in only(tmp_path, statistic="iqm").rows if row.kind == "solver")
+    assert row.matched_null == pytest.approx(row.value("test_mse_best"), rel=1e-12)
+
+
 def test_settings_that_differ_make_rows_of_their_own(tmp_path):
     write_cell(tmp_path, "homo", "blue", 0)
     write_cell(tmp_path, "homo", "blue", 1, vertices=1205, settings={"loss": "mse", "drape": {"steps": 20}})
@@ -309,6 +325,25 @@ def test_failed_cells_of_a_row_are_counted(tmp_path):
     write_cell(tmp_path, "homo", "blue")
     write_cell(tmp_path, "homo", "red", status="failed", failure="diverged")
     assert "| 1+1✗ |" in markdown(only(tmp_path))
+
+
+def test_one_method_in_several_spellings_is_one_row(tmp_path):
+    """Options in another order, with a space, or named though they have their defaults."""
+    options = {"draws": 5, "steps": 4, "rate": 0.15}
+    spellings = ("bdp,steps=4,draws=5", "bdp,draws=5, steps = 4", "bdp,draws=5,rate=0.15,steps=4")
+    for solver, cloth in zip(spellings, CLOTHS[:3], strict=True):
+        _with_options(write_cell(tmp_path, solver, cloth), options)
+    _with_options(write_cell(tmp_path, "bdp,draws=5,steps=4", "pink"), options)
+    failed = write_cell(tmp_path, "bdp, steps=4, draws=5", "red", status="failed", failure="diverged")
+    _with_options(failed, options)
+    _with_options(write_cell(tmp_path, "bdp,draws=6,steps=4", "blue"), options | {"draws": 6})
+    rows = {row.solver: (row.cells, row.failed) for row in only(tmp_path).rows if row.kind == "solver"}
+    assert rows == {"bdp,draws=5,steps=4": (3, 1), "bdp,draws=6,steps=4": (1, 0)}
+
+
+def _with_options(cell: Path, options: dict[str, float]) -> None:
+    for path in cell.glob("*.json"):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"solver_options": options}))
 
 
 def test_cells_of_two_splits_stand_apart(tmp_path):
@@ -397,7 +432,8 @@ def test_no_name_runs_in_a_spreadsheet_or_in_tex(tmp_path):
 
 def test_command_prints_json_and_writes_files(tmp_path, noise):
     write_solver(tmp_path / "runs", "homo", lambda cloth, seed: noise.normal(0.05, 0.001))
-    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": ["/opt/bin/cusick-bench", "run"], "cores": 2}))
+    command = ["/opt/bin/cusick-bench", "run", "--cloth", "blue twill", "--solver", "bdp,draws=5"]
+    (tmp_path / "runs" / "run.json").write_text(json.dumps({"command": command, "cores": 2}))
     files = [tmp_path / "out" / name for name in ("board.csv", "board.md", "board.tex", "board.html")]
     arguments = [str(tmp_path / "runs"), "--json"]
     outcome = CliRunner().invoke(app, arguments + [part for file in files for part in ("--out", str(file))])
@@ -405,7 +441,7 @@ def test_command_prints_json_and_writes_files(tmp_path, noise):
     rows = json.loads(outcome.stdout)["rows"]
     assert rows[1]["solver"] == "homo"
     assert rows[1]["test_mse"] == pytest.approx(0.05, abs=1e-3)
-    assert rows[1]["command"] == "cusick-bench run"
+    assert rows[1]["command"] == "cusick-bench run --cloth 'blue twill' --solver bdp,draws=5"  # can be typed again
     assert rows[1]["dataset_hash"] == "abc"
     assert all("homo" in file.read_text() for file in files)
     plain = CliRunner().invoke(app, [str(tmp_path / "runs")])
@@ -446,6 +482,18 @@ def test_a_cell_that_says_what_no_cell_can_say_is_no_row(tmp_path, noise, change
     (skipped,) = document["skipped"]
     assert (skipped["path"], skipped["status"]) == (str(folder), "damaged")
     assert reason in skipped["reason"]
+
+
+def test_a_fair_score_below_zero_is_one(tmp_path):
+    """The variance of the draws' mean is taken off: of two draws and a sample between them more than there is."""
+    angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+    shallow, middle, deep = (0.12 + depth * np.cos(6 * angle)[None] for depth in (1e-3, 8e-3, 2e-2))
+    score = variogram_score(np.concatenate([shallow, deep]), middle)
+    assert score < -1e-3
+    write_cell(tmp_path, "bdp", "blue", test_variogram_score=score)
+    cells = load_cells(tmp_path)
+    assert cells.table["test_variogram_score"].tolist() == [score]
+    cells.require_sound()
 
 
 @pytest.mark.parametrize("name", [None, "", "null", "None", "nan", 7, ["homo"]])

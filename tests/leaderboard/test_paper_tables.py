@@ -109,7 +109,8 @@ class TestMethods:
         assert [method.solver for method in found] == ["homo", "null:random-phase,draws=50", "null:rotation", "rembo"]
         assert [method.space for method in found] == [None, None, None, "heter"]
         assert missing == ["nobody"]
-        assert methods(["null:random-phase,draws=7"], 50)[0][0].solver == "null:random-phase,draws=7"
+        for text in ("null:random-phase,draws=7", "null:random-phase, draws = 7 @homo"):
+            assert methods([text], 50)[0][0].solver == "null:random-phase,draws=7"
 
     def test_every_published_method_is_in_its_table(self):
         for table, figures in PUBLISHED.items():

@@ -107,6 +107,19 @@ def test_one_cloth_alone_cannot_be_told_apart(toy_dataset, toy_data, tmp_path):
     assert "at least 2 cloths" in " ".join(outcome.output.split())
 
 
+def test_draws_are_not_judged_beside_what_they_were_fitted_to(toy_dataset, tmp_path):
+    """Samples are left out in turn: each trains the other fits, and a copy of one would be at home."""
+    for cloth in CLOTHS:
+        for number, split in enumerate(toy_dataset.split("leave-one-sample-out", [cloth])):
+            copied = np.asarray(toy_dataset.image(split.train[0]))[None]
+            cell = write_cell(tmp_path, toy_dataset, "null:copy", cloth, copied, seed=number)
+            for name in ("cell.json", "result.json"):
+                of_split = {"seed": 0, "train": list(split.train), "test": list(split.test)}
+                (cell / name).write_text(json.dumps(json.loads((cell / name).read_text()) | of_split))
+    with pytest.raises(ReportError, match=r"every sample of fabric_1 trains some fit .*; give a run of --protocol"):
+        radius_angle(load_cells(tmp_path), toy_dataset)
+
+
 # -- figures 6 and 7
 
 

@@ -78,6 +78,13 @@ class TestGrid:
         }
         assert all(len(cell.train) == 1 and len(cell.test) == 2 for cell in cells)
 
+    def test_a_solver_is_run_once_however_it_is_spelled(self, dataset):
+        spellings = ["bdp,draws=5,steps=4", "bdp, steps = 4, draws=5", "bdp,draws=5,steps=4,search=8", "bdp,draws=5"]
+        cells = plan(dataset, solvers=spellings, cloths=["fabric_1"], settings=SMALL)
+        assert [cell.solver for cell in cells] == ["bdp,draws=5,steps=4", "bdp,draws=5"]
+        (spaced,) = plan(dataset, solvers=[" bdp , draws = 5, steps=4 "], cloths=["fabric_1"], settings=SMALL)
+        assert spaced.key == cells[0].key
+
     def test_key_follows_whatever_decides_the_numbers(self, dataset, monkeypatch):
         def key(solver="homo", seed=0, settings=SMALL, cloth="fabric_1"):
             return plan(dataset, solvers=[solver], cloths=[cloth], seeds=[seed], settings=settings)[0].key

@@ -114,6 +114,12 @@ class TestInference:
         first = drape_statistics(torch.as_tensor(trained.problem.train_image)).numpy()
         assert trained.faces[0].observed[0] == pytest.approx(first)
 
+    def test_as_many_are_used_of_either_face(self):
+        problem = toy_problem(space="field", vertices=97)
+        images = (problem.train_image,) * 3
+        both = replace(problem, further_images=images, other_face_images=images)
+        assert [len(face.observed) for face in ClothInference(both, seed=0, samples=2).faces] == [2, 2]
+
     def _of_both_faces(self, curl, monkeypatch):
         """From exact statistics of a cloth that curls, of either face, and drapes that are as expected."""
         problem = toy_problem(space="field", vertices=97)

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 from toy_problem import toy_image, toy_problem
 
 from cusick_bench.datasets import load
@@ -30,6 +31,19 @@ ORACLES = [name for name, solver in registered().items() if solver.kind == "orac
 
 
 pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@dataclass(frozen=True)
+class Summing(Solver):
+    """Adds up a million numbers."""
+
+    name: ClassVar[str] = "summing"
+
+    def _solve(self, problem, generator, progress):
+        numbers = generator.standard_normal(1_000_003)
+        threads = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+        notes = {"sum": float(numbers @ numbers), "threads": threads}
+        return Prediction(problem.train_image, problem.train_image[None], notes=notes)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +87,16 @@ class TestContract:
         again = _answer(name, _posed(name, budget=Budget(9)), heldout, seed=3)
         assert (first.draws == again.draws).all()
         assert (first.train_image == again.train_image).all()
+
+    def test_answers_are_the_same_on_any_number_of_threads(self):
+        """A long sum has another last digit on two threads of BLAS, of which a limp cloth makes another drape."""
+        problem, found = toy_problem(), []
+        for threads in (1, 2):
+            with threadpool_limits(limits=threads, user_api="blas"):
+                found.append(Summing().solve(problem, np.random.default_rng(0)).notes)
+                assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {threads}
+        assert found[0] == found[1]
+        assert found[1]["threads"] == [1] * len(found[1]["threads"])
 
     @pytest.mark.parametrize("name", SOLVERS)
     def test_its_drape_is_that_of_its_parameters(self, name):

@@ -14,6 +14,7 @@ from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.cli.progress import Bar, progress_bar
 from cusick_bench.report.figures import CLASSIFIED_DRAWS, SHOWN_SAMPLES
+from cusick_bench.runner.labels import unspaced
 from cusick_bench.runner.store import write_json
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def figure_6(
 
     cells, dataset = _load(run, data, fabrics_csv)
     with _drawing(out, _cloths(cells) + 1) as bar:
-        strips = fitted(cells, dataset, solver, progress=bar.begin)
+        strips = fitted(cells, dataset, _asked(solver), progress=bar.begin)
         path = _sheet(strips, out, "figure-6.png", "training sample and fits (orange: real outline)", bar)
     document = {"strips": [strip.document() for strip in strips]}
     _finish(document, [path], out / "figure-6.json", as_json)
@@ -74,7 +75,7 @@ def figure_7(
 
     cells, dataset = _load(run, data, fabrics_csv)
     with _drawing(out, 2 * _cloths(cells)) as bar:
-        strips = held_out(cells, dataset, solver, samples=samples, progress=bar.begin)
+        strips = held_out(cells, dataset, _asked(solver), samples=samples, progress=bar.begin)
         title = "held-out samples and the best draw for each, chosen by an oracle (orange: real outline)"
         paths = [
             _sheet([strip for strip in strips if strip.cloth == cloth], out, f"figure-7-{cloth}.png", title, bar)
@@ -99,6 +100,7 @@ def figure_8(
     from cusick_bench.report.figures.radius_angle import radius_angle, save_confusion, save_radius_angle
 
     cells, dataset = _load(run, data, fabrics_csv)
+    solver = _asked(solver)
     shown = len(entrants(cells, solver, kinds=("solver", "null")))
     with _drawing(out, _cloths(cells) * (1 + shown)) as bar:
         study = radius_angle(cells, dataset, solver, draws=draws, progress=bar.begin)
@@ -120,6 +122,11 @@ def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells,
 
     cells = load_cells(run)
     return cells, load_data_of(cells, data, fabrics_csv)
+
+
+def _asked(solvers: list[str] | None) -> list[str] | None:
+    """Solvers as the table of cells names them."""
+    return None if solvers is None else [unspaced(text) for text in solvers]
 
 
 def _cloths(cells: Cells) -> int:

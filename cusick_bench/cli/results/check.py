@@ -97,12 +97,13 @@ def check_command(
 def _facts(run: Path) -> list[str]:
     """Head of a baseline: what made it."""
     from cusick_bench.leaderboard.cells import load_cells
+    from cusick_bench.leaderboard.text import typed
     from cusick_bench.runner.environment import code_text
 
     facts = ["Baseline of `cusick-bench check`: metrics of every cell; compare a run with `check RUN --against` this."]
     made = load_cells(run).run if run.is_dir() else {}
     for earlier in [*made.get("history", []), made] if made else []:
-        facts.append(f"command: cusick-bench {' '.join(map(str, earlier.get('command', [])[1:]))}")
+        facts.append(f"command: {typed(['cusick-bench', *earlier.get('command', [])[1:]])}")
     if made:
         hardware = (made.get(key) for key in ("processor", "platform", "cores"))
         facts.append(f"made: {made.get('time')}, code: {code_text(made)}, on {' '.join(map(str, hardware))} cores")

@@ -14,6 +14,7 @@ from cusick_bench.cli.options import MOST_DRAWS, Cloths, Json, RunsData, RunsFab
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
+from cusick_bench.runner.labels import unspaced
 
 if TYPE_CHECKING:
     from cusick_bench.leaderboard.cells import Cells
@@ -61,7 +62,7 @@ def verify_command(
     table = cells.table
     if run != target:
         table = table.loc[[folder.name == target.name for folder in table["folder"]]]
-    for name, wanted in (("solver", solver), ("cloth", cloth)):
+    for name, wanted in (("solver", [unspaced(text) for text in solver or []]), ("cloth", cloth)):
         if unknown := sorted(set(wanted or []) - set(table[name])):
             known = ", ".join(sorted(set(table[name])))
             raise LeaderboardError(f"{run} holds no {name} {', '.join(unknown)}; it holds {known}")

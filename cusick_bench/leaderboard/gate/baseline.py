@@ -20,6 +20,7 @@ from cusick_bench.leaderboard.board import metric_names
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
+from cusick_bench.runner.labels import unspaced
 from cusick_bench.runner.store import write_atomically
 
 IDENTITY = ("solver", "cloth", "seed")
@@ -190,7 +191,8 @@ def _of_json(path: Path) -> list[tuple[str, dict[str, Any]]]:
 def _cell(where: str, entry: dict[str, Any]) -> dict[str, Any]:
     """A cell of a file, its numbers as numbers; raises LeaderboardError where it says what no cell can say."""
     try:
-        cell = entry | {"solver": name_of("solver", entry.get("solver")), "cloth": name_of("cloth", entry.get("cloth"))}
+        cell = entry | {name: name_of(name, entry.get(name)) for name in ("solver", "cloth")}
+        cell["solver"] = unspaced(cell["solver"])
         cell["seed"] = whole_number_of("seed", entry.get("seed"))
         if entry.get(LEFT_OUT) is not None:
             cell[LEFT_OUT] = whole_number_of(LEFT_OUT, entry[LEFT_OUT])

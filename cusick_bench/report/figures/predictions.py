@@ -204,9 +204,25 @@ def train_row(folder: Path) -> int:
     Raises:
         ReportError: The cell's description is missing or damaged.
     """
+    return train_rows(folder)[0]
+
+
+def train_rows(folder: Path) -> tuple[int, ...]:
+    """Index rows of all samples that a cell was trained on, the one that it was fitted to first.
+
+    Args:
+        folder: The cell's folder.
+
+    Returns:
+        The rows, one at least.
+
+    Raises:
+        ReportError: The cell's description is missing or damaged.
+    """
     try:
-        return int(load_cell(folder)["train"][0])
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        first, *others = map(int, load_cell(folder)["train"])
+        return first, *others
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise ReportError(
             f"cannot read {folder / 'cell.json'} ({error}); delete its folder and run it again"
         ) from error

@@ -1,7 +1,7 @@
 """Radius over angle, real drapes beside draws, and the question that it asks: which cloth does a draw belong to?
 
-The answer is a number. A classifier learns the cloths from the phase-free statistics of their held-out samples; the
-sample that the draws were fitted to is left out, or a copy of it would be at home by construction. The share of draws
+The answer is a number. A classifier learns the cloths from the phase-free statistics of their held-out samples; those
+that the draws were fitted to are left out, or a copy of one would be at home by construction. The share of draws
 that it takes for their own cloth stands beside the share of real samples that it recognises without having seen them,
 and so does the share that it takes for no cloth at all. Draws that are all alike, in the middle of their cloth, can be
 recognised more often than real samples: these shares say whether draws look right, not whether they vary as they must.
@@ -34,6 +34,7 @@ from cusick_bench.metrics import (
     standardised,
 )
 from cusick_bench.report.drawing.radius_over_angle import WHOLE_TURN, draw_levels, draw_turn
+from cusick_bench.report.errors import ReportError
 from cusick_bench.report.figures import CLASSIFIED_DRAWS
 from cusick_bench.report.figures.predictions import (
     Entrant,
@@ -41,6 +42,7 @@ from cusick_bench.report.figures.predictions import (
     entrants,
     held_out_rows,
     load_draws,
+    train_rows,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 
@@ -140,7 +142,7 @@ def radius_angle(
         The figure's content.
 
     Raises:
-        ReportError: Other data, an unknown solver, or a damaged prediction.
+        ReportError: Other data, an unknown solver, a damaged prediction, or a cloth of which all samples train.
         MetricError: Fewer than two cloths, or too few samples.
     """
     check_data(cells, dataset)
@@ -150,7 +152,7 @@ def radius_angle(
     samples: list[int] = []
     for cloth in cloths:
         progress(f"real samples of {cloth}")
-        rows = held_out_rows(cells, cloth)
+        rows = _unseen_rows(cells, dataset, chosen, cloth)
         shapes[cloth] = [Shape(dataset.image(row), protocol=dataset.protocol) for row in rows]
         samples += [int(dataset.table["sample"].iloc[row]) for row in rows]
     statistics = {cloth: drape_statistics(own) for cloth, own in shapes.items()}
@@ -160,6 +162,19 @@ def radius_angle(
     protocol = dataset.protocol
     drawn = tuple(_drawn(entrant, cloths, judge, draws, protocol, progress) for entrant in chosen)
     return RadiusAngle(real, drawn, protocol)
+
+
+def _unseen_rows(cells: Cells, dataset: DrapeDataset, chosen: Sequence[Entrant], cloth: str) -> list[int]:
+    """Index rows of the held-out samples of a cloth that none of these solvers was trained on, in any of its cells."""
+    samples = dataset.table["sample"].tolist()
+    trained = {samples[row] for entrant in chosen for folder in entrant.folders(cloth) for row in train_rows(folder)}
+    rows = [row for row in held_out_rows(cells, cloth) if samples[row] not in trained]
+    if not rows:
+        raise ReportError(
+            f"draws are judged beside samples that no fit has seen, and every sample of {cloth} trains some fit of "
+            f"{cells.folder} (samples were left out in turn); give a run of --protocol paper"
+        )
+    return rows
 
 
 def _drawn(
