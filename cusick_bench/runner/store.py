@@ -90,11 +90,15 @@ def write_atomically(path: Path, content: bytes) -> None:
         content: All of it.
     """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")  # two runners may write into one folder
-    with part.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(part, path)
+    try:
+        with part.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError:  # such as a full disk
+        part.unlink(missing_ok=True)
+        raise
     _log.debug("wrote %s", path)
 
 

@@ -22,7 +22,7 @@ from cusick_bench.leaderboard import (
     variants,
 )
 from cusick_bench.leaderboard.board import method_label
-from cusick_bench.leaderboard.text import TextTable
+from cusick_bench.leaderboard.text import TextTable, typed
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
@@ -44,6 +44,7 @@ from cusick_bench.report.run.drape_models import DrapeModel, fitted_model, model
 from cusick_bench.report.run.figure import save_figure
 from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.runner.environment import code_text, hardware_text
+from cusick_bench.runner.store import write_atomically
 
 TITLE = "Cusick drape report"
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
@@ -106,7 +107,8 @@ def write_report(
         comparison=comparison,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(render_page("run.html.j2", scripts=_SCRIPTS, page=page), encoding="utf-8")
+    text = render_page("run.html.j2", scripts=_SCRIPTS, page=page)
+    write_atomically(out, text.encode(errors="replace"))  # a path may hold bytes that are no text
     return [out, *files]
 
 
@@ -233,10 +235,9 @@ def _summary(cells: Cells, cloths: int) -> str:
 
 def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
     run: dict[str, Any] = cells.run
-    command = run.get("command", "")
     found = [
         ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
-        ("Command", command if isinstance(command, str) else " ".join(map(str, command))),
+        ("Command", typed(run.get("command", ""))),
         ("Code", code_text(run)),
         ("Hardware", hardware_text(run)),
         ("Date", str(run.get("time", ""))),
