@@ -267,6 +267,7 @@ def test_a_row_leads_to_its_fits_and_they_to_each_other(stiffness_page):
     cards = [attributes["id"] for name, attributes in stiffness_page.tags if name == "article"]
     assert len(cards) == len(set(cards)) == 4
     assert set(cards) <= set(links)
+    assert links.count("fit-1-0") == 2  # of bdp on the second cloth: from its row of stiffness, and its other card
 
 
 def test_columns_have_a_legend(stiffness_page):

@@ -51,6 +51,8 @@ _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.j
 
 Unseen = Mapping[tuple[str, tuple[int, ...]], Float[ndarray, "samples angles"]]
 """Radii of unseen samples [m], by their cloth and their rows in the data's index, as `Cells.table` has them."""
+Links = Mapping[tuple[str, str], str]
+"""Addresses of cards on the page, by cloth and solver; the first card of a solver by cloth "" too."""
 Progress = Callable[[str], None]
 
 
@@ -94,7 +96,7 @@ def write_report(
         models += drawn.models
         files += drawn.files
     sections = _linked(sections)
-    links = {card.solver: f"#{card.anchor}" for section in reversed(sections) for card in section.cards}
+    links = _links(sections)
     page = RunPage(
         title=TITLE,
         summary=_summary(cells, len(sections)),
@@ -112,17 +114,22 @@ def write_report(
     return [out, *files]
 
 
-def _board(board: Leaderboard, links: Mapping[str, str]) -> BoardTable:
+def _links(sections: Sequence[ClothSection]) -> Links:
+    cards = [(section.name, card) for section in reversed(sections) for card in section.cards]
+    return {(name, card.solver): f"#{card.anchor}" for cloth, card in cards for name in ("", cloth)}
+
+
+def _board(board: Leaderboard, links: Links) -> BoardTable:
     table = text_table(board)
     return replace(_board_table(table, board.notes, links), kinds=list(dict.fromkeys(table.kinds)))
 
 
-def _board_table(table: TextTable, notes: Sequence[str], links: Mapping[str, str]) -> BoardTable:
+def _board_table(table: TextTable, notes: Sequence[str], links: Links) -> BoardTable:
     legend = [(f"{column.head} {column.unit}".strip(), column.meaning) for column in table.columns]
     return BoardTable(Markup(html_table(table, links)), notes, legend)
 
 
-def _stiffness_table(cells: Cells, links: Mapping[str, str]) -> BoardTable | None:
+def _stiffness_table(cells: Cells, links: Links) -> BoardTable | None:
     if not (rows := stiffness_rows(cells)):
         return None
     table = stiffness_table(rows)
