@@ -133,12 +133,12 @@ def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iter
 _LONGEST_PATH = 300  # characters of a path that a message shows
 
 
-def _told(what: str, error: OSError) -> str:
-    """An error with its file, the end of a very long path; a file that is open already has no name in it."""
+def _of_file(error: OSError, form: str) -> str:
+    """An error's file in words, the end of a very long path; errors of files that are open already name none."""
     if error.filename is None:
-        return what
+        return ""
     text = str(error.filename)
-    return f"{what} ({text if len(text) <= _LONGEST_PATH else '...' + text[-_LONGEST_PATH:]})"
+    return form.format(text if len(text) <= _LONGEST_PATH else f"...{text[-_LONGEST_PATH:]}")
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:
@@ -153,10 +153,13 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
         except BrokenPipeError:
             raise  # whoever read the output has gone: no fault of a folder's
         except PermissionError as error:
-            message, cause = f"{_told('no permission', error)}; choose another folder or change its mode", error
+            message, cause = (
+                f"no permission{_of_file(error, ' for {}')}; choose another folder or change its mode",
+                error,
+            )
         except OSError as error:
             what = error.strerror or str(error)
-            message, cause = f"{_told(what, error)}; choose another folder or free some space", error
+            message, cause = f"{what}{_of_file(error, ' ({})')}; choose another folder or free some space", error
         except MemoryError as error:
             message, cause = f"not enough memory ({error}); take fewer vertices, draws, samples or workers", error
         fail(message)

@@ -17,7 +17,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,8 +96,10 @@ def write_atomically(path: Path, content: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(part, path)
-    except OSError:  # such as a full disk
-        part.unlink(missing_ok=True)
+    except OSError as error:  # such as a full disk
+        with suppress(OSError):
+            part.unlink()
+        error.filename = str(path)
         raise
     _log.debug("wrote %s", path)
 

@@ -85,6 +85,18 @@ def test_warnings_of_libraries_are_for_the_verbose(capsys, told, own, foreign):
             assert capsys.readouterr().err.count("warning: out of range") == count
 
 
+@pytest.mark.parametrize(("told", "count"), [("pass", 0), ("tell_less(True)", 0), ("tell_more(True)", 1)])
+def test_logs_of_libraries_are_for_the_verbose(told, count):
+    """As of matplotlib where the home folder cannot be written."""
+    code = (
+        "import logging; from cusick_bench.cli.verbosity import messages, tell_less, tell_more\n"
+        f"with messages():\n    {told}\n    logging.getLogger('a library').warning('no cache')\n"
+        "logging.getLogger('a library').warning('after the command')"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stderr
+    assert (said.count("no cache"), said.count("after the command")) == (count, 1)
+
+
 @pytest.mark.parametrize(
     "words",
     [
