@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.folds import FOLD_HARMONICS, FOLD_PROMINENCE, ring_folds
@@ -90,7 +90,7 @@ def _bilinear(image: ndarray, column: ndarray, row: ndarray) -> ndarray:
 
 
 def profile_from_image(
-    image: Float[ndarray, "height width"] | Float[torch.Tensor, "height width"],
+    image: Float[ndarray, "height width"] | Float[torch.Tensor, "height width"] | UInt8[ndarray, "height width"],
     *,
     pixels_per_metre: float = PIXELS_PER_METRE,
     centre: tuple[float, float] = IMAGE_CENTRE,
@@ -100,7 +100,7 @@ def profile_from_image(
     """Radius of the outermost crossing of 0.5 along rays from the plate's centre, to a fraction of a pixel.
 
     Args:
-        image: Coverage in [0, 1], cloth = 1.
+        image: Coverage in [0, 1], cloth = 1; bytes are read as 0..255.
         pixels_per_metre: Scale of the parallel projection [px/m].
         centre: Column and row of the plate's axis [px].
         image_y: "up" if y points to the first row, "down" otherwise.
@@ -169,7 +169,7 @@ def profile_from_mesh(
 
 
 def drape_coefficient(
-    image: Float[ndarray, "height width"] | Float[torch.Tensor, "height width"],
+    image: Float[ndarray, "height width"] | Float[torch.Tensor, "height width"] | UInt8[ndarray, "height width"],
     *,
     pixels_per_metre: float = PIXELS_PER_METRE,
     cloth_radius: float = CLOTH_RADIUS,
@@ -178,7 +178,7 @@ def drape_coefficient(
     """Drape coefficient of a silhouette: (A - pi r^2) / (pi (R^2 - r^2)), with A its grey-weighted area.
 
     Args:
-        image: Coverage in [0, 1], cloth = 1.
+        image: Coverage in [0, 1], cloth = 1; bytes are read as 0..255.
         pixels_per_metre: Scale [px/m].
         cloth_radius: R, radius of the flat cloth [m].
         plate_radius: r, radius of the plate [m].
@@ -221,4 +221,4 @@ def amplitude_spectrum(profile: Profile, *, modes: int = FOLD_HARMONICS) -> Floa
 
 def _as_array(image: ndarray | torch.Tensor) -> Float[ndarray, "height width"]:
     pixels = image if isinstance(image, ndarray) else image.detach().cpu().numpy()
-    return np.asarray(pixels, dtype=np.float64)
+    return np.asarray(pixels, dtype=np.float64) / (255 if pixels.dtype == np.uint8 else 1)

@@ -63,7 +63,19 @@ def fail(text: str) -> None:
 
 def command_line() -> str:
     """The command that runs, as one types it."""
-    return shlex.join(["cusick-bench", *sys.argv[1:]])
+    return command_with(*sys.argv[1:])
+
+
+def command_with(*words: object) -> str:
+    """A command to type, with what a shell would split in quotes.
+
+    Args:
+        words: What follows the program's name.
+
+    Returns:
+        The line.
+    """
+    return shlex.join(["cusick-bench", *map(str, words)])
 
 
 class Terminated(KeyboardInterrupt):
@@ -121,10 +133,12 @@ def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iter
 _LONGEST_PATH = 300  # characters of a path that a message shows
 
 
-def _short(path: object) -> str:
-    """A path for a message: the end of a very long one."""
-    text = str(path)
-    return text if len(text) <= _LONGEST_PATH else "..." + text[-_LONGEST_PATH:]
+def _of_file(error: OSError, form: str) -> str:
+    """An error's file in words, the end of a very long path; errors of files that are open already name none."""
+    if error.filename is None:
+        return ""
+    text = str(error.filename)
+    return form.format(text if len(text) <= _LONGEST_PATH else f"...{text[-_LONGEST_PATH:]}")
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:
@@ -140,14 +154,12 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
             raise  # whoever read the output has gone: no fault of a folder's
         except PermissionError as error:
             message, cause = (
-                f"no permission for {_short(error.filename)}; choose another folder or change its mode",
+                f"no permission{_of_file(error, ' for {}')}; choose another folder or change its mode",
                 error,
             )
         except OSError as error:
-            message, cause = (
-                f"{error.strerror} ({_short(error.filename)}); choose another folder or free some space",
-                error,
-            )
+            what = error.strerror or str(error)
+            message, cause = f"{what}{_of_file(error, ' ({})')}; choose another folder or free some space", error
         except MemoryError as error:
             message, cause = f"not enough memory ({error}); take fewer vertices, draws, samples or workers", error
         fail(message)

@@ -127,7 +127,7 @@ class Lines:
 
 def live(screen: Screen) -> bool:
     """Whether a bar can move there: on a terminal that steers its cursor."""
-    return screen.is_terminal and not screen.is_dumb_terminal
+    return screen.on_terminal and not screen.is_dumb_terminal
 
 
 @dataclass(frozen=True)

@@ -71,12 +71,23 @@ class Screen(Console):
     def __init__(self, *, stderr: bool = False, **options: Any) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False, **options)
         self._width = options.get("width")  # COLUMNS is read where a table is printed, not when this is made
+        self._terminal: bool | None = options.get("force_terminal")
+
+    @property
+    def on_terminal(self) -> bool:
+        """Whether it writes to a terminal; `is_terminal` is true of a log that FORCE_COLOR has coloured, too."""
+        if self._terminal is not None:  # asked for where this was made
+            return self._terminal
+        try:
+            return self.file.isatty()
+        except ValueError:  # it is closed
+            return False
 
     @property
     def size(self) -> ConsoleDimensions:
         """Size of the terminal; without one, lines are as long as it takes, unless COLUMNS says otherwise."""
         found = super().size
-        narrowed = self.is_terminal or self._width is not None or os.environ.get("COLUMNS", "").isdigit()
+        narrowed = self.on_terminal or self._width is not None or os.environ.get("COLUMNS", "").isdigit()
         if narrowed and found.width > 0:  # COLUMNS=0 says nothing
             return found
         return ConsoleDimensions(NATURAL_WIDTH, found.height)

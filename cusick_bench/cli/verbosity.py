@@ -40,7 +40,14 @@ def tell_more(wanted: bool) -> None:
     """
     if wanted:
         logging.getLogger("cusick_bench").setLevel(logging.DEBUG)
+        _hear_libraries(logging.WARNING)
         warnings.simplefilter("default")
+
+
+def _hear_libraries(level: int) -> None:
+    """From now on libraries that log without a handler, such as matplotlib, are heard from this level on."""
+    if logging.lastResort is not None:
+        logging.lastResort.setLevel(level)
 
 
 def show_version(wanted: bool) -> None:
@@ -103,6 +110,7 @@ def messages() -> Iterator[None]:
     logger, handler = logging.getLogger("cusick_bench"), _ScreenHandler()
     before = logger.level
     logger.addHandler(handler)
+    _hear_libraries(logging.ERROR)
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
@@ -110,6 +118,7 @@ def messages() -> Iterator[None]:
         finally:
             logger.removeHandler(handler)
             logger.setLevel(before)
+            _hear_libraries(logging.WARNING)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:

@@ -89,7 +89,8 @@ def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSet
 def _dataset(name: str, data: str) -> str:
     dataset: DrapeDataset = load_once(Source(data))
     place = data if data in REGISTRY else str(Path(data).expanduser().resolve())
-    of = "the shipped synthetic set" if data == _SHIPPED else f"`{dataset.name}`"
+    shown = re.sub(r'["\\]', "'", dataset.name)  # in a docstring, whose end a folder's name may hold
+    of = "the shipped synthetic set" if data == _SHIPPED else f"`{shown}`"
     return fill(
         "benchopt/dataset.py",
         summary=f"Drapes of {of}, a cloth at a time",

@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 from cusick_bench.files.errors import BadFile
@@ -49,9 +50,10 @@ def read_csv(
         BadFile: See `read_text`; or it is no CSV, has other marks than commas between cells, lacks a column or has one
             twice, or a line has too many cells.
     """
-    lines = read_text(path, most_bytes=most_bytes, remedy=remedy).splitlines()
+    text = read_text(path, most_bytes=most_bytes, remedy=remedy)
+    lines = list(StringIO(text, newline=""))  # `splitlines` would end lines at characters that cells may hold
     if comment is not None:
-        lines = ["" if line.startswith(comment) else line for line in lines]
+        lines = ["\n" if line.startswith(comment) else line for line in lines]
     reader, rows = csv.reader(lines, strict=True), []
     try:
         for cells in reader:

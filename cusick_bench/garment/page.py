@@ -37,7 +37,7 @@ def write_page(worn: Sequence[Worn], path: Path) -> None:
         "rows": [_row(numbers) for numbers in compared(worn)],
         "drapes": models_document(models, scale * size.waist),
     }
-    path.write_text(render_page("garments.html.j2", scripts=_SCRIPTS, page=page), encoding="utf-8")
+    path.write_text(render_page("garments.html.j2", scripts=_SCRIPTS, page=page), encoding="utf-8", errors="replace")
 
 
 def _row(numbers: dict[str, Any]) -> dict[str, str]:

@@ -64,7 +64,7 @@ def save_side_by_side(worn: Sequence[Worn], path: Path, progress: Callable[[int]
     figure, axes = empty_sheet(_COLUMN * len(worn) + 0.3, _ROW * rows + _WORDS, rows, len(worn), gridspec_kw=heights)
     for column, (one, numbers) in enumerate(zip(worn, compared(worn), strict=True)):
         _show(axes[0, column], draw_skirt(one.pattern, one.positions[0], one.cloth.name, one.wearing.body))
-        axes[0, column].set_title(one.cloth.name, fontsize=9)
+        axes[0, column].set_title(one.cloth.name, fontsize=9, parse_math=False)
         _words_below(axes[0, column], _described(numbers))
         for row, moment in enumerate(_moments(one) if moving else (), 1):
             pose = one.wearing.motion.pose(one.times[moment]) if one.wearing.motion else None

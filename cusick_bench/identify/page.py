@@ -28,7 +28,15 @@ from cusick_bench.report.drawing.pictures import drape_picture, silhouette_pictu
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.page_template import render_page
-from cusick_bench.report.run.content import Card, Number, Picture, embedded_picture, fill_card, stiffness_picture
+from cusick_bench.report.run.content import (
+    Card,
+    Number,
+    Picture,
+    embedded_picture,
+    fill_card,
+    stiffness_picture,
+    with_plate,
+)
 
 _MICRO = 1e6
 _MOST_OTHERS = 48  # drapes of other samples whose range a graph shows
@@ -298,7 +306,8 @@ def _silhouette(dataset: DrapeDataset, cloth: str) -> tuple[Picture, ...]:
         return ()
     sample = int(np.asarray(dataset.table["sample"])[rows[0]])
     pixels = silhouette_picture(dataset.image(rows[0]).numpy())
-    return (embedded_picture(pixels, f"Silhouette of {cloth}", f"Sample {sample}, the most typical"),)
+    picture = embedded_picture(pixels, f"Silhouette of {cloth}", f"Sample {sample}, the most typical")
+    return (with_plate(picture, dataset.protocol),)
 
 
 def _other_profiles(dataset: DrapeDataset, cloth: str, sample: int) -> Float[ndarray, "samples angles"] | None:

@@ -81,12 +81,12 @@ def latex(board: Leaderboard | TextTable) -> str:
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def html_table(board: Leaderboard | TextTable, links: Mapping[str, str] | None = None) -> str:
+def html_table(board: Leaderboard | TextTable, links: Mapping[tuple[str, str], str] | None = None) -> str:
     """An HTML `table` element; rows carry their kind as a class.
 
     Args:
         board: A leaderboard, or any table of strings.
-        links: Where the name of a solver leads to.
+        links: Where the name of a solver leads to, by cloth and solver; cloth "" is for rows of no cloth of their own.
 
     Returns:
         Text of the element.
@@ -179,18 +179,16 @@ def _heads(text: TextTable) -> str:
     )
 
 
-def _html_row(text: TextTable, place: int, links: Mapping[str, str]) -> str:
-    pairs = zip(text.columns, text.entries[place], strict=True)
-    cells = "".join(
-        f"<td{_side(column.left)}>{_linked(entry, links if column.head == 'solver' else {})}</td>"
-        for column, entry in pairs
-    )
-    return f'<tr class="{html.escape(text.kinds[place])}">{cells}</tr>'
-
-
-def _linked(entry: str, links: Mapping[str, str]) -> str:
-    words = html.escape(entry)
-    return f'<a href="{html.escape(links[entry])}">{words}</a>' if entry in links else words
+def _html_row(text: TextTable, place: int, links: Mapping[tuple[str, str], str]) -> str:
+    pairs = list(zip(text.columns, text.entries[place], strict=True))
+    cloth = next((entry for column, entry in pairs if column.head == "cloth"), "")
+    cells = []
+    for column, entry in pairs:
+        link = (links.get((cloth, entry)) or links.get(("", entry))) if column.head == "solver" else None
+        words = html.escape(entry)
+        words = f'<a href="{html.escape(link)}">{words}</a>' if link else words
+        cells.append(f"<td{_side(column.left)}>{words}</td>")
+    return f'<tr class="{html.escape(text.kinds[place])}">{"".join(cells)}</tr>'
 
 
 def _side(left: bool) -> str:

@@ -256,11 +256,17 @@ def typed(command: str | Sequence[object]) -> str:
         command: Words of a command line, or the whole of it.
 
     Returns:
-        Text without the program's folder; words that hold spaces are in quotes.
+        Text without the program's folder; words that a shell would split are in quotes, and bytes of paths that are no
+        text are question marks.
     """
-    words = command.split(" ") if isinstance(command, str) else [str(word) for word in command]
-    join = " ".join if isinstance(command, str) else shlex.join
-    return join([Path(words[0]).name, *words[1:]]) if words else ""
+    if isinstance(command, str):
+        program, *rest = command.split(" ")
+    else:
+        program, *rest = map(str, command or [""])
+        rest = list(map(shlex.quote, rest))
+    name = Path(program).name
+    text = " ".join(["cusick-bench" if name == "__main__.py" else name, *rest])
+    return text.encode(errors="replace").decode()
 
 
 def provenance(board: Leaderboard) -> list[str]:

@@ -17,7 +17,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,11 +90,17 @@ def write_atomically(path: Path, content: bytes) -> None:
         content: All of it.
     """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")  # two runners may write into one folder
-    with part.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(part, path)
+    try:
+        with part.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:  # such as a full disk
+        with suppress(OSError):
+            part.unlink()
+        error.filename = str(path)
+        raise
     _log.debug("wrote %s", path)
 
 

@@ -137,3 +137,14 @@ def test_what_is_kept_may_be_known_late(capsys):
         work()
     assert stop.value.exit_code == INTERRUPTED
     assert "interrupted: 1 files" in capsys.readouterr().err
+
+
+def test_a_run_that_is_stopped_after_its_last_cell_says_that_it_is_kept(make_lab, tmp_path, monkeypatch):
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cusick_bench.leaderboard.stiffness_csv", stop)
+    words = ["run", "--data", str(make_lab([1e-5], samples=2)), "--out", str(tmp_path), "--solver", "null:disc"]
+    found = CliRunner().invoke(app, [*words, "--vertices", "97"])
+    assert found.exit_code == INTERRUPTED
+    assert f"interrupted: 1 of 1 cells are finished and kept in {tmp_path}" in found.stderr

@@ -1,5 +1,6 @@
 """What commands say: version, quiet and verbose, one JSON document, errors that no name can forge."""
 
+import errno
 import json
 import logging
 import os
@@ -9,11 +10,14 @@ import warnings
 from pathlib import Path
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import cusick_bench
 from cusick_bench.cli import app
+from cusick_bench.cli.common import user_errors
 from cusick_bench.cli.verbosity import PACKAGE, messages, tell_less, tell_more
+from cusick_bench.leaderboard.text import typed
 
 ESCAPE = "\x1b[2J"
 
@@ -81,6 +85,18 @@ def test_warnings_of_libraries_are_for_the_verbose(capsys, told, own, foreign):
             assert capsys.readouterr().err.count("warning: out of range") == count
 
 
+@pytest.mark.parametrize(("told", "count"), [("pass", 0), ("tell_less(True)", 0), ("tell_more(True)", 1)])
+def test_logs_of_libraries_are_for_the_verbose(told, count):
+    """As of matplotlib where the home folder cannot be written."""
+    code = (
+        "import logging; from cusick_bench.cli.verbosity import messages, tell_less, tell_more\n"
+        f"with messages():\n    {told}\n    logging.getLogger('a library').warning('no cache')\n"
+        "logging.getLogger('a library').warning('after the command')"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stderr
+    assert (said.count("no cache"), said.count("after the command")) == (count, 1)
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -133,3 +149,51 @@ def test_a_reader_that_leaves_early_is_no_error_of_a_folder():
     )
     assert "choose another folder" not in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_an_error_without_a_file_names_none(capsys):
+    """Writing to a file that is open already tells no name."""
+
+    @user_errors
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(typer.Exit):
+        full()
+    assert capsys.readouterr().err == "error: No space left on device; choose another folder or free some space\n"
+
+
+def test_commands_that_are_advised_can_be_typed(toy_lab, fit, tmp_path):
+    folder, baseline = tmp_path / "my runs", tmp_path / "the base.csv"
+    told = invoke(*fit[:-1], folder, "--data", toy_lab).stderr
+    assert f"next: cusick-bench leaderboard '{folder}'\n" in told
+    told = invoke("check", folder, "--against", baseline).stderr
+    assert f"`cusick-bench check '{folder}' --against '{baseline}' --write`" in told
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        (["/opt/my bin/cusick-bench", "run", "--out", "my runs"], "cusick-bench run --out 'my runs'"),
+        (["/opt/cusick_bench/__main__.py", "run", "--out", "runs"], "cusick-bench run --out runs"),
+        (["cusick-bench", "run", "--out", "runs\udcff"], "cusick-bench run --out 'runs?'"),
+        ("/opt/cusick-bench run", "cusick-bench run"),
+        ([], ""),
+    ],
+)
+def test_a_command_of_a_table_can_be_typed(command, text):
+    assert typed(command) == text
+
+
+def test_a_page_of_a_folder_whose_name_is_no_text(toy_lab, fit):
+    folder = fit[-1].with_name("runs\udcff")
+    try:
+        folder.mkdir()
+    except OSError:
+        pytest.skip("this file system has names of text only")
+    words = [*map(str, fit[:-1]), str(folder), "--data", str(toy_lab)]
+    done = subprocess.run([sys.executable, "-m", "cusick_bench", *words], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for words in (["report", folder], ["leaderboard", folder, "--out", folder.with_name("table.csv")]):
+        found = invoke(*words)
+        assert found.exit_code == 0, found.output

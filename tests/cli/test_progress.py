@@ -51,6 +51,15 @@ def test_a_total_may_be_known_late():
     assert "20%" in _shown(lambda bar: bar.show(1, 5))
 
 
+def test_a_log_that_is_coloured_has_lines_all_the_same(monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    where = Screen(file=io.StringIO())
+    with progress_bar("draping", 2, screen=where, interval=0.02):
+        time.sleep(0.1)
+    assert "draping: 0 % (0 of 2)" in written(where)
+    assert "\x1b[2K" not in written(where)  # no line is drawn over
+
+
 def test_the_bar_goes_when_the_work_fails():
     where = screen(True)
     with pytest.raises(ZeroDivisionError), progress_bar("draping", 2, screen=where):

@@ -112,3 +112,12 @@ def test_an_encoding_keeps_what_it_has():
     assert in_encoding("größer ±", "latin-1") == "größer ±"
     assert in_encoding("größer …", "latin-1") == "größer ..."
     assert in_encoding("…", "utf-8") == "…"
+
+
+def test_a_table_keeps_its_width_where_its_log_is_coloured(monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    plain = printed(table())
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    coloured = printed(table())
+    assert coloured != plain
+    assert re.sub(r"\x1b\[[0-9;]*m", "", coloured) == plain

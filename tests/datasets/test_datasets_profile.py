@@ -51,6 +51,12 @@ def test_scale_centre_and_torch_images():
     assert profile_from_image(image, pixels_per_metre=600.0).rms(truth) > 10 * TENTH_OF_A_PIXEL
 
 
+def test_bytes_are_read_as_metrics_read_them():
+    image = np.round(255 * draw(wavy_profile(6))).astype(np.uint8)
+    assert np.array_equal(profile_from_image(image).radii, profile_from_image(image / 255).radii)
+    assert drape_coefficient(image) == drape_coefficient(image / 255)
+
+
 def test_the_outermost_edge_counts_and_no_cloth_is_zero():
     ring = draw(disc(0.14)) - draw(disc(0.13)) + draw(disc(0.10))
     assert profile_from_image(ring).radii == pytest.approx(0.14, abs=TENTH_OF_A_PIXEL)

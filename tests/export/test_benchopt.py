@@ -161,3 +161,13 @@ def test_one_solver_twice_is_refused_before_anything_is_written(tmp_path: Path):
     with pytest.raises(ExportError, match="each solver once"):
         write_benchmark(tmp_path / "b", solvers=["null:random-phase", "null:random-phase,draws=9"])
     assert not (tmp_path / "b").exists()
+
+
+def test_a_folder_whose_name_ends_a_docstring_is_no_code(make_lab, tmp_path: Path):
+    lab = make_lab([1e-5], samples=2)
+    odd = lab.rename(lab.with_name('lab"""\\'))
+    try:
+        write_benchmark(tmp_path, solvers=["null:disc"], data=str(odd))
+        compile((tmp_path / "datasets" / "drapes.py").read_text(), "drapes.py", "exec")
+    finally:
+        odd.rename(lab)

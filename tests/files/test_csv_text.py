@@ -39,6 +39,23 @@ def test_what_is_read_is_what_was_written(tmp_path):
     assert [row["cloth"] for _, row in read_csv(tmp_path / "t.csv", remedy="").rows] == names
 
 
+@pytest.mark.parametrize("name", ["two\nlines", "two\r\nlines", "a\x0bb", "a\x0cb", "a\x1eb", "a\x85b", "a\u2028b"])
+def test_a_cell_with_a_line_break_is_one_cell(tmp_path, name):
+    path = tmp_path / "t.csv"
+    table = pd.DataFrame({"cloth": [name, "next"], "mse": [0.5, 0.25]})
+    path.write_bytes(csv_text(table).encode())
+    read = [(row["cloth"], row["mse"]) for _, row in read_csv(path, remedy="", comment="#").rows]
+    assert read == [(name, "0.5"), ("next", "0.25")]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_may_end_as_on_any_system(tmp_path, end):
+    path = tmp_path / "t.csv"
+    path.write_bytes(end.join(["# made by hand", "cloth,mse", "", "blue,.5", "red"]).encode())
+    rows = read_csv(path, remedy="", comment="#").rows
+    assert rows == ((4, {"cloth": "blue", "mse": ".5"}), (5, {"cloth": "red", "mse": ""}))
+
+
 @pytest.mark.parametrize(("mark", "name"), [(";", "semicolons"), ("\t", "tabs")])
 def test_other_marks_between_cells_are_named(tmp_path, mark, name):
     path = tmp_path / "t.csv"

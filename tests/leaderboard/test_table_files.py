@@ -1,5 +1,6 @@
 """Tables of a results folder as CSV and Parquet."""
 
+import errno
 import sys
 from pathlib import Path
 
@@ -54,3 +55,20 @@ def test_other_endings_are_refused(folder, tmp_path):
     found = CliRunner().invoke(app, ["leaderboard", str(folder), "--cells", str(tmp_path / "a.xlsx")])
     assert found.exit_code == 2
     assert ".parquet" in found.stderr
+
+
+def test_a_disk_that_is_full_leaves_the_files_of_before(folder, tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    table, page, verdicts = (tmp_path / name for name in ("table.csv", "page.html", "verdicts.xml"))
+    for path in (table, page, verdicts):
+        path.write_text("of before")
+    monkeypatch.setattr("os.fsync", full)
+    for words in (
+        ["leaderboard", folder, "--out", table],
+        ["report", folder, "--out", page],
+        ["check", folder, "--against", folder, "--junit", verdicts],
+    ):
+        assert CliRunner().invoke(app, list(map(str, words))).exit_code == 2, words
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"of before"}

@@ -64,8 +64,19 @@ def test_a_fit_is_shown_beside_the_unseen_samples_of_its_own_split(tmp_path):
             (cell / name).write_text(json.dumps(record))
     unseen = {("cotton_blue", (0, 1, 2)): np.stack([radii(6)] * 3), ("cotton_blue", (3, 4)): np.stack([radii(6)] * 2)}
     text = make(tmp_path, unseen=unseen).text
-    assert "range of 3 unseen samples" in text
+    assert "range of 3 unseen silhouettes" in text  # of several captures each, they are more than the samples
     assert "seed 0 and one of 2 splits shown, of 2 cells" in text
+
+
+def test_one_unseen_silhouette_is_no_range(tmp_path):
+    write_cell(tmp_path, "homo")
+    assert "unseen silhouettes" not in make(tmp_path, unseen={("cotton_blue", (0, 1)): radii(6)[None]}).text
+
+
+def test_a_name_with_dollars_is_no_formula_in_pictures(tmp_path):
+    write_cell(tmp_path, "homo", "$_$silk")
+    make(tmp_path, pictures=tmp_path / "pictures")
+    assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["silk_homo.png"]
 
 
 def test_page_is_self_contained_and_runs_its_own_scripts_only(page):
@@ -256,6 +267,7 @@ def test_a_row_leads_to_its_fits_and_they_to_each_other(stiffness_page):
     cards = [attributes["id"] for name, attributes in stiffness_page.tags if name == "article"]
     assert len(cards) == len(set(cards)) == 4
     assert set(cards) <= set(links)
+    assert links.count("fit-1-0") == 2  # of bdp on the second cloth: from its row of stiffness, and its other card
 
 
 def test_columns_have_a_legend(stiffness_page):

@@ -13,8 +13,9 @@ from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import outline_pixels
 from cusick_bench.report.cell_view import CellView, load_cell_view, shown_surface
+from cusick_bench.report.drawing.pictures import silhouette_picture
 from cusick_bench.report.drawing.radius_over_angle import draw_levels, radius_limits
-from cusick_bench.report.run.content import real_drape
+from cusick_bench.report.run.content import embedded_picture, real_drape, with_plate
 
 CLOTH = "fabric_3"
 PROTOCOLS = {"release": RELEASE, "large images": LARGE_IMAGES, "small cloth": SMALL_CLOTH}
@@ -64,3 +65,17 @@ def test_levels_are_those_of_the_laboratorys_plate_and_cloth(protocol: Protocol)
     draw_levels(axes, protocol=protocol)
     levels = [float(line.get_ydata()[0]) for line in axes.lines]
     assert levels == pytest.approx([1e3 * protocol.plate_radius_m, 1e3 * protocol.cloth_radius_m])
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_the_circle_of_the_plate_lies_where_the_plate_is(laboratories, name):
+    dataset = laboratories[name]
+    image, protocol = dataset.image(0).numpy(), dataset.protocol
+    plate = with_plate(embedded_picture(silhouette_picture(image), "", ""), protocol).plate
+    assert plate is not None
+    left, top, diameter = (len(image) * one for one in plate)
+    assert diameter == pytest.approx(2 * protocol.plate_radius_m * protocol.px_per_m)
+    turns = np.linspace(0, 2 * np.pi, 64)
+    half = diameter / 2
+    inside = [top + half - 0.5 + 0.97 * half * np.sin(turns), left + half - 0.5 + 0.97 * half * np.cos(turns)]
+    assert map_coordinates(image, inside, order=1).min() > 0.9

@@ -12,7 +12,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, user_errors
+from cusick_bench.cli.common import command_with, interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import (
     MOST_CASES,
     MOST_SAMPLES,
@@ -92,7 +92,8 @@ def build_atlas(
     if as_json:
         print_json({"path": out, "points": points, "tasks": len(design.tasks())})
     else:
-        output.print(f"{out}: {len(design.tasks())} sets of drapes; next: cusick-bench atlas fit {out}")
+        following = command_with("atlas", "fit", out, "--out", "ATLAS.npz")
+        output.print(f"{out}: {len(design.tasks())} sets of drapes; next: {following}")
 
 
 @app.command("fit")
@@ -134,7 +135,8 @@ def fit_atlas(
                 means.add_row(name, *(f"{error:.2f}" for error in row))
             output.print(means)
         output.print(
-            f"{out}: {counts.get('base', 0)} fabrics; next: cusick-bench atlas calibrate CASES LABELS --atlas {out}"
+            f"{out}: {counts.get('base', 0)} fabrics; next: "
+            f"{command_with('atlas', 'calibrate', 'CASES', 'LABELS', '--atlas', out)}"
         )
 
 

@@ -1,5 +1,6 @@
 """`cusick-bench export benchopt`: the benchmark in the form of benchopt."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -42,6 +43,6 @@ def benchopt(
     )
     files = write_benchmark(folder, solvers=solver or SOLVERS, data=data, settings=settings, command=command_line())
     tell(f"wrote {len(files)} files to {folder}")
-    tell(f"next: benchopt test {folder}")
+    tell(f"next: benchopt test {shlex.quote(str(folder))}")
     if json:
         print_json({"path": folder, "files": files})

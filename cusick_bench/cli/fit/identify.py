@@ -115,7 +115,8 @@ def identify_command(
         fits = work.fit(grid, workers, sys.argv)
     with progress_bar("diagnosing", 1) as bar, kept():
         diagnoses = work.diagnose(bar.tell, atlas)
-    document = work.write(measured, fits, diagnoses, command_line())
+    with kept():
+        document = work.write(measured, fits, diagnoses, command_line())
     if as_json:
         print_json(document.content() | {"path": work.workspace.document, "page": work.workspace.page})
     else:

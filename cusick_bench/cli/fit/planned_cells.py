@@ -37,9 +37,12 @@ def run_planned(source: Source, planned: Sequence[Cell], out: Path, *, workers: 
     from cusick_bench.leaderboard import load_cells
     from cusick_bench.runner import run
 
-    with GridProgress() as progress, interruptible(partial(cells_kept, progress, out), go_on=True):
-        run(source, list(planned), out, workers=workers, watcher=progress, command=sys.argv, force=force)
-    keys, cells = {cell.key for cell in planned}, load_cells(out)
+    progress = GridProgress()
+    with interruptible(partial(cells_kept, progress, out), go_on=True):
+        with progress:
+            run(source, list(planned), out, workers=workers, watcher=progress, command=sys.argv, force=force)
+        cells = load_cells(out)
+    keys = {cell.key for cell in planned}
     kept = cells.table.loc[[folder.name in keys for folder in cells.table["folder"]]].reset_index(drop=True)
     if kept.empty:
         raise LeaderboardError(f"every cell in {out} failed; see cells/*/result.json there")

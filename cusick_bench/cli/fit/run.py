@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import command_with, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
     LARGEST_FIRST_SEED,
@@ -163,15 +163,16 @@ def run_command(
         protocol=protocol,
     )
     cells = shard(cells, only) if only else cells
-    with GridProgress() as grid, interruptible(partial(cells_kept, grid, out), go_on=True):
-        results = run(
-            source, cells, out, workers=workers, executor=cell_executor, watcher=grid, command=sys.argv, force=force
-        )
-    found, rows = [], []
-    for cell, result in zip(cells, results, strict=True):
-        found.append(_stiffness(result))
-        rows.append(_row(result, out / "cells" / cell.key))
-    _write_stiffness(out)
+    found, rows, grid = [], [], GridProgress()
+    with interruptible(partial(cells_kept, grid, out), go_on=True):
+        with grid:
+            results = run(
+                source, cells, out, workers=workers, executor=cell_executor, watcher=grid, command=sys.argv, force=force
+            )
+        for cell, result in zip(cells, results, strict=True):
+            found.append(_stiffness(result))
+            rows.append(_row(result, out / "cells" / cell.key))
+        _write_stiffness(out)
     if json:
         print_json({"cells": rows})
     else:
@@ -180,7 +181,7 @@ def run_command(
             from cusick_bench.cli.fit.stiffness_table import stiffness_table
 
             output.print(stiffness_table(rows, found))
-        tell(f"next: cusick-bench leaderboard {out}")
+        tell(f"next: {command_with('leaderboard', out)}")
     if any(row["status"] == "failed" for row in rows):
         raise typer.Exit(1)
 

@@ -14,7 +14,7 @@ import typer
 from rich import box
 from rich.table import Table
 
-from cusick_bench.cli.common import UNDECIDED, output, print_json, tell, user_errors
+from cusick_bench.cli.common import UNDECIDED, command_with, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import outside_package
@@ -73,7 +73,7 @@ def check_command(
         return
     if not against.exists():
         raise LeaderboardError(
-            f"no baseline at {against}; make one with `cusick-bench check {run} --against {against} --write`"
+            f"no baseline at {against}; make one with `{command_with('check', run, '--against', against, '--write')}`"
         )
     baseline = read_cells(against)
     if metric:
@@ -83,9 +83,10 @@ def check_command(
         outcome = check(cells, baseline, gate)
     if junit is not None:
         from cusick_bench.leaderboard.gate.junit import junit as junit_xml
+        from cusick_bench.runner.store import write_atomically
 
         junit.parent.mkdir(parents=True, exist_ok=True)
-        junit.write_bytes(junit_xml(outcome))
+        write_atomically(junit, junit_xml(outcome))
         tell(f"wrote {junit}")
     _show(outcome, as_json)
     if outcome.regressions:
@@ -103,7 +104,7 @@ def _facts(run: Path) -> list[str]:
     facts = ["Baseline of `cusick-bench check`: metrics of every cell; compare a run with `check RUN --against` this."]
     made = load_cells(run).run if run.is_dir() else {}
     for earlier in [*made.get("history", []), made] if made else []:
-        facts.append(f"command: {typed(['cusick-bench', *earlier.get('command', [])[1:]])}")
+        facts.append(f"command: {typed(earlier.get('command', ''))}")
     if made:
         hardware = (made.get(key) for key in ("processor", "platform", "cores"))
         facts.append(f"made: {made.get('time')}, code: {code_text(made)}, on {' '.join(map(str, hardware))} cores")

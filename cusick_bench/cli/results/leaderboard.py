@@ -106,8 +106,10 @@ def leaderboard(
 
 
 def _write(path: Path, content: bytes) -> None:
+    from cusick_bench.runner.store import write_atomically
+
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+    write_atomically(path, content)
     tell(f"wrote {path}")
 
 

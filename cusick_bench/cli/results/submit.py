@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from cusick_bench.cli.common import output, print_json, tell, user_errors
+from cusick_bench.cli.common import command_with, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, RunFolder, output_option
 from cusick_bench.cli.written_paths import outside_package
 
@@ -46,4 +46,4 @@ def submit_command(
         f"{verified} of {len(rows)} verified"
     )
     if verified < len(rows):
-        tell(f"next: cusick-bench verify {run}, then submit again")
+        tell(f"next: {command_with('verify', run)}, then submit again")

@@ -249,7 +249,7 @@ def _block(axes: ndarray, cloths: Sequence[str], groups: Sequence[Group], protoc
             _panel(axis, group.radii.get(cloth), accuracy, colour, protocol)
         axes[-1, column].set_xlabel("angle from warp [deg]", fontsize=8)
     for row, cloth in enumerate(cloths):
-        axes[row, 0].set_ylabel(f"{cloth}\nradius [mm]", fontsize=8)
+        axes[row, 0].set_ylabel(f"{cloth}\nradius [mm]", fontsize=8, parse_math=False)
 
 
 def save_confusion(study: RadiusAngle, path: Path) -> None:
@@ -267,10 +267,12 @@ def save_confusion(study: RadiusAngle, path: Path) -> None:
         axis.set_axis_on()
         _matrix(axis, group.confusion)
         axis.set_title(f"{heading(group.label)}\n{_at_home(group.confusion.accuracy)}", fontsize=9)
-        axis.set_xticks(range(len(study.cloths) + 1), (*study.cloths, "none"), rotation=45, ha="right", fontsize=8)
+        axis.set_xticks(
+            range(len(study.cloths) + 1), (*study.cloths, "none"), rotation=45, ha="right", fontsize=8, parse_math=False
+        )
         axis.set_xlabel("taken for", fontsize=8)
         axis.set_ylabel("drapes of", fontsize=8)
-        axis.set_yticks(range(len(study.cloths)), study.cloths, fontsize=8)
+        axis.set_yticks(range(len(study.cloths)), study.cloths, fontsize=8, parse_math=False)
     figure.savefig(path)
 
 

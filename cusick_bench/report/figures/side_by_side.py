@@ -251,7 +251,17 @@ def _strip(axes: ndarray, strip: Strip, labels: Sequence[str]) -> None:
             _from_above(axes[0, column], tile, outline if column else None, margin)
             _from_side(axes[1, column], tile, strip.cloth, strip.protocol)
     words, corner = f"{strip.cloth}\nsample {strip.sample}", axes[0, 0]
-    corner.text(-0.05, 0.5, words, transform=corner.transAxes, fontsize=8, ha="right", va="center", rotation=90)
+    corner.text(
+        -0.05,
+        0.5,
+        words,
+        transform=corner.transAxes,
+        fontsize=8,
+        ha="right",
+        va="center",
+        rotation=90,
+        parse_math=False,
+    )
 
 
 def _from_above(axis: Axes, tile: Tile, outline: Pixels | None, margin: float) -> None:

@@ -12,6 +12,7 @@ from jaxtyping import UInt8
 from markupsafe import Markup
 from numpy import ndarray
 
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of
 from cusick_bench.leaderboard import short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness
@@ -47,6 +48,7 @@ class Picture:
         width: Width of the picture [px].
         height: Height of the picture [px].
         key: Colours (red, green, blue) and what they mean.
+        plate: Left edge, upper edge and diameter of the plate's circle, in widths of the picture; None without it.
     """
 
     source: str
@@ -55,6 +57,7 @@ class Picture:
     width: int
     height: int
     key: tuple[tuple[tuple[int, int, int], str], ...] = ()
+    plate: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class Card:
         profile: Graph of radius over angle, None where the cell could not be read.
         trace: Graph of loss over cost, None where nothing was simulated.
         fitted: What the fit is called.
-        band: Number of unseen samples behind the band of `profile`.
+        band: Number of unseen silhouettes behind the band of `profile`; 0 without a band.
         draws: The first draws for unseen samples.
         anchor: Name of the card in links.
         others: The solver on other cloths: cloth and anchor.
@@ -202,7 +205,7 @@ def fill_card(card: Card, cloth: str, view: CellView, drape: UInt8[ndarray, "h w
         profile=_profile(card.solver, cloth, view, unseen),
         trace=None if trace is None else inline_svg(trace, f"Best training loss of {where} against cost"),
         fitted=fitted,
-        band=0 if unseen is None else len(unseen),
+        band=0 if unseen is None or len(unseen) < 2 else len(unseen),  # one has no range
         draws=_draws(view, where) if len(view.draws) else None,
     )
 
@@ -211,11 +214,12 @@ def _silhouettes(view: CellView, cloth: str, where: str, fitted: str) -> tuple[P
     overlap = 1 - np.abs(view.fit - view.target).sum() / np.maximum(view.fit, view.target).sum()
     alt = f"Difference of the silhouettes of {where}; they share {100 * overlap:.0f} per cent of their area"
     difference = embedded_picture(difference_picture(view.fit, view.target), alt, "")
-    return (
+    pictures = (
         embedded_picture(silhouette_picture(view.target), f"Real silhouette of {cloth}", "Real, training sample"),
         embedded_picture(silhouette_picture(view.fit), f"Silhouette of {where}", fitted.capitalize()),
         replace(difference, key=_DIFFERENCE_KEY),
     )
+    return tuple(with_plate(one, view.protocol) for one in pictures)
 
 
 def _profile(solver: str, cloth: str, view: CellView, unseen: ndarray | None) -> Markup:
@@ -342,3 +346,18 @@ def embedded_picture(pixels: UInt8[ndarray, "height width 4"], alt: str, caption
     """
     encoded = base64.b64encode(png(pixels)).decode()
     return Picture(f"data:image/png;base64,{encoded}", alt, caption, pixels.shape[1], pixels.shape[0])
+
+
+def with_plate(picture: Picture, protocol: Protocol) -> Picture:
+    """A silhouette's picture with the place of the plate.
+
+    Args:
+        picture: The picture, square.
+        protocol: Gives scale and radius of the plate, and its axis.
+
+    Returns:
+        The picture with it.
+    """
+    radius = protocol.plate_radius_m * protocol.px_per_m
+    left, top = (middle + 0.5 - radius for middle in protocol.centre_px)  # pixel centres are at integers
+    return replace(picture, plate=(left / picture.width, top / picture.width, 2 * radius / picture.width))

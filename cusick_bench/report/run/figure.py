@@ -45,14 +45,14 @@ def save_figure(
         axis.set_title(name, fontsize=9)
         axis.set_axis_off()
     _draw_profiles(axes[4], view, unseen, fitted=names[1])
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)  # a cloth's name may hold a $
     figure.savefig(path)
 
 
 def _draw_profiles(axes: Axes, view: CellView, unseen: ndarray | None, *, fitted: str) -> None:
     """Radius over angle of the real and the fitted drape, and the range of unseen samples."""
     if unseen is not None and len(unseen) > 1:
-        draw_range(axes, unseen, color=_REAL, alpha=0.15, label=f"{len(unseen)} unseen samples")
+        draw_range(axes, unseen, color=_REAL, alpha=0.15, label=f"{len(unseen)} unseen silhouettes")
     draw_turn(axes, view.target_profile.radii, color=_REAL, label="real")
     draw_turn(axes, view.fit_profile.radii, color=_SIMULATED, label=fitted)
     label_axes(axes)

@@ -22,7 +22,7 @@ from cusick_bench.leaderboard import (
     variants,
 )
 from cusick_bench.leaderboard.board import method_label
-from cusick_bench.leaderboard.text import TextTable
+from cusick_bench.leaderboard.text import TextTable, typed
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
@@ -44,12 +44,15 @@ from cusick_bench.report.run.drape_models import DrapeModel, fitted_model, model
 from cusick_bench.report.run.figure import save_figure
 from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.runner.environment import code_text, hardware_text
+from cusick_bench.runner.store import write_atomically
 
 TITLE = "Cusick drape report"
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
 
 Unseen = Mapping[tuple[str, tuple[int, ...]], Float[ndarray, "samples angles"]]
 """Radii of unseen samples [m], by their cloth and their rows in the data's index, as `Cells.table` has them."""
+Links = Mapping[tuple[str, str], str]
+"""Addresses of cards on the page, by cloth and solver; the first card of a solver by cloth "" too."""
 Progress = Callable[[str], None]
 
 
@@ -93,7 +96,7 @@ def write_report(
         models += drawn.models
         files += drawn.files
     sections = _linked(sections)
-    links = {card.solver: f"#{card.anchor}" for section in reversed(sections) for card in section.cards}
+    links = _links(sections)
     page = RunPage(
         title=TITLE,
         summary=_summary(cells, len(sections)),
@@ -106,21 +109,27 @@ def write_report(
         comparison=comparison,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(render_page("run.html.j2", scripts=_SCRIPTS, page=page), encoding="utf-8")
+    text = render_page("run.html.j2", scripts=_SCRIPTS, page=page)
+    write_atomically(out, text.encode(errors="replace"))  # a path may hold bytes that are no text
     return [out, *files]
 
 
-def _board(board: Leaderboard, links: Mapping[str, str]) -> BoardTable:
+def _links(sections: Sequence[ClothSection]) -> Links:
+    cards = [(section.name, card) for section in reversed(sections) for card in section.cards]
+    return {(name, card.solver): f"#{card.anchor}" for cloth, card in cards for name in ("", cloth)}
+
+
+def _board(board: Leaderboard, links: Links) -> BoardTable:
     table = text_table(board)
     return replace(_board_table(table, board.notes, links), kinds=list(dict.fromkeys(table.kinds)))
 
 
-def _board_table(table: TextTable, notes: Sequence[str], links: Mapping[str, str]) -> BoardTable:
+def _board_table(table: TextTable, notes: Sequence[str], links: Links) -> BoardTable:
     legend = [(f"{column.head} {column.unit}".strip(), column.meaning) for column in table.columns]
     return BoardTable(Markup(html_table(table, links)), notes, legend)
 
 
-def _stiffness_table(cells: Cells, links: Mapping[str, str]) -> BoardTable | None:
+def _stiffness_table(cells: Cells, links: Links) -> BoardTable | None:
     if not (rows := stiffness_rows(cells)):
         return None
     table = stiffness_table(rows)
@@ -233,10 +242,9 @@ def _summary(cells: Cells, cloths: int) -> str:
 
 def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
     run: dict[str, Any] = cells.run
-    command = run.get("command", "")
     found = [
         ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
-        ("Command", command if isinstance(command, str) else " ".join(map(str, command))),
+        ("Command", typed(run.get("command", ""))),
         ("Code", code_text(run)),
         ("Hardware", hardware_text(run)),
         ("Date", str(run.get("time", ""))),
