@@ -239,6 +239,18 @@ def test_photographs_are_prepared_again_only_where_they_or_the_options_changed(p
     assert len(read) == 2
 
 
+def test_photographs_whose_folder_is_renamed_become_another_fabric(photographs, tmp_path):
+    folder, workspace = tmp_path / "photos", Workspace(tmp_path / "out")
+    workspace.prepare()
+    (folder / "Fabric 1").mkdir(parents=True)
+    shutil.copy(photographs / "plate.jpg", folder)
+    shutil.copy(photographs / "Fabric_1_Sample_1_Capture_1.jpg", folder / "Fabric 1" / "Sample_1.jpg")
+    as_data_set(str(folder), workspace, SettingText(), 256)
+    (folder / "Fabric 1").rename(folder / "Fabric 3")
+    data, _ = as_data_set(str(folder), workspace, SettingText(), 256)
+    assert [path.name for path in Path(data).rglob("*.png")] == ["Fabric_3_Sample_1_Capture_1.png"]
+
+
 def test_a_data_set_of_somebody_else_in_the_workspace_is_left_alone(photographs, lab, tmp_path):
     """However often the command is repeated: a record of its own would make the data set its own to remove."""
     out = tmp_path / "out"

@@ -10,7 +10,9 @@ from scipy.spatial import KDTree
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.reading import Photograph, linear_light
 from cusick_bench.photographs.segmentation.colour import Neighbours, colour_features
+from cusick_bench.photographs.segmentation.confidence import ACCEPTED
 from cusick_bench.photographs.segmentation.curve import curve_of, normals, outermost, resampled
+from cusick_bench.photographs.segmentation.outline import find_outline
 from cusick_bench.photographs.segmentation.plane import PlanePicture, brightness_terms, plane_picture
 from cusick_bench.photographs.segmentation.refine import refined
 from cusick_bench.photographs.segmentation.snap import snapped
@@ -95,3 +97,24 @@ def test_a_curve_beside_dotted_cloth_is_moved_to_its_rim(off):
     assert np.sqrt(np.mean((radii - _true_radii(TURN)) ** 2)) < 2e-4
     assert missing < 0.03
     assert width < 1.5e-3
+
+
+def _steep_radii(turn):
+    """Deep folds of a limp cloth on a small plate."""
+    return 0.085 + 0.015 * np.tanh(2.5 * np.sin(7 * turn))
+
+
+def test_steep_folds_on_a_small_plate_are_not_ragged():
+    """Their outline runs along the radius, as it does not on the standard's plate."""
+    fine = (np.arange(3600) + 0.5) / 4 - 0.5
+    x, y = np.meshgrid((fine - MIDDLE[0]) / SCALE, (MIDDLE[1] - fine) / SCALE)
+    inside = np.hypot(x, y) < _steep_radii(np.arctan2(y, x))
+    levels = np.where(inside[..., None], np.array(LIGHT), GROUND).astype(np.float32)
+    levels = levels.reshape(900, 4, 900, 4, 3).mean(axis=(1, 3)) + np.random.default_rng(0).normal(0, 1, (900, 900, 3))
+    picture = Photograph(np.clip(levels, 0, 255).astype(np.uint8), None)
+    found = find_outline(picture, _view(), plate=0.055, cloth=0.145)
+    assert 1e3 * np.mean(found.radii - _steep_radii(TURN)) == pytest.approx(0, abs=0.05)
+    assert found.confidence > ACCEPTED
+    smaller = find_outline(picture, _view(), plate=0.055, cloth=0.110)  # of which such folds would be odd
+    assert smaller.confidence < ACCEPTED
+    assert smaller.evidence.roughness_mm > 2 * found.evidence.roughness_mm

@@ -89,6 +89,8 @@ def test_a_phone_s_format_is_refused_unless_the_picture_is_there_in_another(tmp_
     assert len(find_pictures(folder).drapes) == 1
     (folder / "Fabric_1_Sample_2_Capture_1.HEIC").write_bytes(b"heic")
     assert "Fabric_1_Sample_2_Capture_1.HEIC: is a picture in the format HEIC" in _refused(folder, tmp_path)
+    (folder / "Fabric_1_Sample_2_Capture_1.HEIC").rename(folder / "Fabric_1_Sample_2_Capture_1.jfif")
+    assert "Fabric_1_Sample_2_Capture_1.jfif: is a picture in the format JFIF" in _refused(folder, tmp_path)
     only = tmp_path / "only"
     only.mkdir()
     (only / "Fabric_1_Sample_1_Capture_1.heic").write_bytes(b"heic")

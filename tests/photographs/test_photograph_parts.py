@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -111,6 +112,27 @@ def test_corners_that_no_camera_can_be_calibrated_from_are_refused_in_a_sentence
     assert "3 pictures" in str(found.value)
 
 
+def _boards_held(lean: float) -> tuple[SeenBoard, list[SeenBoard]]:
+    """The board on the plate, and held at a lean [degrees] about two axes, as a camera .8 m above sees it."""
+    places = in_plate_axes(np.asarray(charuco_board().getChessboardCorners()))
+    generator, seen = np.random.default_rng(0), []
+    for x, y, z in ((0.0, 0.0, 0.0), (lean, 0.0, 0.03), (0.0, lean, 0.06)):
+        turn, _ = cv2.Rodrigues(np.radians([x, y, 0.0]))
+        pixels = _view().project(places @ turn.T + [0, 0, z]) + generator.normal(0, 0.1, (len(places), 2))
+        seen.append(SeenBoard(places, pixels))
+    return seen[0], seen[1:]
+
+
+def test_boards_held_at_angles_tell_the_height_and_level_ones_are_refused():
+    """From level boards OpenCV finds a height that is off by 10 % and more, and says that it is sure of it."""
+    plane, held = _boards_held(20.0)
+    assert view_from_boards(plane, held, (1280, 960)).eye[2] == pytest.approx(0.8, rel=0.01)
+    plane, held = _boards_held(2.0)
+    with pytest.raises(BadPhotograph, match=r"held at 1\.\d degrees to the plate at most.* give --camera-height"):
+        view_from_boards(plane, held, (1280, 960))
+    assert not view_from_boards(plane, held[:1], (1280, 960)).knows_height
+
+
 def test_the_board_lies_about_its_middle():
     places = in_plate_axes(np.asarray(charuco_board().getChessboardCorners()))
     assert places.mean(axis=0) == pytest.approx(0, abs=1e-6)
@@ -135,16 +157,43 @@ def test_a_view_looks_where_it_projects():
     assert level.centred(np.array([0.01, 0.0])).on_plane(pixels) == pytest.approx(places - [0.01, 0], abs=1e-6)
 
 
-def test_the_bare_plate_is_a_ruler():
+def _plate() -> Photograph:
     laboratory = make_laboratory(3)
     assert laboratory.calibration == "plate"
-    taken = Photograph(photograph(laboratory, bare_plate(laboratory, 0.09), 0), laboratory.camera.focal)
-    view = view_from_plate(taken, "plate", 0.09)
+    return Photograph(photograph(laboratory, bare_plate(laboratory, 0.09), 0), laboratory.camera.focal)
+
+
+def test_the_bare_plate_is_a_ruler():
+    laboratory = make_laboratory(3)
+    view = view_from_plate(_plate(), "plate", 0.09)
     turn = np.arange(12) * np.pi / 6
     ring = 0.12 * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(12)])
     found = view.on_plane(laboratory.camera.project(ring))
     assert np.hypot(*found.T) == pytest.approx(0.12, abs=5e-4)
     assert 0 < view.uncertainty.tilt_rad < 0.05
+
+
+def test_a_pin_in_the_middle_of_the_plate_is_no_matter():
+    plain, pinned = _plate(), _plate()
+    cv2.circle(pinned.levels, (pinned.size[0] // 2, pinned.size[1] // 2), 8, (230, 230, 230), -1, cv2.LINE_AA)
+    assert view_from_plate(pinned, "plate", 0.09).scale == pytest.approx(view_from_plate(plain, "plate", 0.09).scale)
+
+
+def _rimmed_plate(width: float) -> Photograph:
+    """A bare, dark plate of 90 mm radius with a white rim."""
+    camera, taken = make_laboratory(3).camera, _plate()
+    turn = np.arange(720) * np.pi / 360
+    places = camera.project((0.09 - width / 2) * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(720)]))
+    thick = round(width * camera.focal / camera.eye[2])
+    cv2.polylines(taken.levels, [np.round(16 * places).astype(np.int32)], True, (230, 230, 230), thick, cv2.LINE_AA, 4)
+    return taken
+
+
+@pytest.mark.parametrize("width", [0.003, 0.006])
+def test_a_plate_whose_rim_has_another_colour_is_no_ruler(width):
+    """The scale would be that of one of two circles: the drape coefficient off by 6 to 12 points."""
+    with pytest.raises(BadPhotograph, match=r"two edges, whose radii differ by \d\.\d%.* one colour"):
+        view_from_plate(_rimmed_plate(width), "plate", 0.09)
 
 
 def test_an_eye_beside_the_axis_is_corrected():

@@ -19,6 +19,7 @@ from cusick_bench.photographs.reading import Photograph
 
 _LEAST_CORNERS = 12
 _LEAST_PICTURES = 3  # that give a lens: one on the plate, two held at angles
+_LEAST_LEAN = np.radians(6.0)  # of one of the boards held, below which focal length and height are found together only
 _WORST_FIT = 2.0  # [px] of corners off their places, per 1000 px of width
 _RULER = 5e-4  # relative uncertainty of the printed size after a look at the check ruler
 _PLACED = 3e-4  # [m] by which a board cut along its circle may lie off the plate's axis
@@ -87,7 +88,7 @@ def view_from_boards(
         The view, its origin in the middle of the board.
 
     Raises:
-        BadPhotograph: The corners do not fit any camera.
+        BadPhotograph: The corners do not fit any camera, or no board in `held` is at an angle to the plate.
     """
     whole = len(held) + 1 >= _LEAST_PICTURES
     boards = [plane, *held] if whole else [plane]
@@ -100,6 +101,14 @@ def view_from_boards(
             f"corners of the board lie {camera.error:.1f} px off where any camera would see them",
             where="board pictures",
             remedy="lay the board flat, keep the camera's zoom and focus, remove blurred pictures",
+            kind="no-board",
+        )
+    if whole and camera.lean < _LEAST_LEAN:
+        raise BadPhotograph(
+            f"the board is held at {np.degrees(camera.lean):.1f} degrees to the plate at most, from which the camera's "
+            f"height cannot be told; at least {np.degrees(_LEAST_LEAN):.0f} are needed",
+            where="board pictures",
+            remedy="hold it at 15 to 40 degrees, or remove board-1, board-2, ... and give --camera-height",
             kind="no-board",
         )
     known = whole or focal is not None or height is not None
@@ -125,6 +134,7 @@ class _FittedCamera:
         error: Root-mean-square distance of the corners from where the camera would see them [px].
         matrix, distortion, rotation, translation: As in `PlateView`.
         focal_spread: Standard deviation of the focal length over itself.
+        lean: Largest angle between the first board and another one [rad]; 0 without others.
     """
 
     error: float
@@ -133,6 +143,7 @@ class _FittedCamera:
     rotation: Float[ndarray, "3 3"]
     translation: Float[ndarray, " 3"]
     focal_spread: float
+    lean: float
 
     @property
     def height(self) -> float:
@@ -165,6 +176,10 @@ def _fitted(boards: Sequence[SeenBoard], size: tuple[int, int], guess: float, wh
             remedy="take them again: sharp, most of the board in each, and board-1, board-2, ... held at other angles",
             kind="no-board",
         ) from fault
-    rotation, _ = cv2.Rodrigues(turns[0])
+    rotation, *others = (cv2.Rodrigues(turn)[0] for turn in turns)
     focal_spread = float(deviations.ravel()[:2].max() / matrix[0, 0])
-    return _FittedCamera(float(error), matrix, distortion.ravel()[:5], rotation, shifts[0].ravel(), focal_spread)
+    leans = [np.arccos(np.clip(rotation[:, 2] @ other[:, 2], -1, 1)) for other in others]
+    return _FittedCamera(
+        float(error), matrix, distortion.ravel()[:5], rotation, shifts[0].ravel(), focal_spread,
+        float(max(leans, default=0.0)),
+    )  # fmt: skip

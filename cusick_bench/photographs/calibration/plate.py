@@ -16,6 +16,10 @@ _ANGLES = 360
 _TILT = np.radians(2.0)  # prior deviation of a camera that was put up level
 _LEAST_TILT = np.radians(0.3)  # uncertainty of a tilt that does not show
 _LEAST_EDGE = 0.6  # share of the circle that must be seen
+_SECOND = (0.015, 0.1)  # radii from the plate's circle between which a second one is looked for
+_HALO = 4.0  # [px] of the circle's blur and of the seam that sharpening draws along it
+_FAINT = 0.12  # strength of a second circle over that of the first
+_ALIKE, _TAIL = 0.005, 0.003  # radii within which it lies everywhere, and from where the search begins
 _MOST_OFF = 0.04  # relative difference between the radius of the plate that is seen and the one that is told
 
 
@@ -49,11 +53,13 @@ def _blob(photograph: Photograph, name: str) -> tuple[tuple[float, float], tuple
     distance = np.clip(np.linalg.norm(lab - middle, axis=-1), 0, 255).astype(np.uint8)
     _, mask = cv2.threshold(distance, 0, 255, cv2.THRESH_BINARY_INV | cv2.THRESH_OTSU)
     _, labels = cv2.connectedComponents(mask)
-    inside = labels == labels[height // 2, width // 2]
+    near = labels[height // 2 - part : height // 2 + part, width // 2 - part : width // 2 + part]
+    shares = np.bincount(near[near > 0], minlength=2)  # a pin in the middle of the plate has another colour
+    inside = labels == shares.argmax()
     contours, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(contours, key=cv2.contourArea) if contours else np.zeros((0, 1, 2), np.int32)
     hull = cv2.convexHull(outline) if len(outline) >= 50 else outline
-    if mask[height // 2, width // 2] == 0 or len(hull) < 12:
+    if not shares.any() or len(hull) < 12:
         raise _no_plate(name, "no disc stands out in the middle")
     ellipse = cv2.fitEllipse(hull)
     ratio = min(ellipse[1]) / max(ellipse[1])
@@ -70,6 +76,29 @@ def _no_plate(name: str, what: str) -> BadPhotograph:
         remedy="photograph the plate without cloth, near the middle, in a colour unlike the ground's, or use the board",
         kind="no-plate",
     )
+
+
+def _require_one_circle(levels: ndarray, view: PlateView, radius: float, strength: float, name: str) -> None:
+    """Refuses a plate whose rim has a colour of its own: which of the two circles has the told radius is not seen."""
+    angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES
+    way = radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_ANGLES)])
+    near = max(_SECOND[0], _HALO / (view.scale * radius))
+    for side in (-1, 1):
+        start, end = 1 + side * near, 1 + side * _SECOND[1]
+        pixels, strengths = _edge_along(levels, view.project(start * way), view.project(end * way), steps=80)
+        reach = np.hypot(*view.on_plane(pixels).T) / radius
+        strong = strengths > _FAINT * strength
+        if strong.mean() < _LEAST_EDGE:
+            continue
+        second = float(np.median(reach[strong]))
+        if (strong & (np.abs(reach - second) < _ALIKE)).mean() >= _LEAST_EDGE and abs(second - start) > _TAIL:
+            raise BadPhotograph(
+                f"the bare plate has two edges, whose radii differ by {abs(second - 1):.1%}: which of them "
+                "--plate-diameter means is not seen, and the scale would be off by as much",
+                where=name,
+                remedy="give plate and rim one colour (tape or paint), or use the board, see docs/drape-meter.md",
+                kind="no-plate",
+            )
 
 
 def view_from_plate(
@@ -91,7 +120,7 @@ def view_from_plate(
         The view.
 
     Raises:
-        BadPhotograph: No plate is found.
+        BadPhotograph: No plate is found, or one with two edges.
     """
     middle, axes, turn = _blob(photograph, name)
     angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES
@@ -117,6 +146,7 @@ def view_from_plate(
     if good.mean() < _LEAST_EDGE:
         raise _no_plate(name, f"only {good.mean():.0%} of a circle is seen")
     view = _view_of(np.concatenate([[0.0, 0.0], level.x]), matrix, size)
+    _require_one_circle(photograph.levels, view, radius, float(np.median(strength[good])), name)
     known = height is not None or focal_known is not None
     relative = MEASURED_HEIGHT if height is not None else HEADER_FOCAL
     along = radius / across  # [m/px] in the plane

@@ -20,13 +20,13 @@ class Evidence:
 
     Attributes:
         edge: Median strength of the edge along it, in standard deviations.
-        weak_edge: Share of it without an edge.
+        weak_edge: Share of it without an edge across the radius, as the standard's plate and cloth would have it.
         rival: Share of it where a stronger edge lies elsewhere.
         colour: Share of places beside it whose colour suits their side.
         undecided: Share of places beside it whose colour suits both.
         learning_mm: How far most of it moved when colours were learnt again [mm].
         disagreement_mm: How far most of it lies from outlines by colour alone and by edges alone [mm].
-        roughness_mm: Its deviation from a smooth curve [mm].
+        roughness_mm: Its deviation from a smooth curve, as folds of the standard's plate and cloth would have it [mm].
         unfound: Share of it where the light crosses no level between cloth and ground.
         at_limit: Share of it at the limits of what cloth can do.
         unseen: Share of it outside the picture.

@@ -19,6 +19,7 @@ from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture, pola
 from cusick_bench.photographs.segmentation.refine import refined
 from cusick_bench.photographs.segmentation.shading import evenly_lit
 from cusick_bench.photographs.segmentation.snap import snapped
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 _REGION = 0.7  # weight of a millimetre of wrongly coloured places
 _EDGE = 1.0  # weight of an edge's strength
@@ -130,6 +131,16 @@ def _path(ratio: ndarray, edges: ndarray, span: slice, region: float, edge: floa
     return closed_path(cost[:, span], _STIFFNESS) + span.start
 
 
+def _steepness(picture: PolarPicture) -> float:
+    """How much steeper, in mm an angle, folds are than those of the standard's plate and cloth; 1 where they are not.
+
+    They grow with the overhang over the plate's radius and with the size of the cloth. What is measured along the
+    radius is divided by it: an outline that runs along the radius is neither ragged nor without an edge.
+    """
+    overhang = (picture.cloth - picture.plate) / picture.plate
+    return max(1.0, overhang / (CLOTH_RADIUS / PLATE_RADIUS - 1) * picture.cloth / CLOTH_RADIUS)
+
+
 def _evidence(picture: PolarPicture, ratio: ndarray, edges: ndarray, radii: ndarray) -> Evidence:
     """What speaks for an outline beside itself."""
     span, path = _span(picture), np.array([picture.column(radius) for radius in radii])
@@ -148,11 +159,11 @@ def _evidence(picture: PolarPicture, ratio: ndarray, edges: ndarray, radii: ndar
     smooth = cv2.GaussianBlur(np.pad(radii, 8, mode="wrap").reshape(1, -1), (9, 1), 2.0)[0, 8:-8]
     return Evidence(
         edge=float(np.median(along)),
-        weak_edge=float((along < _WEAK).mean()),
+        weak_edge=float((along < _WEAK).mean()) / _steepness(picture),
         rival=float((np.where(far, edges, 0).max(axis=1) > along).mean()),
         colour=float((sureness > 0).mean()),
         undecided=float((np.abs(sureness) < 0.5).mean()),
-        roughness_mm=float(1e3 * np.std(radii - smooth)),
+        roughness_mm=float(1e3 * np.std(radii - smooth)) / _steepness(picture),
         at_limit=float(((path <= span.start + 1) | (path >= span.stop - 2)).mean()),
         unseen=float(1 - picture.seen[row, beside(8)[:, 0]].mean()),
         beyond_plate=float(np.median(radii) / picture.plate - 1),
