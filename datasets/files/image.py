@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
-from PIL import ExifTags, Image
+from PIL import Image
 
 from cusick_bench.datasets.errors import BadImage
 from cusick_bench.datasets.files.protocol import MAXIMUM_SIZE, Protocol
@@ -25,7 +25,6 @@ SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
 _FORMATS = ("JPEG", "PNG", "BMP", "TIFF")
 _MODES = ("1", "L", "P", "LA", "RGB", "RGBA", "CMYK", "I", "I;16", "I;16B", "F", "YCbCr")
 _TRANSPARENT = {("PNG", "LA"), ("PNG", "P"), ("PNG", "RGB"), ("PNG", "RGBA")}  # elsewhere OpenCV loses transparency
-_AS_STORED = (1, 3)  # orientations; the public release's half turns are to be ignored: its meshes fit the pixels
 _MAXIMUM_BYTES = 32 << 20
 _MAXIMUM_PIXELS = MAXIMUM_SIZE**2  # checked before decoding
 _SECOND_BLOB = 0.005  # a second object above this share of the cloth's area makes the image ambiguous
@@ -119,7 +118,6 @@ def _content(path: Path, size: int, replace: str) -> bytes:
             mode, transparent = image.mode, "A" in image.getbands() or "transparency" in image.info
             form = str(image.format)
             pictures = int(getattr(image, "n_frames", 1)) if form in ("PNG", "TIFF") else 1
-            turn = _orientation(image) if form != "TIFF" and "exif" in image.info else 1  # OpenCV turns TIFF files
     if width * height > _MAXIMUM_PIXELS:
         raise _bad(path, "image-too-large", f"{width} x {height} pixels are no silhouette", replace)
     if pictures > 1:
@@ -137,23 +135,7 @@ def _content(path: Path, size: int, replace: str) -> bytes:
     if mode not in _MODES or (transparent and (form, mode) not in _TRANSPARENT):
         kind = f"{form} of mode {mode}" + (" with transparency" if transparent else "")
         raise _bad(path, "unreadable-image", f"cannot be decoded ({kind})", "save it as a grey or RGB image")
-    if turn not in _AS_STORED:
-        raise _bad(
-            path,
-            "unreadable-image",
-            f"its header says that it is to be turned or mirrored (orientation {turn}), which would swap warp and weft",
-            "turn the pixels themselves, and save it without that note",
-        )
     return path.read_bytes()
-
-
-def _orientation(image: Image.Image) -> int:
-    """How a header says that a picture is to be turned and mirrored, 1 to 8 as Exif has it; 1 if it says nothing."""
-    try:
-        value = int(image.getexif().get(ExifTags.Base.Orientation, 1))
-    except Exception:  # a damaged header, of which decoders raise anything, says nothing
-        return 1
-    return value if 1 <= value <= 8 else 1
 
 
 @contextmanager
