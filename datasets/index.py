@@ -9,7 +9,7 @@ import pandas as pd
 
 from cusick_bench.datasets import named, pairing
 from cusick_bench.datasets.errors import DataError
-from cusick_bench.datasets.files.fabrics import Fabric
+from cusick_bench.datasets.files.fabrics import Fabric, fabric_key
 from cusick_bench.datasets.files.layout import Entry, Layout
 from cusick_bench.datasets.files.measure import ImageMeasure, MeshMeasure, content_hash, measure_image, measure_mesh
 from cusick_bench.datasets.files.protocol import Protocol
@@ -217,7 +217,7 @@ def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recogn
     Returns:
         Density and thickness, NaN where unknown.
     """
-    keys = (cloth, source, source.removesuffix("_observations"))
+    keys = map(fabric_key, (cloth, source, source.removesuffix("_observations")))
     given = [fabrics[key] for key in keys if key in fabrics]
     if cloth in recognised:
         given.append(Fabric(areal_density=CLOTHS[recognised[cloth]].areal_density, source=CITATION))

@@ -9,7 +9,9 @@ from cusick_bench.sim.cloth.conform import conformed
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.ring_mesh import ring_mesh
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.errors import SimulationError
 
+_MESHES = {"plate": ring_mesh, "paper": disc_mesh, "published": disc_mesh}
 
 def cloth_mesh(
     law: str, vertices: int, *, seed: int = 0, radius: float = CLOTH_RADIUS, plate_radius: float = PLATE_RADIUS
@@ -27,10 +29,11 @@ def cloth_mesh(
         The mesh; one and the same object for the same arguments, as long as it is kept.
 
     Raises:
-        SimulationError: Too few vertices, or radii out of order.
+        SimulationError: Another law, too few vertices, or radii out of order.
     """
-    mesh = ring_mesh if law == "plate" else disc_mesh
-    return mesh(vertices, seed=seed, radius=radius, plate_radius=plate_radius)
+    if law not in _MESHES:
+        raise SimulationError(f"law must be one of {', '.join(_MESHES)}, got {law!r}")
+    return _MESHES[law](vertices, seed=seed, radius=radius, plate_radius=plate_radius)
 
 
 def fitted_to(law: str, mesh: Mesh, plate_radius: float = PLATE_RADIUS) -> Mesh:

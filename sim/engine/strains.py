@@ -7,7 +7,7 @@ curvature tensor, q^2 = k11^2 + k22^2 + 2 k12^2, which for a cylinder is its cur
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +29,7 @@ directions k (1/3 + 2 sqrt(3) / pi) = 1.436 k."""
 _TINY = 1e-300
 
 
+@runtime_checkable
 class Strains(Protocol):
     """Bending and shear of one cloth, element by element."""
 

@@ -1,6 +1,6 @@
 """What drops of batches ask of a cloth's forces on a device: `TorchForces` (hinges) and `TorchShell` offer it."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float, Int
 from numpy import ndarray
@@ -10,6 +10,7 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.torch_engine.forces import BatchParameters
 
 
+@runtime_checkable
 class MeshedSystem(Protocol):
     """A cloth on its support."""
 
@@ -19,6 +20,7 @@ class MeshedSystem(Protocol):
         ...
 
 
+@runtime_checkable
 class BatchForces(Protocol):
     """Forces, step stiffness and adjoint products of many cloths on one mesh.
 

@@ -13,6 +13,7 @@ from torch.utils.data import DataLoader, Dataset
 from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, write_toy
 
 from cusick_bench.datasets import DataError, load
+from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.files.mesh_file import read_mesh
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.registry import REGISTRY
@@ -105,6 +106,18 @@ def test_any_level_of_the_layout_is_a_root(toy, root):
     assert dataset.require_density(0) == 0.2
     assert (dataset.index["mesh"] != "").all()
     assert dataset.sample(0).mesh is not None
+
+
+@pytest.mark.parametrize("row", ["Raw Silk-2", "raw_silk_2"])
+def test_a_named_set_finds_its_weight_however_its_name_is_written(toy, row):
+    """Rows have one spelling, and sets that of their folder: a space or a hyphen kept the two apart."""
+    folder = toy / "bnn_image_gt" / "Raw Silk-2"
+    folder.mkdir(parents=True)
+    write_image(folder / "sample_1_Upward_Drape_1.png", draw(toy_profile(8, 1, 1)))
+    (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2\n{row},0.3\n")
+    dataset = load(toy).select(cloth="raw silk-2")
+    assert dataset.require_density(0) == 0.3
+    assert not [one for one in audit(toy).irregularities if one.kind == "fabrics-unused"]
 
 
 def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):

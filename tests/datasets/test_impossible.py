@@ -121,6 +121,7 @@ def test_the_shipped_set_is_not_measured(tmp_path, monkeypatch):
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.slow
 def test_every_picture_of_the_release_is_possible(real_data):
     assert audit(real_data).impossible == ()
 

@@ -113,6 +113,7 @@ def test_base_model_recovers_its_parameters(emulator: Emulator) -> None:
     assert abs(float(np.mean([e[0] for e in errors]))) < 2
 
 
+@pytest.mark.slow
 def test_detection_holds_its_level(emulator: Emulator) -> None:
     """Over all causes together, on fabrics whose scatter is the atlas' own."""
     generator = np.random.default_rng(4)

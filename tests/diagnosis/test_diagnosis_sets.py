@@ -190,6 +190,7 @@ def test_one_place_of_a_set_keeps_its_others(three: tuple[FabricData, FabricSets
     assert given.options[:-1][effect == effect[point]].sum() == 0
 
 
+@pytest.mark.slow
 def test_what_one_fabric_cannot_decide_several_may(emulator: Emulator) -> None:
     """One camera for three fabrics: its place is shared, their own effects are not."""
     fabrics = []

@@ -94,6 +94,7 @@ def test_the_view_of_a_known_camera_is_exact():
     assert np.hypot(*seen.T) == pytest.approx(np.hypot(points[:, 0], points[:, 1]), abs=2e-6)
 
 
+@pytest.mark.slow
 def test_fitting_finds_a_place_and_its_error():
     generator = torch.Generator().manual_seed(1)
     contrast = torch.randn(3000, 1, generator=generator)

@@ -133,6 +133,7 @@ def test_the_way_back_leaves_out_drops_that_no_cloth_keeps(monkeypatch: pytest.M
     assert float(tensor.grad.abs().max()) > 0
 
 
+@pytest.mark.slow
 def test_the_torch_engine_halves_the_same_cloths():
     for simulator, seeds in product((SHELL, HINGES), [(CALM[0], WILD, CALM[1])]):
         compiled = _batch(simulator, seeds)

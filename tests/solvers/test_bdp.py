@@ -188,7 +188,7 @@ class TestLearning:
         with pytest.raises(SolverError, match="use loss=mse"):
             _solve("bdp", replace(toy_problem(space="heter"), loss="profile"))
 
-    @pytest.mark.parametrize("bending", [2.0, 8.0])
+    @pytest.mark.parametrize("bending", [2.0, pytest.param(8.0, marks=pytest.mark.slow)])
     def test_bdp_field_learns_the_level_of_bending(self, bending):
         """Its draws have the training cloth's drape coefficient, whichever cloth that is."""
         problem = toy_problem(space="field", bending=bending, vertices=150, budget=Budget(250))

@@ -66,6 +66,10 @@ def _answer(text: str, problem: DrapeProblem, heldout: HeldOut | None = None, se
     return solver.solve(problem, np.random.default_rng(seed))
 
 
+def _blas_threads() -> dict[str, int]:
+    return {pool["filepath"]: pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
 class TestContract:
     """Every registered solver; a new one is checked without another line here."""
 
@@ -93,8 +97,9 @@ class TestContract:
         problem, found = toy_problem(), []
         for threads in (1, 2):
             with threadpool_limits(limits=threads, user_api="blas"):
+                before = _blas_threads()
                 found.append(Summing().solve(problem, np.random.default_rng(0)).notes)
-                assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {threads}
+                assert before.items() <= _blas_threads().items()  # more of them where it is the first to load a library
         assert found[0] == found[1]
         assert found[1]["threads"] == [1] * len(found[1]["threads"])
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Int
 from numpy import ndarray
@@ -28,6 +28,7 @@ class Drape:
     kept: Mapping[str, ndarray]
 
 
+@runtime_checkable
 class Cloths(Protocol):
     """All cloths of a case, which share what is prepared once."""
 

@@ -26,6 +26,12 @@ def test_every_law_gets_its_own_mesh_of_the_size_that_is_asked_for(law, made):
     assert np.hypot(*mesh.material.T).max() == pytest.approx(RADII["radius"])
 
 
+def test_another_law_has_no_mesh():
+    """It would get one of the laws of hinges, and err as they do."""
+    with pytest.raises(SimulationError, match="law must be one of plate, paper, published, got 'plates'"):
+        cloth_mesh("plates", 150)
+
+
 def test_a_mesh_without_a_ring_on_the_plates_edge_is_fitted_to_law_plate_alone():
     turned = disc_mesh(300, plate_radius=0.086)
     with pytest.raises(SimulationError, match="ring of vertices on the plate's edge"):
