@@ -13,6 +13,7 @@ from cusick_bench.sim.errors import SimulationError
 
 _MESHES = {"plate": ring_mesh, "paper": disc_mesh, "published": disc_mesh}
 
+
 def cloth_mesh(
     law: str, vertices: int, *, seed: int = 0, radius: float = CLOTH_RADIUS, plate_radius: float = PLATE_RADIUS
 ) -> Mesh:
