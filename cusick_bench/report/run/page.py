@@ -235,8 +235,8 @@ def _summary(cells: Cells, cloths: int) -> str:
     solvers, count = len(set(cells.table["solver"])), len(cells.table)
     return (
         f"{solvers} method{'s' * (solvers != 1)} on {cloths} cloth{'s' * (cloths != 1)}, {count} finished "
-        f"cell{'s' * (count != 1)}. A solver sees one silhouette of a cloth, "
-        "fits the cloth's stiffness to it, and is scored on silhouettes of other samples of the same cloth."
+        f"cell{'s' * (count != 1)}. A solver sees the training silhouettes of a cloth (one, but for runs whose samples "
+        "are left out in turn), fits the stiffness to them, and is scored on silhouettes of other samples of the cloth."
     )
 
 
