@@ -205,6 +205,19 @@ def recognised_cloths(layout: Layout, found: Survey) -> dict[str, str]:
     return known
 
 
+def fabric_keys(cloth: str, source: str) -> tuple[str, ...]:
+    """Rows of `fabrics.csv` that are about a set of captures.
+
+    Args:
+        cloth: Name of a set.
+        source: The set of captures that a named set is taken from; else `cloth`.
+
+    Returns:
+        Their `fabric_key`, that of the set itself first.
+    """
+    return tuple(map(fabric_key, (cloth, source, source.removesuffix("_observations"))))
+
+
 def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recognised: Mapping[str, str]) -> Fabric:
     """Looks up density and thickness: in the user's table first, by cloth, then by fabric; then in what is published.
 
@@ -217,8 +230,7 @@ def fabric_values(cloth: str, source: str, fabrics: Mapping[str, Fabric], recogn
     Returns:
         Density and thickness, NaN where unknown.
     """
-    keys = map(fabric_key, (cloth, source, source.removesuffix("_observations")))
-    given = [fabrics[key] for key in keys if key in fabrics]
+    given = [fabrics[key] for key in fabric_keys(cloth, source) if key in fabrics]
     if cloth in recognised:
         given.append(Fabric(areal_density=CLOTHS[recognised[cloth]].areal_density, source=CITATION))
     density = next((fabric for fabric in given if math.isfinite(fabric.areal_density)), Fabric())

@@ -1,12 +1,11 @@
 """One drape about to be made: a piece of cloth, how it is laid down, its support, its history, and how it is seen.
 
 A `Setup` is what effects (`cusick_bench.sim.effects`) change. Its parts are functions of the cloth's material points
-and maps of positions, so they mean the same on every mesh. Their order counts for a few: the rim of `rim-stiffening`
-is that of the mesh so far, so that effects which move or cut the cloth come before it, and maps of what is seen act
-one after the other. Everything until the drape is in the frame of the simulated cloth: material coordinates (warp =
-+x), z up. A cloth that lies face down is simulated in its mirror image z -> -z, in the same material coordinates, and
-turned over about y for the camera (material x -> -x); maps of positions after the drape (`finish`, `seen`) are in the
-camera's frame.
+and maps of positions, so they mean the same on every mesh and in any order; maps of what is seen act one after the
+other. Everything until the drape is in the frame of the simulated cloth: material coordinates (warp = +x), z up. A
+cloth that lies face down is simulated in its mirror image z -> -z, in the same material coordinates, and turned over
+about y for the camera (material x -> -x); maps of positions after the drape (`finish`, `seen`) are in the camera's
+frame.
 
     setup = parse("plate-tilt:angle=2,direction=90").apply(Setup(mesh, settings, material, laying=...))
     (positions,) = drape_setups([setup])      # as the camera sees them: project in parallel

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from cusick_bench.datasets import named
-from cusick_bench.datasets.files.fabrics import FILE, Fabric, fabric_key
+from cusick_bench.datasets.files.fabrics import FILE, Fabric
 from cusick_bench.datasets.files.layout import Entry, Layout, is_fabric_folder
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.protocol_keys import NOTES
-from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_values, recognised_cloths
+from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_keys, fabric_values, recognised_cloths
 from cusick_bench.datasets.irregularity import Irregularity
 
 _SPELLINGS = (("sil", "silhouettes"), ("mesh", "meshes"))
@@ -65,7 +65,7 @@ def check_tables(
     used: set[str] = set()
     for cloth, folder in _homes(layout).items():
         source = origin.get(cloth, cloth)
-        used |= set(map(fabric_key, (cloth, source, source.removesuffix("_observations"))))
+        used.update(fabric_keys(cloth, source))
         values = fabric_values(cloth, source, fabrics, recognised)
         if not math.isfinite(values.areal_density):
             yield Irregularity(folder, "density-missing", "add its areal density to fabrics.csv")

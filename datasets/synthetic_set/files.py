@@ -1,6 +1,5 @@
 """Writes the `synthetic` set as files: the public layout, its true parameters, a Croissant description, checksums."""
 
-import hashlib
 import json
 import shutil
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.synthetic_set import recipe
 from cusick_bench.datasets.synthetic_set.croissant import NAME, croissant
+from cusick_bench.files.digest import file_digest
 from cusick_bench.sim.cloth.obj import write_obj
 from cusick_bench.sim.render.silhouette import render
 
@@ -90,7 +90,7 @@ def checksums(folder: Path) -> dict[str, str]:
         Path relative to the folder -> 64 hexadecimal digits.
     """
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != CHECKSUMS)
-    return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
 
 
 def write_synthetic(
