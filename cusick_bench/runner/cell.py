@@ -190,7 +190,7 @@ def _attempt(
     problem: DrapeProblem | None = None
     spent: dict[str, float] | None = None
     try:
-        true = _true_stiffness(dataset, cell.cloth)  # before the work, since a damaged file ends it
+        true = true_stiffness(dataset, cell.cloth)  # before the work, since a damaged file ends it
         problem = build_problem(dataset, cell, folder, simulators)
         meter = problem.meter
         prediction = solve_cell(problem, dataset, cell, report)
@@ -278,8 +278,16 @@ def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
 
 
 @lru_cache(maxsize=1)
-def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
-    """What the data say of the cloth's stiffness, which no solver is shown."""
+def true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
+    """What the data say of a cloth's stiffness, which no solver is shown.
+
+    Args:
+        dataset: Data.
+        cloth: Whose stiffness.
+
+    Returns:
+        The true stiffness; None where the data do not know it.
+    """
     true = true_tables(dataset, cloth)
     return None if true is None else cloth_stiffness(true.stretch, true.bending, true.law, poisson=true.poisson)
 

@@ -16,6 +16,7 @@ from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.verification.resimulate import read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import altered, append, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
+from cusick_bench.metrics.found_stiffness import UNITS
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Source, plan, record_key, run
 from cusick_bench.runner.store import write_json
@@ -130,6 +131,26 @@ class TestCells:
         found = verify_cell(folder, dataset)
         assert (found.status, [check.name for check in found.broken]) == ("differs", [metric])
 
+    @pytest.mark.parametrize(
+        "change",
+        [
+            lambda result: result["stiffness"]["warp"].update(value=1.001 * result["stiffness"]["warp"]["value"]),
+            lambda result: result["stiffness"]["warp"].update(ci90=[1e-6, 1e-5]),
+            lambda result: result["stiffness"].pop("bias"),
+            lambda result: result.update(stiffness=None),
+        ],
+    )
+    def test_a_changed_stiffness_is_found_out(self, copy, dataset, change):
+        folder = folder_of(copy, "homo")
+        change_json(folder / "result.json", change)
+        found = verify_cell(folder, dataset)
+        assert (found.status, [check.name for check in found.broken]) == ("differs", ["stiffness"])
+
+    def test_a_result_of_before_stiffness_was_recorded_is_verified(self, copy, dataset):
+        folder = folder_of(copy, "homo")
+        change_json(folder / "result.json", lambda result: [result.pop(name) for name in UNITS])
+        assert verify_cell(folder, dataset).status == "verified"
+
     def test_a_changed_question_is_found_out(self, copy, dataset):
         folder = folder_of(copy, "null:disc")
         change_json(folder / "result.json", lambda result: result.update(seed=7))
@@ -180,6 +201,9 @@ class TestCells:
         slightly = {name: 1.0001 * metrics[name] for name in ("test_energy_distance", "test_dc_crps")}
         change_json(folder / "result.json", lambda result: result["metrics"].update(slightly))
         assert {check.name for check in verify_cell(folder, dataset).broken} == set(slightly)
+        change_json(folder / "result.json", lambda result: result["stiffness"]["weft"]["ci90"].reverse())
+        change_arrays(folder, bending_draws=lambda draws: draws[:, ::-1])
+        assert {"stiffness", "stiffness of draws"} <= {check.name for check in verify_cell(folder, dataset).broken}
         change_arrays(folder, posterior_mean=lambda mean: mean + 0.1)
         assert "shapes of redraws [m]" in {check.name for check in verify_cell(folder, dataset).broken}
 

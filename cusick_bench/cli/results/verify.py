@@ -13,7 +13,7 @@ from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import MOST_DRAWS, Cloths, Json, RunsData, RunsFabricsCsv, Seed, fit_option
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE
+from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME, PIXEL, REDRAWN, SHAPE, STATED
 from cusick_bench.runner.labels import unspaced
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _show(run: Path, verifications: list[Verification], wrong: dict[str, list[st
         output.print(note, style="dim")
     output.print(
         f"Tolerances: {1e3 * SHAPE:g} mm of a vertex, {PIXEL:g} of a pixel, {100 * METRIC:g} % of a metric "
-        f"({100 * METRIC_SAME:g} % where the stored draws themselves are scored).",
+        f"({100 * METRIC_SAME:g} % where the stored draws themselves are scored), {100 * STATED:g} % of a stiffness.",
         style="dim",
     )
     for row in rows:

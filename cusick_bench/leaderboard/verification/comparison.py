@@ -9,10 +9,12 @@ import numpy as np
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.metrics.found_stiffness import UNITS, FoundStiffness, stiffness_document
 
 REDRAWN = 8  # draws of a posterior that are draped again
 # What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
-MATERIAL = 1e-9  # stiffness, of its largest
+MATERIAL = 1e-9  # stiffness of an element, of its largest
+STATED = 1e-6  # stiffness of the cloth, as the result states it, of itself
 SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
 PIXEL = 0.02  # of 1: what that shift can do to a pixel of the release that the rim crosses
 ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
@@ -79,6 +81,37 @@ def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws
                 (METRIC_SAME, SLACK_SAME) if same_draws and name.startswith("test_") else (METRIC, SLACK)
             )
             yield Check(name, abs(claimed - value), relative * abs(value) + absolute, detail)
+
+
+def stiffness_checks(stored: dict[str, Any], again: FoundStiffness | None) -> Iterator[Check]:
+    """Compares the stiffness that a result states with that of its stored parameters.
+
+    Args:
+        stored: A cell's `result.json`; one of before stiffness was recorded states none.
+        again: The stiffness of the stored parameters, None where there is none.
+
+    Returns:
+        A comparison a key, by the largest relative difference of its numbers.
+    """
+    document = stiffness_document(again)
+    for name in sorted(set(UNITS) & set(stored)):
+        claimed, found = (_numbers(values) for values in (stored[name], document[name]))
+        if claimed.keys() != found.keys():
+            only = sorted(claimed.keys() ^ found.keys())[0]
+            yield Check(name, inf, STATED, f"only one of stored and repeated stiffness has {only}")
+        elif found:
+            differences = {key: abs(claimed[key] - value) / (abs(value) or 1.0) for key, value in found.items()}
+            worst = max(differences, key=lambda key: differences[key])
+            detail = f"{worst}: stored {claimed[worst]:.6g}, now {found[worst]:.6g}"
+            yield Check(name, differences[worst], STATED, detail)
+
+
+def _numbers(document: Any, where: str = "") -> dict[str, float]:
+    """All numbers of a nested document, each by where it stands."""
+    if isinstance(document, dict | list):
+        places = document.items() if isinstance(document, dict) else enumerate(document)
+        return {k: v for place, part in places for k, v in _numbers(part, f"{where}/{place}").items()}
+    return {} if document is None else {where.removeprefix("/"): float(document)}
 
 
 def equal(name: str, found: str, claimed: str) -> Check:

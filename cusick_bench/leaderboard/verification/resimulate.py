@@ -1,9 +1,10 @@
 """One finished cell done again from what it stored: the drape from the parameters, the metrics from the data.
 
-A row without physics, or an oracle's, is made again as a whole. Of a simulation the stored parameters are draped
-again with the code at hand: a drop from the start, an equilibrium from the stored shape, which Newton's method must
-leave where it is. Draws that are the fit itself are made again with it. Of draws from a stored posterior a random few
-are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
+A row without physics, or an oracle's, is made again as a whole. Of a simulation the stored parameters are draped again
+with the code at hand: a drop from the start, an equilibrium from the stored shape, which Newton's method must leave
+where it is; the stiffness that they stand for is worked out again. Draws that are the fit itself are made again with
+it. Of draws from a stored posterior a random few are drawn and draped again; of all others the pictures are rendered
+again from stored shapes, and scored again.
 """
 
 import tempfile
@@ -29,10 +30,11 @@ from cusick_bench.leaderboard.verification.comparison import (
     pixel_tolerance,
     relative,
 )
+from cusick_bench.metrics.found_stiffness import FoundStiffness, find_stiffness
 from cusick_bench.metrics.prediction_score import from_levels
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, Store, build_problem, load_prediction, run_cell
-from cusick_bench.runner.cell import score_cell
+from cusick_bench.runner.cell import score_cell, true_stiffness
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.setup import Simulators
@@ -55,6 +57,7 @@ class Repetition:
         simulated: Whether what the cell claims could be made again at all.
         same_draws: Whether the draws scored are, picture by picture, those that are stored.
         metrics: Its metrics where they were made with it; None where `rescore` has to.
+        stiffness: The stiffness of the stored parameters and posterior; None where none are stored.
     """
 
     prediction: Prediction
@@ -63,6 +66,7 @@ class Repetition:
     simulated: bool = True
     same_draws: bool = False
     metrics: dict[str, float] | None = None
+    stiffness: FoundStiffness | None = None
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -120,7 +124,7 @@ def repeat(
     if "tau" not in stored or "vertices" not in stored:
         note = "not simulated again: no parameters are stored; the stored pictures were scored again"
         return Repetition(_as_stored(stored), (target,), (note,), simulated=False, same_draws=True)
-    repetition = _simulated(stored, problem, (target,))
+    repetition = _with_stiffness(_simulated(stored, problem, (target,)), stored, problem, cell, dataset)
     if _is_the_fit(stored):
         return repetition
     generator = np.random.default_rng([seed, int(folder.name[:8], 16)])
@@ -198,6 +202,24 @@ def _simulated(stored: dict[str, ndarray], problem: DrapeProblem, checks: tuple[
     return Repetition(Prediction(image, image[None], stored["tau"], vertices, faces, vertices[None]), checks)
 
 
+def _with_stiffness(
+    fit: Repetition, stored: dict[str, ndarray], problem: DrapeProblem, cell: Cell, dataset: DrapeDataset
+) -> Repetition:
+    """A repeated fit with the stiffness of its parameters, or of draws from its posterior."""
+    prediction = replace(fit.prediction, posterior=_posterior(stored) or None)
+    true = true_stiffness(dataset, cell.cloth)
+    found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
+    again = replace(fit, stiffness=found)
+    if drawn is None or "bending_draws" not in stored:
+        return again
+    return replace(again, checks=(*fit.checks, relative("stiffness of draws", stored["bending_draws"], drawn)))
+
+
+def _posterior(stored: dict[str, ndarray]) -> dict[str, ndarray]:
+    """The stored posterior, as the solver gave it; empty without one."""
+    return {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
+
+
 def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Material, ndarray, ndarray]:
     """Material, shape [m] and silhouette of the drape at tau; `start` is where an equilibrium is said to be.
 
@@ -223,7 +245,7 @@ def _with_draws(
     if shapes is not None and chosen and all(check.holds for check in checks):
         redone = True
         solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
-        posterior = {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
+        posterior = _posterior(stored)
         draping, pairs = problem.at_pace(solver.pace_of_draws), []
         for place in chosen:
             tau = solver.redraw(problem, posterior, int(numbers[place]))
@@ -233,7 +255,8 @@ def _with_draws(
         checks += [max(group, key=lambda check: check.difference) for group in zip(*pairs, strict=True)]
         told = f"{len(chosen)} of them, chosen at random, were drawn and simulated again"
     note = f"{len(stored['draws'])} draws were scored again; {told}"
-    return Repetition(drawn, (*fit.checks, *checks), (note,), simulated=redone, same_draws=True)
+    checks = (*fit.checks, *checks)
+    return replace(fit, prediction=drawn, checks=checks, notes=(note,), simulated=redone, same_draws=True)
 
 
 def _chosen(stored: dict[str, ndarray], count: int, generator: np.random.Generator) -> list[int]:

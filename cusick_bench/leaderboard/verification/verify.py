@@ -1,8 +1,9 @@
 """From *reported* to *verified*: every finished cell of a run done again and scored again.
 
 A cell is verified where all holds: its record is the one that its folder is named after, the data are the same by
-hash, the stored parameters drape to the stored shape and picture, and the metrics come out again, each within a stated
-tolerance (`resimulate`). Parameters, pictures or metrics that were changed afterwards are found out so. What is found
+hash, the stored parameters drape to the stored shape and picture, and the metrics and the stated stiffness come out
+again, each within a stated tolerance (`resimulate`). Parameters, pictures, metrics or stiffnesses that were changed
+afterwards are found out so. What is found
 is kept in `verified.json` of the results folder, with hashes of the files that it holds for.
 """
 
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks
+from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks, stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import (
     read_record,
     repeat,
@@ -176,6 +177,7 @@ def _verified(
     lost = sorted(set(result["metrics"]) - set(again))
     notes += [*repetition.notes, *([f"no longer measured: {', '.join(lost)}"] if lost else [])]
     checks += [*repetition.checks, *metric_checks(result["metrics"], again, same_draws=repetition.same_draws)]
+    checks += stiffness_checks(result, repetition.stiffness)
     held = all(check.holds for check in checks)
     status = "differs" if not held else "verified" if repetition.simulated else "rescored"
     return Verification(*identity, status, tuple(checks), tuple(notes))
