@@ -13,7 +13,7 @@ import numpy as np
 from cusick_bench.garment.measurement import vertex_spread
 from cusick_bench.garment.side_by_side import compared, mean_and_deviation
 from cusick_bench.garment.wearing import Worn
-from cusick_bench.report.page_template import render_page
+from cusick_bench.report.page_template import render_page, write_html
 from cusick_bench.report.run.drape_models import Colouring, DrapeModel, models_document
 
 _DROP = 0.11  # [m] of the longest skirt in the scene
@@ -37,7 +37,7 @@ def write_page(worn: Sequence[Worn], path: Path) -> None:
         "rows": [_row(numbers) for numbers in compared(worn)],
         "drapes": models_document(models, scale * size.waist),
     }
-    path.write_text(render_page("garments.html.j2", scripts=_SCRIPTS, page=page), encoding="utf-8", errors="replace")
+    write_html(path, render_page("garments.html.j2", scripts=_SCRIPTS, page=page))
 
 
 def _row(numbers: dict[str, Any]) -> dict[str, str]:

@@ -9,6 +9,7 @@ from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.data_set import data_set_diagnosis
 from cusick_bench.diagnosis.document.folder_names import folder_names
+from cusick_bench.diagnosis.document.laboratory import write_laboratory
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
@@ -93,8 +94,7 @@ def diagnose_fabrics(
     diagnosis = data_set_diagnosis(
         captures, *load_atlas(atlas), asked, lambda what, share: progress(what, share / steps)
     )
-    if diagnosis.shared is not None:
-        diagnosis.shared.write(workspace.diagnosis / "laboratory.json")
+    write_laboratory(diagnosis.shared, workspace.diagnosis)
     for number, name in enumerate(waiting, start=1):
 
         def tell(what: str, share: float, name: str = name, number: int = number) -> None:

@@ -27,7 +27,7 @@ from cusick_bench.report.diagnosis.words import VERDICTS
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
-from cusick_bench.report.page_template import render_page
+from cusick_bench.report.page_template import render_page, write_html
 from cusick_bench.report.run.content import (
     Card,
     Number,
@@ -162,7 +162,7 @@ def write_page(
         ],
     )
     text = render_page("identify.html.j2", page=page)
-    workspace.page.write_text(text, encoding="utf-8", errors="replace")
+    write_html(workspace.page, text)
     return workspace.page
 
 

@@ -8,10 +8,13 @@ import hashlib
 from base64 import b64encode
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import jinja2
 from markupsafe import Markup
+
+from cusick_bench.runner.store import write_atomically
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
@@ -35,6 +38,16 @@ def render_page(template: str, *, scripts: Sequence[str] = (), **content: Any) -
     policy = f"{_POLICY}; script-src{allowed}" if allowed else _POLICY
     frame = {"policy": policy, "scripts": [Markup(source) for source in sources]}
     return _environment().get_template(template).render(**frame, **content)
+
+
+def write_html(path: Path, page: str) -> None:
+    """Writes a page, whole or not at all; bytes of a path that are no text become question marks.
+
+    Args:
+        path: HTML file to write.
+        page: From `render_page`.
+    """
+    write_atomically(path, page.encode(errors="replace"))
 
 
 def _script(name: str) -> str:

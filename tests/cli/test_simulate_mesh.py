@@ -44,3 +44,12 @@ def test_pictures_are_the_releases_unless_the_cloth_is_too_large_for_them(tmp_pa
         with Image.open(tmp_path / "drape_0000.png") as picture:
             assert (picture.size[0] > IMAGE_SIZE) == larger
             assert picture.getpixel((0, picture.size[1] // 2)) == 255
+
+
+def test_fewer_draws_leave_no_files_of_an_earlier_run_and_touch_no_others(tmp_path: Path):
+    (tmp_path / "drape_0001.txt").write_text("mine")
+    for draws, names in (("3", ["drape_0000", "drape_0001", "drape_0002"]), ("1", ["drape_0000"])):
+        _simulate(tmp_path, 0.15, "--bending", "0.1", "--draws", draws)
+        for ending in (".obj", ".png", "_profile.csv"):
+            assert sorted(path.name for path in tmp_path.glob(f"drape_*{ending}")) == [name + ending for name in names]
+    assert (tmp_path / "drape_0001.txt").read_text() == "mine"

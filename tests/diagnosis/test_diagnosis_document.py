@@ -18,7 +18,7 @@ from cusick_bench.diagnosis.document.answer import (
     StatedCause,
     Unexplained,
 )
-from cusick_bench.diagnosis.document.laboratory import laboratory_document
+from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument, laboratory_document, write_laboratory
 from cusick_bench.diagnosis.document.model import (
     BaseParameters,
     Cause,
@@ -201,6 +201,14 @@ def _pictures(fabric: str, radii: np.ndarray, protocol: Protocol | None = None) 
     return captures_from_profiles(
         radii, sample=numbers, side=["up"] * len(radii), capture=numbers * 0 + 1, fabric=fabric, protocol=protocol
     )
+
+
+def test_the_laboratory_of_an_earlier_run_does_not_stay_where_there_is_none(tmp_path: Path) -> None:
+    write_laboratory(LaboratoryDocument(fabrics=("a", "b"), effects=()), tmp_path)
+    assert json.loads((tmp_path / "laboratory.json").read_text())["fabrics"] == ["a", "b"]
+    write_laboratory(None, tmp_path)
+    write_laboratory(None, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_laboratory_says_which_pictures_count_twice_and_what_its_lengths_are_in() -> None:

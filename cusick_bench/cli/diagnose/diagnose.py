@@ -57,6 +57,7 @@ def diagnose_data(
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.data_set import data_set_diagnosis
     from cusick_bench.diagnosis.document.folder_names import folder_names
+    from cusick_bench.diagnosis.document.laboratory import write_laboratory
     from cusick_bench.diagnosis.errors import DiagnosisError, Refused
     from cusick_bench.diagnosis.measure.captures import read_captures
     from cusick_bench.sim.effects import effect
@@ -78,8 +79,7 @@ def diagnose_data(
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
         diagnosis = data_set_diagnosis(captures, emulator, calibration, options, bar.tell)
         shared = diagnosis.shared
-        if shared is not None:
-            shared.write(out / "laboratory.json")
+        write_laboratory(shared, out)
         for number, name in enumerate(chosen):
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from cusick_bench.sim.drape import Drape
     from cusick_bench.sim.render.camera import Camera
 
+_WRITTEN = re.compile(r"drape_\d{4,}(\.obj|\.png|_profile\.csv)")  # what `write_drape` writes
 _MARGIN = 1.05  # half a picture over the flat cloth's reach, at least
 
 
@@ -108,6 +110,18 @@ class Outcome:
             "mean_radius_m": float(self.profile.radii.mean()),
             "amplitudes_m": amplitude_spectrum(self.profile),
         }
+
+
+def drape_name(number: int) -> str:
+    """Name of a draw's files, without what tells them apart."""
+    return f"drape_{number:04d}"
+
+
+def forget_drapes(folder: Path) -> None:
+    """Removes the files of an earlier run, which may have made more draws, or some that fail now."""
+    for path in folder.iterdir():
+        if _WRITTEN.fullmatch(path.name):
+            path.unlink()
 
 
 def write_drape(folder: Path, name: str, outcome: Outcome, faces: np.ndarray) -> None:

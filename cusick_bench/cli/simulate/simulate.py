@@ -47,7 +47,7 @@ from cusick_bench.cli.options import (
     vertices_by_law,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.cli.simulate.seen_drape import Sight, write_drape
+from cusick_bench.cli.simulate.seen_drape import Sight, drape_name, forget_drapes, write_drape
 from cusick_bench.sim.constants import (
     CLOTH_RADIUS,
     PLATE_RADIUS,
@@ -260,6 +260,8 @@ def simulate(
     )
     drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
     sight = Sight.of(camera, *((CLOTH_RADIUS, CLOTH_RADIUS) if mesh is None else _size_of(sheet)))
+    if out is not None:
+        forget_drapes(out)
     clock = time.perf_counter()
     results = _simulated(drawn, draws, sight, out)
     _report(
@@ -309,7 +311,7 @@ def _simulated(drawn: Draws, count: int, sight: Sight, out: Path | None) -> list
                 outcome = sight.outcome(drape, seen, faces)
                 results.append({"draw": number, **outcome.summary()})
                 if out is not None:
-                    write_drape(out, f"drape_{number:04d}", outcome, faces)
+                    write_drape(out, drape_name(number), outcome, faces)
     return results
 
 

@@ -51,13 +51,19 @@ class LaboratoryDocument(Part):
     effects: tuple[SharedCause, ...]
     notes: tuple[str, ...] = ()
 
-    def write(self, path: Path) -> None:
-        """Writes the document as a JSON file, which appears whole or not at all.
 
-        Args:
-            path: The file; its folder must be there.
-        """
-        write_atomically(path, json.dumps(self.content(), allow_nan=False).encode())
+def write_laboratory(document: LaboratoryDocument | None, folder: Path) -> None:
+    """Writes `laboratory.json`, whole or not at all.
+
+    Args:
+        document: The document; None where no fabrics were looked at together, which removes that of an earlier run.
+        folder: Where to; it must be there.
+    """
+    path = folder / "laboratory.json"
+    if document is None:
+        path.unlink(missing_ok=True)
+    else:
+        write_atomically(path, json.dumps(document.content(), allow_nan=False).encode())
 
 
 def laboratory_document(found: Laboratory, captures: Mapping[str, Captures]) -> LaboratoryDocument:

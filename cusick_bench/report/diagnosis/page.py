@@ -13,7 +13,7 @@ from cusick_bench.report.diagnosis.place import PlaceSection, place_section
 from cusick_bench.report.diagnosis.statistics import StatisticTable, statistic_table
 from cusick_bench.report.diagnosis.verdict import VerdictBox, verdict_box
 from cusick_bench.report.diagnosis.words import cloth_in_words
-from cusick_bench.report.page_template import render_page
+from cusick_bench.report.page_template import render_page, write_html
 
 _FITTED_ALONE, _FITTED_TOGETHER = "Fitted without any cause.", "Fitted together with the likeliest causes."
 _PROVENANCE = {"command": "Command", "version": "Version", "atlas": "Atlas"}
@@ -66,7 +66,7 @@ def write_diagnosis_page(document: DiagnosisDocument, path: Path) -> Path:
     """
     page = render_page("diagnosis.html.j2", page=diagnosis_page(document))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8", errors="replace")
+    write_html(path, page)
     return path
 
 

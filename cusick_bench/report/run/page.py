@@ -28,7 +28,7 @@ from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError
-from cusick_bench.report.page_template import render_page
+from cusick_bench.report.page_template import render_page, write_html
 from cusick_bench.report.run.comparison import comparison_section
 from cusick_bench.report.run.content import (
     BoardTable,
@@ -44,7 +44,6 @@ from cusick_bench.report.run.drape_models import DrapeModel, fitted_model, model
 from cusick_bench.report.run.figure import save_figure
 from cusick_bench.report.run.method_curves import method_curves
 from cusick_bench.runner.environment import code_text, hardware_text
-from cusick_bench.runner.store import write_atomically
 
 TITLE = "Cusick drape report"
 _SCRIPTS = ("leaderboard_table.js", "tabs.js", "drape_scene.js", "drape_viewer.js")
@@ -110,7 +109,7 @@ def write_report(
     )
     out.parent.mkdir(parents=True, exist_ok=True)
     text = render_page("run.html.j2", scripts=_SCRIPTS, page=page)
-    write_atomically(out, text.encode(errors="replace"))  # a path may hold bytes that are no text
+    write_html(out, text)
     return [out, *files]
 
 
