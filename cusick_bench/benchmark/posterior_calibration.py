@@ -25,6 +25,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.metrics.stiffness import BENDING
+from cusick_bench.runner.memory import memory_returned
 from cusick_bench.sim.constants import DEFAULT_LAW
 from cusick_bench.sim.errors import CusickError
 
@@ -116,6 +117,7 @@ def plan_numerics(plan: CalibrationPlan) -> str:
     return f"{asked}; {numerics_text(versions)}"
 
 
+@memory_returned()
 def calibration_fit(plan: CalibrationPlan, number: int, simulators: Simulators | None = None) -> CalibrationFit:
     """Draws a cloth from the solver's prior, drapes it and has the solver find its stiffness.
 

@@ -38,6 +38,7 @@ from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
+from cusick_bench.runner.memory import memory_returned
 from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
@@ -142,6 +143,7 @@ def _train_mesh(sample: DrapeSample, model: Mesh, protocol: Protocol) -> TrainMe
     return with_reference(sample.mesh.vertices, sample.mesh.faces, (synthetic, model))
 
 
+@memory_returned()
 def run_cell(
     dataset: DrapeDataset, cell: Cell, store: Store, report: Report, simulators: Simulators | None = None
 ) -> dict[str, Any]:

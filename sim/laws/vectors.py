@@ -10,7 +10,10 @@ CHUNKS = 16
 
 
 def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """Compiles a function: cached on disk, IEEE division, products and sums fused (the same on every run).
+    """Compiles a function: cached on disk, in IEEE arithmetic, where a division by zero is no error.
+
+    Products and sums are not fused. Which ones a compiler fuses depends on what it has inlined, so that a gradient had
+    other last digits in the process that compiled the kernels than in later ones, which load them.
 
     Args:
         parallel: Whether its `prange` loops run on all threads.
@@ -18,7 +21,7 @@ def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Any]:
     Returns:
         A decorator.
     """
-    return numba.njit(cache=True, parallel=parallel, error_model="numpy", fastmath={"contract"})
+    return numba.njit(cache=True, parallel=parallel, error_model="numpy")
 
 
 @kernel()

@@ -82,3 +82,12 @@ def test_every_file_whose_kernels_others_call_is_watched():
                 source = ROOT / (str(node.module).removeprefix("cusick_bench.").replace(".", "/") + ".py")
                 names = {alias.name for alias in node.names}
                 assert not names & compiled.get(source, set()) or source in watched, f"{path} calls kernels of {source}"
+
+
+def test_no_kernel_of_the_simulator_may_be_rounded_as_the_compiler_likes():
+    """With `fastmath` the rounding depends on what was inlined: on which process compiled the kernel."""
+    for path in sorted((ROOT / "sim").rglob("*.py")):
+        words = {
+            word.arg for word in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(word, ast.keyword)
+        }
+        assert "fastmath" not in words, path
