@@ -205,10 +205,12 @@ class Solver(ABC):
     ) -> Float[np.ndarray, " dimension"]:
         """Parameters of one draw, from the posterior alone: what a stored prediction is verified with.
 
+        The interval of the stiffness that was found is over draws of the numbers from 0 on, whichever were predicted.
+
         Args:
             problem: The problem that was answered.
             posterior: From the prediction.
-            index: Number of the draw; `posterior["draws"]` has those of the predicted draws.
+            index: Number of the draw, any from 0 on; `posterior["draws"]` has those of the predicted draws.
 
         Returns:
             Parameter vector of that draw.
