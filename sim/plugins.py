@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Collection
 from functools import lru_cache
 from importlib.metadata import entry_points
+from inspect import isabstract
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -34,11 +35,22 @@ def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dic
         except Exception as error:  # a module may raise anything while it is imported
             leave_out(group, entry.name, entry.value, f"cannot be imported ({type(error).__name__}: {error}); mend it")
             continue
-        if isinstance(loaded, type) and issubclass(loaded, base):
-            found[entry.name] = loaded
+        if why := _fault(loaded, base, entry.name):
+            leave_out(group, entry.name, entry.value, why)
         else:
-            leave_out(group, entry.name, entry.value, f"must be a subclass of {base.__name__}, got {loaded!r:.60}")
+            found[entry.name] = loaded
     return found
+
+
+def _fault(loaded: Any, base: type, name: str) -> str:
+    """Why what an entry point leads to cannot be used; empty where it can."""
+    if not (isinstance(loaded, type) and issubclass(loaded, base)):
+        return f"must be a subclass of {base.__name__}, got {loaded!r:.60}"
+    if isabstract(loaded):
+        return f"lacks {', '.join(sorted(loaded.__abstractmethods__))}; write it"
+    if (own := getattr(loaded, "name", None)) != name:  # records have the class's name, and are read by it
+        return f"must have the name that it is registered under, got name = {own!r}; make them equal"
+    return ""
 
 
 @lru_cache(maxsize=8)  # going through all that is installed takes 10 ms, and a grid asks several times a cell

@@ -7,8 +7,10 @@ A new solver is one file with a frozen dataclass, whose fields are its options, 
 from __future__ import annotations
 
 import math
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -88,6 +90,13 @@ class Prediction:
                     f"draws that are not paired must be as many of one face as of the other, got {len(self.draws)} "
                     f"draws, {turned} of {len(self.draw_turned)} turned over"
                 )
+        if self.draw_vertices is not None and len(self.draw_vertices) != len(self.draws):
+            raise SolverError(
+                f"draw_vertices must hold a drape for each of {len(self.draws)} draws, got {len(self.draw_vertices)}"
+            )
+        for name, values in (self.posterior or {}).items():
+            if np.asarray(values).dtype.hasobject:  # would be pickled, and files are never unpickled
+                raise SolverError(f"posterior[{name!r}] must be an array of numbers or text, got one of objects")
         for name in ("train_image", "draws"):
             image = getattr(self, name)
             if not (np.isfinite(image).all() and image.min() >= -1e-9 and image.max() <= 1 + 1e-9):
@@ -136,7 +145,7 @@ class Solver(ABC):
         return asdict(self)
 
     def solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress = silent) -> Prediction:
-        """Answers the problem within its budget; the same on any number of threads.
+        """Answers the problem within its budget; the same on any number of threads. What it prints is no result.
 
         Args:
             problem: What to fit; it meters itself.
@@ -147,7 +156,7 @@ class Solver(ABC):
             Its answer: fit of the training image, forecasts of unseen samples, parameters.
 
         Raises:
-            SolverError: The solver cannot be used on this problem.
+            SolverError: The solver cannot be used on this problem, or its answer does not fit it.
         """
         if self.needs_gradient and not problem.space.differentiable:
             raise SolverError(
@@ -175,8 +184,14 @@ class Solver(ABC):
         faces = 2 if self.learns_both_faces and len(problem.other_face_images) else 1
         problem.meter.draws = faces * self.drapes_of_prediction
         # BLAS cuts long sums by its number of threads; of another last digit a fit makes another answer
-        with threadpool_limits(limits=1, user_api="blas"):
+        with threadpool_limits(limits=1, user_api="blas"), redirect_stdout(sys.stderr):
             answer = self._solve(problem, generator, progress)
+        if not isinstance(answer, Prediction):
+            raise SolverError(f"{self.name} must answer with a Prediction, got {answer!r:.60}")
+        if answer.tau is not None and np.shape(answer.tau) != (problem.dimension,):
+            raise SolverError(
+                f"{self.name} must answer with a tau of {problem.dimension} numbers, got shape {np.shape(answer.tau)}"
+            )
         if np.shape(answer.train_image) != np.shape(problem.train_image):
             size = problem.protocol.image_size_px
             raise SolverError(
@@ -190,10 +205,12 @@ class Solver(ABC):
     ) -> Float[np.ndarray, " dimension"]:
         """Parameters of one draw, from the posterior alone: what a stored prediction is verified with.
 
+        The interval of the stiffness that was found is over draws of the numbers from 0 on, whichever were predicted.
+
         Args:
             problem: The problem that was answered.
             posterior: From the prediction.
-            index: Number of the draw; `posterior["draws"]` has those of the predicted draws.
+            index: Number of the draw, any from 0 on; `posterior["draws"]` has those of the predicted draws.
 
         Returns:
             Parameter vector of that draw.

@@ -7,7 +7,7 @@ is a `Solver` subclass.
 import ast
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from importlib.metadata import entry_points
 from typing import Any, get_type_hints
 
@@ -103,7 +103,7 @@ def make_solver(text: str) -> Solver:
         The solver.
 
     Raises:
-        SolverError: The name or an option is unknown.
+        SolverError: The name or an option is unknown, an option is missing, or the solver refuses its options.
     """
     name, *settings = text.split(",")
     cls = solver_class(name.strip())
@@ -119,7 +119,26 @@ def make_solver(text: str) -> Solver:
         if key.strip() in options:
             raise SolverError(f"{name} has the option {key.strip()!r} twice; give it once")
         options[key.strip()] = _checked(cls, key.strip(), _literal(value.strip()))
-    return cls(**options)
+    for option, usual in default_options(cls).items():
+        if usual is MISSING and option not in options:
+            raise SolverError(f"{name} needs the option {option}; write {text},{option}=VALUE")
+    try:
+        return cls(**options)
+    except (TypeError, ValueError) as error:  # one of another package may refuse its options in its own way
+        raise error if isinstance(error, SolverError) else SolverError(f"{text}: {error}") from error
+
+
+def default_options(cls: type[Solver]) -> dict[str, Any]:
+    """What a solver's options are where they are not given.
+
+    Args:
+        cls: The solver.
+
+    Returns:
+        Value by option, `dataclasses.MISSING` for one that must be given.
+    """
+    own = [field for field in fields(cls) if not field.kw_only]
+    return {field.name: field.default if field.default_factory is MISSING else field.default_factory() for field in own}
 
 
 def _checked(cls: type[Solver], option: str, value: Any) -> Any:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "cusick_bench.effects"
 
+_STATED = ("kind", "summary", "physics", "reference", "parameters")  # what every effect says of itself
 _BUILT_IN: tuple[type[Effect], ...] = (
     RestCurvature,
     FaceAsymmetry,
@@ -102,10 +103,23 @@ def registered() -> dict[str, Effect]:
     others: Any = registered_classes(ENTRY_POINTS, Effect, found)
     for name, kind in others.items():
         try:
-            found[name] = kind()
+            made = kind()
         except Exception as error:  # a class of another package may raise anything
             leave_out(ENTRY_POINTS, name, kind, f"cannot be made ({type(error).__name__}: {error}); mend it")
+            continue
+        if why := _fault(made):
+            leave_out(ENTRY_POINTS, name, kind, why)
+        else:
+            found[name] = made
     return found
+
+
+def _fault(made: Effect) -> str:
+    """What an effect of another package lacks; empty where it is whole."""
+    if lacking := [name for name in _STATED if not hasattr(made, name)]:
+        return f"lacks {', '.join(lacking)}; state it"
+    severities = sum(parameter.role == "severity" for parameter in made.parameters)
+    return "" if severities == 1 else f"must have one parameter with the role severity, has {severities}; state one"
 
 
 def effect_names() -> list[str]:

@@ -20,12 +20,36 @@ def broken():
 number = 5
 """
 UNMADE = """
-from cusick_bench.sim.effects.base import Effect
+from cusick_bench.sim.effects.base import Effect, Parameter
 class Unmade(Effect):
+    name = "odd"
     def __init__(self):
         raise RuntimeError("no licence found")
     def _apply(self, setup, value):
         return setup
+class Silent(Effect):
+    name = "odd"
+    def _apply(self, setup, value):
+        return setup
+class Idle(Silent):
+    kind, summary, physics, reference = "boundary", "does nothing", "nothing", "none"
+    parameters = (Parameter("size", "m", 0, 1, 0.1, "none", role="size"),)
+"""
+UNFINISHED = """
+from cusick_bench.sim.effects.base import Effect
+from cusick_bench.solvers.base import Solver
+class Effects(Effect):
+    name = "odd"
+class Solvers(Solver):
+    name = "odd"
+class NamedEffects(Effects):
+    name = "even"
+    def _apply(self, setup, value):
+        return setup
+class NamedSolvers(Solvers):
+    name = "even"
+    def _solve(self, problem, generator, progress):
+        raise NotImplementedError
 """
 
 
@@ -99,6 +123,7 @@ def register(tmp_path, monkeypatch):
     def registering(group: str, entry: str) -> None:
         (tmp_path / "odd_plugin.py").write_text(PLUGIN)
         (tmp_path / "odd_effect.py").write_text(UNMADE)
+        (tmp_path / "odd_class.py").write_text(UNFINISHED)
         (tmp_path / "odd_import.py").write_text("raise ImportError('it needs a library that is not here')\n")
         folder = tmp_path / "odd_plugin-1.0.dist-info"
         folder.mkdir()
@@ -110,7 +135,7 @@ def register(tmp_path, monkeypatch):
     yield registering
     monkeypatch.undo()
     registered.cache_clear()
-    for name in ("odd_plugin", "odd_import", "odd_effect"):
+    for name in ("odd_plugin", "odd_import", "odd_effect", "odd_class"):
         sys.modules.pop(name, None)
 
 
@@ -124,10 +149,12 @@ def register(tmp_path, monkeypatch):
         ("odd = odd_plugin:Nothing", "must be a subclass"),
         ("odd = odd_plugin:number", "must be a subclass"),
         ("odd = no_such_module:Thing", "No module named"),
+        ("odd = odd_class:{group}", "lacks _[as]"),
+        ("odd = odd_class:Named{group}", "must have the name that it is registered under, got name = 'even'"),
     ],
 )
 def test_a_package_that_registers_nonsense_is_named_and_left_out(register, group, entry, reason):
-    register(group, entry)
+    register(group, entry.format(group=group.capitalize()))
     with pytest.warns(RuntimeWarning, match=f"'odd'.*{reason}.*left out"):
         names = registered() if group == "effects" else registered_solvers()
     assert "odd" not in names
@@ -142,8 +169,16 @@ def test_a_package_does_not_take_a_built_in_name(register, group, taken):
     assert taken in names
 
 
-def test_an_effect_that_cannot_be_made_is_named_and_left_out(register):
-    register("effects", "odd = odd_effect:Unmade")
-    with pytest.warns(RuntimeWarning, match="'odd'.*no licence found.*left out"):
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("Unmade", "no licence found"),
+        ("Silent", "lacks kind, summary, physics, reference, parameters"),
+        ("Idle", "must have one parameter with the role severity, has 0"),
+    ],
+)
+def test_an_effect_that_cannot_be_used_is_named_and_left_out(register, kind, reason):
+    register("effects", f"odd = odd_effect:{kind}")
+    with pytest.warns(RuntimeWarning, match=f"'odd'.*{reason}.*left out"):
         names = registered()
     assert "odd" not in names

@@ -1,14 +1,17 @@
 """Solvers: the contract that every registered one keeps, and what each is for."""
 
+import json
 import math
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 from toy_problem import toy_image, toy_problem
+from typer.testing import CliRunner
 
+from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, profile_from_image
 from cusick_bench.metrics import expected_best, mse_pairs
@@ -44,6 +47,17 @@ class Summing(Solver):
         threads = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
         notes = {"sum": float(numbers @ numbers), "threads": threads}
         return Prediction(problem.train_image, problem.train_image[None], notes=notes)
+
+
+@dataclass(frozen=True)
+class Answering(Solver):
+    """Makes its answer from the one that copies the training silhouette."""
+
+    name: ClassVar[str] = "answering"
+    answer: Any = None
+
+    def _solve(self, problem, generator, progress):
+        return self.answer(Prediction(problem.train_image, problem.train_image[None]))
 
 
 @pytest.fixture(scope="module")
@@ -216,6 +230,31 @@ class TestRegistry:
         monkeypatch.setattr(plugins, "entry_points", lambda group: [Entry()] if group == registry.ENTRY_POINTS else [])
         assert isinstance(make_solver("foreign"), Foreign)
 
+    def test_options_of_other_packages_are_told_and_refused_in_a_line(self, monkeypatch):
+        @dataclass(frozen=True)
+        class Foreign(Solver):
+            name: ClassVar[str] = "foreign"
+            iterations: int
+            sizes: list = field(default_factory=lambda: [1, 2])
+
+            def __post_init__(self):
+                if self.iterations < 1:
+                    raise ValueError("iterations must be > 0")
+
+            def _solve(self, problem, generator, progress):
+                raise NotImplementedError
+
+        monkeypatch.setattr(registry, "registered_classes", lambda *_: {"foreign": Foreign})
+        with pytest.raises(SolverError, match="foreign needs the option iterations; write foreign,iterations=VALUE"):
+            make_solver("foreign")
+        with pytest.raises(SolverError, match="foreign,iterations=0: iterations must be > 0"):
+            make_solver("foreign,iterations=0")
+        assert make_solver("foreign,iterations=2").options == {"iterations": 2, "sizes": [1, 2]}
+        listed = CliRunner().invoke(app, ["solvers", "--json"])
+        options = {one["name"]: one["options"] for one in json.loads(listed.stdout)["solvers"]}
+        assert options["foreign"] == {"iterations": "(must be given)", "sizes": "[1, 2]"}
+        assert options["null:random-phase"] == {"draws": 1000}
+
     def test_global_search_needs_an_end(self):
         with pytest.raises(SolverError, match="give --budget"):
             _answer("nlopt:GN_ESCH", toy_problem(budget=Budget()))
@@ -234,6 +273,39 @@ class TestPrediction:
     def test_nonsense_is_refused(self, train, draws, message):
         with pytest.raises(SolverError, match=message):
             Prediction(train, draws)
+
+    @pytest.mark.parametrize(
+        ("parts", "message"),
+        [
+            ({"draw_vertices": np.zeros((1, 3, 3))}, "a drape for each of 2 draws, got 1"),
+            ({"posterior": {"names": np.array(["a", None])}}, "array of numbers or text, got one of objects"),
+        ],
+    )
+    def test_parts_that_could_not_be_kept_are_refused(self, parts, message):
+        with pytest.raises(SolverError, match=message):
+            Prediction(np.zeros((256, 256)), np.zeros((2, 256, 256)), **parts)
+
+    @pytest.mark.parametrize(
+        ("answer", "message"),
+        [
+            (lambda fit: None, "answering must answer with a Prediction, got None"),
+            (lambda fit: replace(fit, tau=np.zeros(40)), r"a tau of 39 numbers, got shape \(40,\)"),
+        ],
+    )
+    def test_an_answer_to_another_problem_is_refused(self, answer, message):
+        problem = toy_problem()
+        with pytest.raises(SolverError, match=message):
+            Answering(answer).solve(problem, np.random.default_rng(0))
+
+    def test_what_a_solver_prints_is_no_result(self, capfd):
+        problem = toy_problem()
+
+        def telling(fit):
+            print("step 1")
+            return fit
+
+        Answering(telling).solve(problem, np.random.default_rng(0))
+        assert capfd.readouterr() == ("", "step 1\n")
 
 
 class TestFits:

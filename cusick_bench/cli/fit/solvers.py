@@ -1,6 +1,7 @@
 """`cusick-bench solvers`: what is registered."""
 
-from dataclasses import fields
+from dataclasses import MISSING
+from typing import Any
 
 import typer
 from rich.table import Table
@@ -20,7 +21,7 @@ def solvers(
 
     Options are set in the name: --solver null:random-phase,draws=100. Any NLopt algorithm works as nlopt:NAME.
     """
-    from cusick_bench.solvers.registry import registered
+    from cusick_bench.solvers.registry import default_options, registered
 
     rows = [
         {
@@ -29,7 +30,7 @@ def solvers(
             "summary": solver.summary,
             "space": solver.space or "any",
             "needs_gradient": solver.needs_gradient,
-            "options": {field.name: field.default for field in fields(solver) if not field.kw_only},
+            "options": {name: _usual(value) for name, value in default_options(solver).items()},
             "reference": solver.reference,
         }
         for name, solver in registered().items()
@@ -42,3 +43,10 @@ def solvers(
         options = ", ".join(f"{key}={value}" for key, value in row["options"].items())
         table.add_row(row["name"], row["kind"], row["space"], row["summary"], options, row["reference"])
     output.print(table)
+
+
+def _usual(value: Any) -> Any:
+    """An option's default as JSON has it; other packages' may be of any type."""
+    if value is MISSING:
+        return "(must be given)"
+    return value if value is None or isinstance(value, str | int | float) else str(value)
