@@ -1,6 +1,7 @@
 """Loading: layouts, corrections, tables, splits, repeats, what samples hold."""
 
 import gzip
+import json
 import pickle
 import shutil
 from pathlib import Path
@@ -15,6 +16,7 @@ from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, writ
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.registry import REGISTRY
 
@@ -298,6 +300,20 @@ def test_named_sets_take_meshes_and_repeats_of_their_fabric(with_named):
     ]  # fmt: skip
     assert dataset.select(cloth="cotton_blue").repeats(0) == []
     assert load(with_named, correct=False).index.loc[rows[1], "mesh"] != ""
+
+
+def test_named_images_of_a_small_cloth_are_judged_by_its_size(with_named):
+    """The same pixels, of a cloth of a quarter of the size, whose drapes differ by a quarter as much."""
+    for path in with_named.rglob("*.obj"):
+        mesh = read_mesh(path)
+        write_mesh(path, mesh.vertices / 4, mesh.faces)
+    small = Protocol(cloth_radius_m=0.0375, plate_radius_m=0.0225, px_per_m=4 * RELEASE.px_per_m)
+    (with_named / "protocol.json").write_text(json.dumps(small.document()))
+    index = load(with_named).index
+    meshes = index.loc[index["cloth"] == "cotton_blue", "mesh"].str.slice(-24)
+    assert list(meshes) == ["2_Sample_1_Capture_1.obj", "2_Sample_2_Capture_1.obj", ""]
+    table = audit(with_named).table
+    assert list(table.loc[table["kind"] == "named-unmatched", "path"].str.slice(-27)) == ["sample_3_Upward_Drape_1.png"]
 
 
 def test_paper_split_takes_the_published_sample(with_named):
