@@ -4,6 +4,7 @@ import gzip
 import json
 import pickle
 import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -389,6 +390,23 @@ def test_notes_of_a_protocol_are_not_hashed(toy):
     assert load(toy).content_hash == before
     (toy / "protocol.json").write_text('{"turn_over": "about x"}')
     assert load(toy).content_hash != before
+
+
+def test_the_height_of_a_pinhole_camera_is_hashed(tmp_path):
+    """Silhouettes read from another height are others; a parallel projection has none."""
+    toy, hashes = write_toy(tmp_path, samples=1, meshes=False), {}
+    for projection, height in product(("pinhole", "parallel"), (0.7, 1.2)):
+        (toy / "protocol.json").write_text(json.dumps({"projection": projection, "camera_height_m": height}))
+        hashes[projection, height] = load(toy).content_hash
+    assert len({*hashes.values()}) == 3
+    assert hashes["parallel", 0.7] == hashes["parallel", 1.2]
+
+
+def test_a_named_sets_own_row_comes_before_that_of_its_fabric(with_named):
+    (with_named / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n2,0.2\ncotton_blue,0.3\n")
+    densities = load(with_named).index.groupby("cloth")["areal_density"].unique()
+    assert densities["cotton_blue"].tolist() == [0.3]
+    assert densities["fabric_2"].tolist() == [0.2]
 
 
 def test_names(monkeypatch, toy):
