@@ -58,6 +58,18 @@ def test_contrasts_are_unbiased_and_their_covariance_is_said(name: str) -> None:
         assert found.share[0][1, 1] == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("samples", [3, 12])
+def test_spreads_of_few_samples_are_not_too_small_on_average(samples: int) -> None:
+    """Of the logarithm, which of a few samples' standard deviation lies far below that of the true one."""
+    generator = np.random.default_rng(1)
+    drawn = [features(generator.standard_normal((samples, 2, COUNT))) for _ in range(300)]
+    true = [0.5 * np.log(len(columns)) for _, columns in SPREADS]  # real and imaginary parts count together
+    values = np.array([one.spread for one in drawn])
+    # faces of one sample are taken to be partly alike, which these are not: fewer degrees of freedom than there are
+    np.testing.assert_allclose(values.mean(0), true, atol=0.12 if samples == 3 else 0.04)
+    assert 0.6 < np.mean(values.var(0) / drawn[0].spread_variance) < 0.9
+
+
 @pytest.mark.parametrize(("face", "single"), [(0, -1), (1, 1)])
 def test_where_one_face_is_known_it_counts(face: int, single: int) -> None:
     generator = np.random.default_rng(1)
@@ -149,6 +161,19 @@ def replace_between(theta: ndarray, between: float) -> ndarray:
     changed = theta.copy()
     changed[8] = between
     return changed
+
+
+def test_a_mean_drift_scatters_as_students_t_of_its_samples_does() -> None:
+    generator = np.random.default_rng(2)
+    drift = 2.0 + generator.standard_normal((12, COUNT))
+    drift[3] = np.nan  # a sample without repeats
+    found = features(generator.standard_normal((12, 2, COUNT)), drift)
+    known = np.delete(drift, 3, axis=0)[:, list(ORDERS)]
+    np.testing.assert_allclose(found.order, known.mean(0))
+    assert found.order_freedom == 10
+    np.testing.assert_allclose(
+        found.order_covariance, 10 / 8 * np.cov(known.T) / 11
+    )  # the variance of t is f / (f - 2)
 
 
 def test_drifts_that_rise_together_count_once() -> None:
