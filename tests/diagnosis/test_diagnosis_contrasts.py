@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy import ndarray
+from scipy.linalg import solve_triangular
 from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
-from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.residuals import feature_rows
 from cusick_bench.diagnosis.inference.residuals.feature_rows import (
@@ -20,7 +21,7 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import (
     in_rows,
 )
 from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
-from cusick_bench.diagnosis.inference.residuals.residual import against_base, base_vector, feature_vector
+from cusick_bench.diagnosis.inference.residuals.residual import against_base, base_vector, feature_vector, inflated
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
@@ -161,6 +162,64 @@ def replace_between(theta: ndarray, between: float) -> ndarray:
     changed = theta.copy()
     changed[8] = between
     return changed
+
+
+def test_at_the_best_base_parameters_the_data_pull_as_hard_as_the_prior() -> None:
+    emulator = toy_emulator()
+    observed = expected_features(emulator, PRIOR_MEAN + 0.5 * PRIOR_SD, 12)
+    best = against_base(emulator, observed).theta
+    errors = noise(emulator, best, observed, None)
+
+    def misfit(scaled: ndarray) -> float:
+        theta = PRIOR_MEAN + scaled * PRIOR_SD
+        value = feature_vector(observed, errors.sd) - base_vector(emulator, theta, errors.sd)
+        kept = np.isfinite(value) & np.isfinite(np.diag(errors.covariance))
+        return 0.5 * float(value[kept] @ np.linalg.solve(errors.covariance[np.ix_(kept, kept)], value[kept]))
+
+    pull, step = (best - PRIOR_MEAN) / PRIOR_SD, 1e-3 * np.eye(len(PRIOR_SD))
+    slope = [(misfit(pull + one) - misfit(pull - one)) / 2e-3 for one in step]
+    assert np.linalg.norm(slope + pull) < 0.2 * np.linalg.norm(pull)
+
+
+def test_what_is_left_is_the_distance_from_the_priors_mean_wherever_the_model_is_linearised() -> None:
+    emulator, start = toy_emulator(), PRIOR_MEAN + 0.005 * PRIOR_SD
+    observed = expected_features(emulator, PRIOR_MEAN + 0.7 * PRIOR_SD, 12)
+    found = against_base(emulator, observed, start=start, fixed=True)
+    apart, moved = (
+        solve_triangular(found.root, (features - base_vector(emulator, PRIOR_MEAN, found.sd))[found.kept], lower=True)
+        for features in (feature_vector(observed, found.sd), base_vector(emulator, start, found.sd))
+    )
+    assert np.linalg.norm(found.white - apart) < 0.2 * np.linalg.norm(moved)
+
+
+def test_a_shift_is_whitened_as_the_data_show_it_and_noise_that_is_larger_makes_it_smaller() -> None:
+    emulator, generator = toy_emulator(), np.random.default_rng(3)
+    shift = generator.standard_normal((2, ROWS))
+    for face, sign in ((0, -1), (1, 1)):
+        specimens = np.tile(emulator.mean(PRIOR_MEAN), (5, 2, 1))
+        specimens[:, 1 - face] = np.nan
+        found = against_base(emulator, features(specimens), start=PRIOR_MEAN, fixed=True)
+        seen = shift.copy()
+        seen[:, FACE_EVEN] += sign * shift[:, FACE_ODD]
+        whitened = found.whiten(shift)
+        np.testing.assert_allclose(whitened @ found.root.T, seen[:, found.kept])
+        np.testing.assert_allclose(inflated(found, 2.0).whiten(shift), whitened / 2)
+
+
+def test_three_samples_do_not_make_the_scatter_look_too_small() -> None:
+    """Logarithms of variances of few degrees of freedom lie below those of the variances that they are drawn with."""
+    emulator, theta, generator, n = toy_emulator(), PRIOR_MEAN, np.random.default_rng(5), COUNT
+    sd = emulator.sd(theta)
+    own = (emulator.correlation[:n, :n] + emulator.correlation[n:, n:]) / 2
+    other = (emulator.correlation[:n, n:] + emulator.correlation[:n, n:].T) / 2
+    roots = [np.linalg.cholesky(part / 2 + 1e-9 * np.eye(n)) for part in (own + other, own - other)]
+    wider = []
+    for _ in range(40):
+        even, odd = ((generator.standard_normal((3, n)) @ root.T) * sd for root in roots)
+        specimens = emulator.mean(theta) + np.stack([even - odd, even + odd], axis=1)
+        found = noise(emulator, theta, features(specimens), scatter_of(specimens), exact=True)
+        wider.append(np.mean(np.log(found.sd / sd)))
+    assert abs(np.mean(wider)) < 0.08
 
 
 def test_a_mean_drift_scatters_as_students_t_of_its_samples_does() -> None:
