@@ -203,7 +203,10 @@ def test_a_shift_is_whitened_as_the_data_show_it_and_noise_that_is_larger_makes_
         seen[:, FACE_EVEN] += sign * shift[:, FACE_ODD]
         whitened = found.whiten(shift)
         np.testing.assert_allclose(whitened @ found.root.T, seen[:, found.kept])
-        np.testing.assert_allclose(inflated(found, 2.0).whiten(shift), whitened / 2)
+        wider, rows = inflated(found, 2.0), len(found.white)
+        np.testing.assert_allclose(wider.whiten(shift), whitened / 2)
+        density = found.log_likelihood + (1 - 1 / 4) / 2 * found.squares - rows * np.log(2)
+        assert wider.log_likelihood == pytest.approx(density)
 
 
 def test_three_samples_do_not_make_the_scatter_look_too_small() -> None:
