@@ -165,7 +165,9 @@ def assign_meshes(
         assigned = pairing.correct_assignment(
             assigned, matches, pairing="pairing" in correct, rotation="rotation" in correct
         )
-    return assigned | named.assign_meshes(layout.silhouettes, meshes, alike, found.images, found.outlines, assigned)
+    return assigned | named.assign_meshes(
+        layout.silhouettes, meshes, alike, found.images, found.outlines, assigned, protocol
+    )
 
 
 def doubtful_sides(layout: Layout, protocol: Protocol, found: Survey) -> set[str]:

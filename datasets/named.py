@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cusick_bench.datasets.files.layout import Entry
+from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.pairing import FIT_LIMIT, Assignment, best_turn
 from cusick_bench.datasets.profile import Profile
 from cusick_bench.datasets.published import CLOTHS
@@ -87,6 +88,7 @@ def assign_meshes(
     images: Mapping[str, Profile],
     outlines: Mapping[str, Profile],
     assigned: Mapping[str, Assignment],
+    protocol: Protocol,
 ) -> dict[str, Assignment]:
     """Assigns meshes to named images: the identical capture's, else the one of its sample that fits best.
 
@@ -97,6 +99,7 @@ def assign_meshes(
         images: Profiles of silhouettes by path; without them only identical images get a mesh.
         outlines: Profiles of meshes by path.
         assigned: Meshes of the captures.
+        protocol: Gives the size of the cloth, by which differences are judged.
 
     Returns:
         Path of a named image -> its mesh.
@@ -114,7 +117,7 @@ def assign_meshes(
             if twin and (mesh.cloth, mesh.sample) == (twin.cloth, twin.sample) and mesh.path in outlines
         }
         best = min(fits, key=lambda path: fits[path][0], default="")
-        if best and fits[best][0] <= FIT_LIMIT:
+        if best and fits[best][0] <= FIT_LIMIT * protocol.cloth_scale:
             result[entry.path] = Assignment(best, fits[best][1], ("identical to no capture; mesh by outline",))
         else:
             result[entry.path] = Assignment(notes=("no mesh: resembles no capture of its sample",))

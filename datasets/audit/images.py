@@ -102,24 +102,28 @@ def _on_plate(path: str, image: ImageMeasure, protocol: Protocol) -> Iterator[Ir
         yield Irregularity(path, "radius-beyond-cloth", detail)
 
 
-def check_named_sets(layout: Layout, found: Survey, twins: Mapping[str, Twin]) -> Iterator[Irregularity]:
+def check_named_sets(
+    layout: Layout, protocol: Protocol, found: Survey, twins: Mapping[str, Twin]
+) -> Iterator[Irregularity]:
     """Tells which captures named images copy, and which sets mix faces or observations.
 
     Args:
         layout: Files of the folder.
+        protocol: Gives the size of the cloth, by which differences are judged.
         found: What `survey` found in the files.
         twins: Result of `named.twins`, by path.
 
     Yields:
         One item for each fault.
     """
+    limit = FIT_LIMIT * protocol.cloth_scale
     for path, twin in twins.items():
         if twin.capture is None:
             continue
         if twin.difference == 0:
             yield Irregularity(path, "named-copy", f"= {twin.capture.path}")
         else:
-            kind = "named-near-copy" if twin.difference <= FIT_LIMIT else "named-unmatched"
+            kind = "named-near-copy" if twin.difference <= limit else "named-unmatched"
             detail = f"nearest is {twin.capture.path}, {1e3 * twin.difference:.1f} mm rms away"
             yield Irregularity(path, kind, detail)
     faces: dict[str, set[str]] = defaultdict(set)

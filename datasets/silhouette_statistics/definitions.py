@@ -45,7 +45,8 @@ and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to
     crest_number        a tenth of the expected number of crests of a random profile with the folds' power P_m,
                         sqrt(sum m^4 P / sum m^2 P), by Rice's formula; it follows the number counted where the centroid
                         falls behind
-    fold_skewness       skewness of the folds: narrow crests and wide valleys, or the other way round
+    fold_skewness       skewness of the folds with all that is finer, m = 3 on: narrow crests and wide valleys, or the
+                        other way round
     grain_M_*           10 a_M / w (real) and -10 b_M / w (imaginary): warp against weft
 
 Statistics are phase-free, since where folds come to lie is chance, or locked: the low harmonics and the envelopes, in

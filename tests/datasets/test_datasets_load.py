@@ -1,8 +1,10 @@
 """Loading: layouts, corrections, tables, splits, repeats, what samples hold."""
 
 import gzip
+import json
 import pickle
 import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from toy_cloths import draw, surface, toy_profile, write_image, write_mesh, writ
 from cusick_bench.datasets import DataError, load
 from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.registry import REGISTRY
 
@@ -300,6 +303,20 @@ def test_named_sets_take_meshes_and_repeats_of_their_fabric(with_named):
     assert load(with_named, correct=False).index.loc[rows[1], "mesh"] != ""
 
 
+def test_named_images_of_a_small_cloth_are_judged_by_its_size(with_named):
+    """The same pixels, of a cloth of a quarter of the size, whose drapes differ by a quarter as much."""
+    for path in with_named.rglob("*.obj"):
+        mesh = read_mesh(path)
+        write_mesh(path, mesh.vertices / 4, mesh.faces)
+    small = Protocol(cloth_radius_m=0.0375, plate_radius_m=0.0225, px_per_m=4 * RELEASE.px_per_m)
+    (with_named / "protocol.json").write_text(json.dumps(small.document()))
+    index = load(with_named).index
+    meshes = index.loc[index["cloth"] == "cotton_blue", "mesh"].str.slice(-24)
+    assert list(meshes) == ["2_Sample_1_Capture_1.obj", "2_Sample_2_Capture_1.obj", ""]
+    table = audit(with_named).table
+    assert list(table.loc[table["kind"] == "named-unmatched", "path"].str.slice(-27)) == ["sample_3_Upward_Drape_1.png"]
+
+
 def test_paper_split_takes_the_published_sample(with_named):
     dataset = load(with_named)
     (split,) = dataset.split("paper")
@@ -373,6 +390,23 @@ def test_notes_of_a_protocol_are_not_hashed(toy):
     assert load(toy).content_hash == before
     (toy / "protocol.json").write_text('{"turn_over": "about x"}')
     assert load(toy).content_hash != before
+
+
+def test_the_height_of_a_pinhole_camera_is_hashed(tmp_path):
+    """Silhouettes read from another height are others; a parallel projection has none."""
+    toy, hashes = write_toy(tmp_path, samples=1, meshes=False), {}
+    for projection, height in product(("pinhole", "parallel"), (0.7, 1.2)):
+        (toy / "protocol.json").write_text(json.dumps({"projection": projection, "camera_height_m": height}))
+        hashes[projection, height] = load(toy).content_hash
+    assert len({*hashes.values()}) == 3
+    assert hashes["parallel", 0.7] == hashes["parallel", 1.2]
+
+
+def test_a_named_sets_own_row_comes_before_that_of_its_fabric(with_named):
+    (with_named / "fabrics.csv").write_text("fabric,areal_density_kg_m2\n2,0.2\ncotton_blue,0.3\n")
+    densities = load(with_named).index.groupby("cloth")["areal_density"].unique()
+    assert densities["cotton_blue"].tolist() == [0.3]
+    assert densities["fabric_2"].tolist() == [0.2]
 
 
 def test_names(monkeypatch, toy):

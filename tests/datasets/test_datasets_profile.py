@@ -1,12 +1,15 @@
 """Profiles and what is read from them, against shapes whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from toy_cloths import draw, surface, wavy_profile
 
 from cusick_bench.datasets import load
-from cusick_bench.datasets.files.silhouette import rim_depth
+from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.silhouette import fold_count_of, rim_depth
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,
@@ -118,6 +121,14 @@ def test_folds_are_the_peaks_of_that_prominence():
         assert ring_folds(ring, prominence=prominence, harmonics=20) == expected
         counts.append(expected)
     assert min(counts) < 3 < 10 < max(counts)
+
+
+def test_drapes_of_one_shape_have_the_same_folds_whatever_their_size():
+    """A swell of 1.2 mm is no fold of the standard's cloth, one of 0.3 mm none of one of a quarter of its size."""
+    quarter = replace(RELEASE, cloth_radius_m=0.0375, plate_radius_m=0.0225, px_per_m=4 * RELEASE.px_per_m)
+    for depth, folds in ((0.0012, 0), (0.0025, 7), (0.02, 7)):
+        radii = 0.12 + depth * np.cos(7 * disc(0.12).angles)
+        assert fold_count_of(Profile(radii), RELEASE) == fold_count_of(Profile(radii / 4), quarter) == folds
 
 
 @pytest.mark.parametrize("cloth", ["fabric_1", "fabric_2", "fabric_3", "fabric_4", "fabric_5"])

@@ -81,6 +81,24 @@ def test_locked_statistics_turn_and_the_others_do_not():
     assert np.abs(turned[:, free:] - still[:, free:]).max() > 1e-3
 
 
+@pytest.mark.parametrize("gap", [0.02, 0.003, 0.0, -0.006, -0.02])
+def test_statistics_of_a_circle_beside_the_plate_are_known(gap):
+    """Nearness falls by e for every fifteenth of the overhang, and no longer rises two of them inside the plate."""
+    names = ("crest_radius", "crest_spread", "valley_gap", "plate_nearness", "area_dc", "fold_depth", "roughness")
+    radius, reach = 0.09 + gap, 0.06 / 15
+    (found,) = Selection(names, ()).measure(np.full((1, 720), radius))
+    expected = [
+        radius,
+        0,
+        gap,
+        np.exp(-max(gap, -2 * reach) / reach),
+        (radius**2 - 0.09**2) / (0.15**2 - 0.09**2),
+        0,
+        0,
+    ]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", ["fold", "amplitude", "amplitude_x", "harmonic_1", "harmonic_1_phase", "folds_3"])
 def test_unknown_names_are_refused(name):
     with pytest.raises(DataError, match=f"unknown statistic '{name}'; use one of .*amplitude_N, harmonic_N_real"):

@@ -75,6 +75,16 @@ def test_captures_are_read_with_their_labels(tmp_path):
     )
 
 
+def test_observations_over_time_are_in_the_order_in_which_they_were_made(tmp_path):
+    home = tmp_path / "data/Fabric 1 Observations"
+    for number in (1, 2, 10):
+        path = home / "Sample 1" / "silhouettes" / f"Fabric_1_Sample_1_Obs_{number}.png"
+        write_image(path, draw(toy_profile(1, 1, number)))
+    captures = read_captures(load(tmp_path), "fabric_1_observations")
+    assert captures.capture.tolist() == [1, 2, 10]
+    assert set(captures.side.tolist()) == {"up"}
+
+
 def test_single_slips_are_left_out_and_said(tmp_path):
     root, folder = toy_folder(tmp_path, samples=4)
     (folder / "Fabric_7_Sample_1_Capture_1.png").write_bytes(b"no image")

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy import ndarray
+from scipy.linalg import solve_triangular
 from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
-from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN
+from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
 from cusick_bench.diagnosis.inference.detectability.power import expected_features
 from cusick_bench.diagnosis.inference.residuals import feature_rows
 from cusick_bench.diagnosis.inference.residuals.feature_rows import (
@@ -20,7 +21,7 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import (
     in_rows,
 )
 from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
-from cusick_bench.diagnosis.inference.residuals.residual import against_base, base_vector, feature_vector
+from cusick_bench.diagnosis.inference.residuals.residual import against_base, base_vector, feature_vector, inflated
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
@@ -56,6 +57,18 @@ def test_contrasts_are_unbiased_and_their_covariance_is_said(name: str) -> None:
     np.testing.assert_allclose(np.cov(np.array(drawn).T), 4.0 * found.share[0] + 0.25 * found.share[1], atol=0.06)
     if name in ("none", "one face of some"):  # how samples differ does not blur how their faces do
         assert found.share[0][1, 1] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("samples", [3, 12])
+def test_spreads_of_few_samples_are_not_too_small_on_average(samples: int) -> None:
+    """Of the logarithm, which of a few samples' standard deviation lies far below that of the true one."""
+    generator = np.random.default_rng(1)
+    drawn = [features(generator.standard_normal((samples, 2, COUNT))) for _ in range(300)]
+    true = [0.5 * np.log(len(columns)) for _, columns in SPREADS]  # real and imaginary parts count together
+    values = np.array([one.spread for one in drawn])
+    # faces of one sample are taken to be partly alike, which these are not: fewer degrees of freedom than there are
+    np.testing.assert_allclose(values.mean(0), true, atol=0.12 if samples == 3 else 0.04)
+    assert 0.6 < np.mean(values.var(0) / drawn[0].spread_variance) < 0.9
 
 
 @pytest.mark.parametrize(("face", "single"), [(0, -1), (1, 1)])
@@ -149,6 +162,80 @@ def replace_between(theta: ndarray, between: float) -> ndarray:
     changed = theta.copy()
     changed[8] = between
     return changed
+
+
+def test_at_the_best_base_parameters_the_data_pull_as_hard_as_the_prior() -> None:
+    emulator = toy_emulator()
+    observed = expected_features(emulator, PRIOR_MEAN + 0.5 * PRIOR_SD, 12)
+    best = against_base(emulator, observed).theta
+    errors = noise(emulator, best, observed, None)
+
+    def misfit(scaled: ndarray) -> float:
+        theta = PRIOR_MEAN + scaled * PRIOR_SD
+        value = feature_vector(observed, errors.sd) - base_vector(emulator, theta, errors.sd)
+        kept = np.isfinite(value) & np.isfinite(np.diag(errors.covariance))
+        return 0.5 * float(value[kept] @ np.linalg.solve(errors.covariance[np.ix_(kept, kept)], value[kept]))
+
+    pull, step = (best - PRIOR_MEAN) / PRIOR_SD, 1e-3 * np.eye(len(PRIOR_SD))
+    slope = [(misfit(pull + one) - misfit(pull - one)) / 2e-3 for one in step]
+    assert np.linalg.norm(slope + pull) < 0.2 * np.linalg.norm(pull)
+
+
+def test_what_is_left_is_the_distance_from_the_priors_mean_wherever_the_model_is_linearised() -> None:
+    emulator, start = toy_emulator(), PRIOR_MEAN + 0.005 * PRIOR_SD
+    observed = expected_features(emulator, PRIOR_MEAN + 0.7 * PRIOR_SD, 12)
+    found = against_base(emulator, observed, start=start, fixed=True)
+    apart, moved = (
+        solve_triangular(found.root, (features - base_vector(emulator, PRIOR_MEAN, found.sd))[found.kept], lower=True)
+        for features in (feature_vector(observed, found.sd), base_vector(emulator, start, found.sd))
+    )
+    assert np.linalg.norm(found.white - apart) < 0.2 * np.linalg.norm(moved)
+
+
+def test_a_shift_is_whitened_as_the_data_show_it_and_noise_that_is_larger_makes_it_smaller() -> None:
+    emulator, generator = toy_emulator(), np.random.default_rng(3)
+    shift = generator.standard_normal((2, ROWS))
+    for face, sign in ((0, -1), (1, 1)):
+        specimens = np.tile(emulator.mean(PRIOR_MEAN), (5, 2, 1))
+        specimens[:, 1 - face] = np.nan
+        found = against_base(emulator, features(specimens), start=PRIOR_MEAN, fixed=True)
+        seen = shift.copy()
+        seen[:, FACE_EVEN] += sign * shift[:, FACE_ODD]
+        whitened = found.whiten(shift)
+        np.testing.assert_allclose(whitened @ found.root.T, seen[:, found.kept])
+        wider, rows = inflated(found, 2.0), len(found.white)
+        np.testing.assert_allclose(wider.whiten(shift), whitened / 2)
+        density = found.log_likelihood + (1 - 1 / 4) / 2 * found.squares - rows * np.log(2)
+        assert wider.log_likelihood == pytest.approx(density)
+
+
+def test_three_samples_do_not_make_the_scatter_look_too_small() -> None:
+    """Logarithms of variances of few degrees of freedom lie below those of the variances that they are drawn with."""
+    emulator, theta, generator, n = toy_emulator(), PRIOR_MEAN, np.random.default_rng(5), COUNT
+    sd = emulator.sd(theta)
+    own = (emulator.correlation[:n, :n] + emulator.correlation[n:, n:]) / 2
+    other = (emulator.correlation[:n, n:] + emulator.correlation[:n, n:].T) / 2
+    roots = [np.linalg.cholesky(part / 2 + 1e-9 * np.eye(n)) for part in (own + other, own - other)]
+    wider = []
+    for _ in range(40):
+        even, odd = ((generator.standard_normal((3, n)) @ root.T) * sd for root in roots)
+        specimens = emulator.mean(theta) + np.stack([even - odd, even + odd], axis=1)
+        found = noise(emulator, theta, features(specimens), scatter_of(specimens), exact=True)
+        wider.append(np.mean(np.log(found.sd / sd)))
+    assert abs(np.mean(wider)) < 0.08
+
+
+def test_a_mean_drift_scatters_as_students_t_of_its_samples_does() -> None:
+    generator = np.random.default_rng(2)
+    drift = 2.0 + generator.standard_normal((12, COUNT))
+    drift[3] = np.nan  # a sample without repeats
+    found = features(generator.standard_normal((12, 2, COUNT)), drift)
+    known = np.delete(drift, 3, axis=0)[:, list(ORDERS)]
+    np.testing.assert_allclose(found.order, known.mean(0))
+    assert found.order_freedom == 10
+    np.testing.assert_allclose(
+        found.order_covariance, 10 / 8 * np.cov(known.T) / 11
+    )  # the variance of t is f / (f - 2)
 
 
 def test_drifts_that_rise_together_count_once() -> None:

@@ -29,6 +29,9 @@ def test_closure_of_known_gaps() -> None:
     assert right.closure == pytest.approx(1.0, abs=0.15)
     assert right.closure_interval[0] < right.closure < right.closure_interval[1] + 0.1
     assert useless.closure == pytest.approx(0.0, abs=1e-9)
+    assert useless.closure_interval == pytest.approx((0.0, 0.0), abs=1e-9)  # the same draws for both models
+    for one in (right, half):
+        assert one.closure == pytest.approx((one.base - one.effect) / (one.base - one.floor), rel=1e-9)
     assert 0.4 < half.closure < 0.95
     assert right.groups["size"] > 5 * right.groups["envelope"]  # the shift is in the first statistics
 

@@ -10,6 +10,7 @@ import pytest
 from shown_cells import write_cell
 
 from cusick_bench.leaderboard import load_cells
+from cusick_bench.leaderboard.anytime import steps_of
 from cusick_bench.leaderboard.performance import cost_profiles, error_profiles, performance_profiles
 
 NEEDS = {
@@ -113,3 +114,18 @@ def test_one_solver_alone_is_not_compared(tmp_path):
     table = load_cells(tmp_path).table
     assert error_profiles(table) == []
     assert cost_profiles(table) == []
+
+
+def test_steps_of_a_cell_are_those_of_its_search(tmp_path: Path):
+    """A loss is there from its evaluation on, before it none; draws of a posterior are prediction, not search."""
+    run = tmp_path / "run"
+    _cell(run, "homo", 0.05, [None, 0.3, 0.1])
+    (trace,) = run.rglob("trace.jsonl")
+    draw = {"kind": "draw", "forward_equivalents": 3, "wall_seconds": 60.0, "best_loss": 0.1}
+    trace.write_text(trace.read_text() + json.dumps(draw) + "\n")
+    drapes, seconds = (steps_of(trace.parent, cost) for cost in ("forward_equivalents", "wall_seconds"))
+    np.testing.assert_array_equal(
+        drapes.at(np.array([0.5, 1.0, 1.9, 2.0, 2.9, 3.0, 9.0])), [inf, inf, inf, 0.3, 0.3, 0.1, 0.1]
+    )
+    assert drapes.cost.tolist() == [1, 2, 3]
+    assert seconds.cost.tolist() == [2, 4, 6]

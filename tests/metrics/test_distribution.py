@@ -132,6 +132,20 @@ def test_the_true_distribution_has_the_smallest_variogram_score(wrong):
     assert_greater(*_scores(variogram_score, wrong, 60))
 
 
+def test_variogram_score_is_that_of_its_definition():
+    """Roots of differences at every pair of angles of the circle, a pair weighing as the inverse of its separation."""
+    generator = np.random.default_rng(9)
+    draws, samples = generator.normal(size=(4, 5)), generator.normal(size=(3, 5))
+    total = weights = 0.0
+    for a in range(5):
+        for b in range(a):
+            weight = 1 / min(a - b, 5 - (a - b))
+            drawn, seen = (np.sqrt(np.abs(values[:, a] - values[:, b])) for values in (draws, samples))
+            total += weight * (np.mean((seen - drawn.mean()) ** 2) - drawn.var(ddof=1) / 4)
+            weights += weight
+    assert variogram_score(draws, samples) == pytest.approx(total / weights)
+
+
 def _scores(scored, wrong: Drawer, trials: int) -> tuple[list[float], list[float]]:
     """Scores of wrong and of right draws against the same samples of the truth."""
     generator, right = np.random.default_rng(4), folded()
@@ -201,6 +215,11 @@ def test_fold_test_rejects_equal_distributions_one_time_in_twenty_and_others_oft
     assert rejections(6, 10) < 0.09
     assert rejections(7, 11) > 0.5  # shifted by one fold
     assert rejections(7, 8) > 0.7  # right on average, without spread
+
+
+def test_fold_test_never_says_that_a_difference_is_impossible():
+    p = fold_test(np.full(200, 7.0), np.full(11, 12.0), np.random.default_rng(0), permutations=99)
+    assert p == pytest.approx(0.01)  # the samples as they are count as one of the permutations
 
 
 def test_fold_test_of_a_single_draw_asks_whether_all_have_its_number():

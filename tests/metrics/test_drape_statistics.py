@@ -1,5 +1,6 @@
 """Statistics of drapes, what they tell cloths apart by, and how they vary."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from jaxtyping import TypeCheckError
 
 from cusick_bench.datasets import load
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.metrics import (
     LOCKED,
     PHASE_FREE,
@@ -90,6 +92,15 @@ def test_every_statistic_has_a_scale_and_standardising_chooses_columns():
     values = np.arange(len(STATISTICS), dtype=float)[None]
     np.testing.assert_allclose(standardised(values, ("folds",)), STATISTICS.index("folds") / SCALES["folds"])
     assert standardised(values).shape == values.shape
+
+
+def test_drapes_of_one_shape_are_the_same_in_units_of_the_spread_whatever_their_size():
+    """Lengths count in proportion to the cloth; shares, skewness and numbers of folds as they are."""
+    double = replace(RELEASE, cloth_radius_m=0.3, plate_radius_m=0.18, px_per_m=RELEASE.px_per_m / 2)
+    radii, coefficients = np.stack([wave(7), wave(8, depth=0.009)]), np.array([0.4, 0.5])
+    small = standardised(profile_statistics(radii, coefficients))
+    large = standardised(profile_statistics(2 * radii, coefficients, double), protocol=double)
+    np.testing.assert_allclose(large, small, rtol=1e-9, atol=1e-9)
 
 
 def test_statistics_refuse_what_is_no_profile():

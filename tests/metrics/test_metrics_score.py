@@ -51,6 +51,27 @@ def test_mean_and_best_of_many_draws():
     assert scores["test_folds_error"] == pytest.approx(np.mean([7, 7, 9]) - 7)
 
 
+def test_errors_of_means_have_no_sign():
+    few, many = image(7, mean=0.115), image(9, mean=0.125)
+    there, back = (
+        score(Prediction(one, one[None]), sample(one), [sample(other)]) for one, other in ((few, many), (many, few))
+    )
+    for name in ("test_dc_error", "test_folds_error"):
+        assert 0 < there[name] == pytest.approx(back[name]), name
+    assert there["test_folds_error"] == 2
+
+
+def test_means_of_costly_distances_are_over_draws_from_first_to_last():
+    """Of many draws twenty are looked at; in order, as rotations are, the first twenty would be half of a turn."""
+    one, other = image(7), image(9)
+    draws = np.stack([one] * 20 + [other] * 20)
+    scores = score(Prediction(one, draws), sample(one), [sample(one)])
+    alone = score(Prediction(other, other[None]), sample(other), [sample(one)])
+    for name in ("test_profile_rms_m", "test_quantile_m", "test_hausdorff_m"):
+        assert scores[name] == pytest.approx(alone[name] / 2, rel=1e-6, abs=1e-9), name
+    assert scores["test_hausdorff_best_m"] == pytest.approx(0, abs=1e-9)
+
+
 def test_paired_draws_meet_their_own_sample_only():
     tests = [image(7), image(9), image(8)]
     scores = score(

@@ -119,6 +119,21 @@ def test_mean_over_elements_is_that_of_the_overhang_and_of_the_rows_in_use():
     assert found.bending_spread == pytest.approx(0, abs=1e-6)
 
 
+def test_elements_weigh_as_their_areas():
+    mesh = disc_mesh(200)
+    weights, elements = element_weights(mesh, PLATE_RADIUS), elements_of(mesh)
+    corners = mesh.hinge_corners  # of (v0, v1, opposite) in either face
+    along, beside = corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
+    area = 0.5 * np.abs(along[..., 0] * beside[..., 1] - along[..., 1] * beside[..., 0]).sum(1)
+    position = elements.direction_low + elements.direction_fraction
+    outside = np.hypot(*hinge_centres(mesh).T) > PLATE_RADIUS
+    for place, name in enumerate(BENDING):
+        expected = area * outside * np.maximum(1 - np.abs(position - BENDING_ROWS[name]), 0)
+        np.testing.assert_allclose(weights.hinges[place], expected / expected.sum(), rtol=1e-9, atol=1e-15)
+    overhang = mesh.areas * (np.hypot(*face_centres(mesh).T) > PLATE_RADIUS)
+    np.testing.assert_allclose(weights.faces, overhang / overhang.sum(), rtol=1e-12)
+
+
 def test_spread_is_that_of_the_logarithm_between_elements():
     mesh = disc_mesh(600)
     noise = torch.from_numpy(np.random.default_rng(0).normal(0, 0.3, len(mesh.hinges)))

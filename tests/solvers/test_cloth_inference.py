@@ -37,6 +37,18 @@ class TestCorrection:
         assert found(np.zeros((1, 8)))[0][0] == pytest.approx([1.0, 2.0], abs=0.1)
         assert found.scatter == pytest.approx(scatter, rel=0.25)
 
+    def test_scatter_is_not_too_small_for_what_slopes_have_taken(self):
+        generator = np.random.default_rng(3)
+        slope = 5.0 * generator.standard_normal((4, 3))
+        scatters = []
+        for _ in range(100):
+            leading = generator.standard_normal((16, 4))
+            beyond = leading @ slope + generator.standard_normal((16, 3))
+            found = linear_correction(leading, beyond, np.ones(16))
+            scatters.append(np.diag(found.scatter))
+            assert found(found.centre[None])[1][0] == pytest.approx(1 / 16)  # where no slope counts: that of a mean
+        assert np.mean(scatters) == pytest.approx(1.0, abs=0.08)  # over 16 - 1 - 4 degrees of freedom; 0.7 over 16
+
     def test_where_there_is_nothing_to_correct_slopes_shrink(self):
         errors = {"shrunk": [], "least squares": []}
         for seed in range(10):

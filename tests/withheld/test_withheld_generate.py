@@ -47,7 +47,9 @@ def labels_of(folder):
 
 def test_a_case_is_a_data_set_in_the_public_layout(made):
     cases, _ = made
-    for case in cases.glob("case_*"):
+    folders = sorted(cases.glob("case_*"))
+    assert [folder.name for folder in folders] == sorted(plan.case for plan in suite().plans())
+    for case in folders:
         data = load(str(case))
         assert list(data.index["capture"]) == [1, 2, 3, 4]
         assert list(data.index["side"]) == ["up", "up", "down", "down"]

@@ -130,7 +130,7 @@ class SetModel:
             The log joint probability.
         """
         likelihood = float(self.likelihoods(chosen, more=more, points=_no_points(self.points)).total[-1])
-        return likelihood + self.log_prior(len(chosen)) + float(self.points.log_prior[chosen].sum())
+        return likelihood + self.log_prior(len(chosen)) + float(self.points.log_prior[list(chosen)].sum())
 
 
 @dataclass(frozen=True, eq=False)
