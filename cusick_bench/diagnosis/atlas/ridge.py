@@ -83,8 +83,8 @@ def ridge(
     Args:
         terms: Regressors.
         values: What to predict.
-        free: The first so many terms are not shrunk.
-        precision: One over the variance of every row, up to a common factor; all alike by default.
+        free: Number of leading terms that are not shrunk.
+        precision: Inverse variance of every row, up to a common factor; equal by default.
 
     Returns:
         The regressions.
