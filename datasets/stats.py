@@ -175,7 +175,7 @@ def statistics(
     """Measures every cloth, or the given ones (against all others).
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloths: Names; all by default.
         progress: Called with each cloth's name when it is read.
 

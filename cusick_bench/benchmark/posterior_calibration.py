@@ -122,7 +122,7 @@ def calibration_fit(plan: CalibrationPlan, number: int, simulators: Simulators |
     Args:
         plan: What to fit.
         number: Number of the cloth.
-        simulators: Kept from fit to fit.
+        simulators: Simulators that are reused from fit to fit.
 
     Returns:
         The fit.
@@ -225,7 +225,7 @@ def calibration_fits(plan: CalibrationPlan, numbers: Sequence[int], workers: int
     Args:
         plan: What to fit.
         numbers: Numbers of the cloths.
-        workers: Processes.
+        workers: Number of processes.
 
     Yields:
         The fits as they are finished, in any order.

@@ -89,7 +89,7 @@ def parallel_map(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     """`map`, in this process or over several.
 
     Args:
-        workers: Processes.
+        workers: Number of processes.
 
     Yields:
         A function that is called like `map`, and gives the same results in the same order.

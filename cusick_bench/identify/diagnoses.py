@@ -56,7 +56,7 @@ def diagnose_fabrics(
         cloths: Cloths to diagnose.
         workspace: Where documents and pages lie.
         options: How to diagnose.
-        progress: Called to tell what is being done, and the share that is over.
+        progress: Called with what is being done and the share that is done.
         atlas: The atlas.
 
     Returns:

@@ -50,7 +50,7 @@ def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
     """The drapes of a cloth that its stiffness may be learned from, one a sample.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloth: One of its cloths.
 
     Returns:
@@ -70,7 +70,7 @@ def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
     """Drapes of the same samples with the other face up, where drapes with the face up are given.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         rows: Rows of the index of drapes of one cloth, one a sample.
 
     Returns:
@@ -106,7 +106,7 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
     """Chooses what to fit, and says why where nothing can be.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloths: Cloths to fit.
         options: How to fit.
 
@@ -185,8 +185,8 @@ def run_fits(
         plan: What to fit.
         workspace: Where results lie.
         options: How to fit.
-        watcher: Called to tell how the fits get on.
-        workers: Processes.
+        watcher: Told of the fits' progress.
+        workers: Number of processes.
         command: Command line, for the record.
 
     Returns:

@@ -74,7 +74,7 @@ def fabric_next(
     """What to do next about one fabric.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         fabric: Name of the fabric.
         drapes: What its silhouettes show.
         fit_missing: Why there is no stiffness; "" where there is one.
@@ -129,7 +129,7 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
     """What to do next about the laboratory as a whole.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         preparation: How photographs became the data set; None where they did not.
 
     Returns:

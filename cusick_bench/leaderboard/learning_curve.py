@@ -52,7 +52,7 @@ def learning_splits(
     """Splits for every number of training samples.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloths: Cloths; None for those of the split `paper`.
         samples: Numbers of training samples.
         unseen: Number of samples that no fit sees.

@@ -93,10 +93,10 @@ def build_problem(
     """Poses a cell's problem.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cell: What to pose.
         folder: Where the problem keeps what a resumed solver needs; nowhere by default.
-        simulators: Kept from cell to cell; made anew by default.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         The problem, its budget not touched.
@@ -148,11 +148,11 @@ def run_cell(
     """Runs a cell, or goes on with it where an earlier run was killed.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cell: What to run.
         store: Where results lie.
-        report: Called to tell how far the cell is.
-        simulators: Kept from cell to cell; made anew by default.
+        report: Called with the cell's progress.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         The cell's result; `status` is "done" or "failed".
@@ -229,7 +229,7 @@ def solve_cell(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report:
         problem: The cell's problem, from `build_problem`.
         dataset: Data; only oracles are shown what is held out.
         cell: What is asked.
-        report: Called to tell how far the solver is.
+        report: Called with the solver's progress.
 
     Returns:
         The answer.
@@ -253,7 +253,7 @@ def score_cell(dataset: DrapeDataset, cell: Cell, prediction: Prediction) -> dic
     """Scores an answer on the cell's samples.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cell: Whose training and held-out samples are compared with.
         prediction: The answer.
 

@@ -25,7 +25,7 @@ class CellExecutor(Protocol):
             source: Where the data come from.
             cells: What to run.
             store: Where results lie, as the workers see it, too.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells whose process died before they were finished; an executor that can try them again has done so.

@@ -85,7 +85,7 @@ class Processes:
     """A pool of processes on this machine; cells under way when a worker died are run once more, each alone.
 
     Attributes:
-        workers: Processes.
+        workers: Number of processes.
         death: What is recorded of a cell whose worker died twice.
     """
 
@@ -99,7 +99,7 @@ class Processes:
             source: Where the data come from.
             cells: What to run.
             store: Where results lie.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells whose own process died twice.
@@ -149,7 +149,7 @@ class Borrowed:
             source: Where the data come from.
             cells: What to run.
             store: Where results lie.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells lost with a worker that died, and with the executor that it broke.
@@ -164,7 +164,7 @@ class Borrowed:
             source: Where the data come from.
             waiting: What to run; what was not begun stays in it.
             store: Where results lie.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells under way when the worker died.

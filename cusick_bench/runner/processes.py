@@ -39,7 +39,7 @@ def process_pool(
     This process keeps its own threads and environment.
 
     Args:
-        workers: Processes.
+        workers: Number of processes.
         threads: Threads of each.
         initializer: Called in each process as it starts.
         initargs: What it is given.

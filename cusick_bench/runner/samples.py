@@ -36,7 +36,7 @@ class SampleCache:
     """The samples of a data set that were read last, at least one.
 
     Attributes:
-        dataset: Data.
+        dataset: The data set.
         most_bytes: Most memory that they take together, unless one alone takes more [bytes].
     """
 
@@ -79,7 +79,7 @@ def read_sample(dataset: DrapeDataset, row: int) -> DrapeSample:
     """A drape.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         row: Row of its index.
 
     Returns:
@@ -92,7 +92,7 @@ def read_image(dataset: DrapeDataset, row: int) -> Silhouette:
     """A silhouette.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         row: Row of its index.
 
     Returns:
@@ -105,7 +105,7 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     """First captures of a cloth's training samples, by the face that is up: captures repeat each other.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         train: Rows of its index that train; the first one is fitted.
 
     Returns:
@@ -122,7 +122,7 @@ def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[
     """What a split shows of its samples.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         train: Rows of its index that train, of one cloth.
         test: Rows that are held out.
 
@@ -138,7 +138,7 @@ def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Si
     """Pairs of captures of one drape: the floor below which no score of this cloth means anything.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloth: Name of a set.
 
     Returns:

@@ -46,7 +46,7 @@ class WarmUp:
         """Compiles what a cell will call, unless a cell of its kind has run before.
 
         Args:
-            dataset: Data.
+            dataset: The data set.
             cell: What is about to be run.
         """
         solver = make_solver(cell.solver)

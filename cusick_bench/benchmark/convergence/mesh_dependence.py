@@ -234,7 +234,7 @@ def silhouette_statistics(positions: Float[ndarray, "vertices 3"], faces: ndarra
 
     Args:
         positions: Vertices of the drape [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
 
     Returns:
         Values in the order of `NAMES`.

@@ -55,7 +55,7 @@ def build(
     Args:
         folder: Where the atlas is made; created.
         design: What it is made of; must be that of the points that are there.
-        workers: Processes.
+        workers: Number of processes.
         progress: Called with the number of tasks that are done and the number of all tasks.
 
     Raises:

@@ -92,7 +92,7 @@ def controlled(
         calibration: Calibration of the probabilities.
         options: How to diagnose; nothing is simulated.
         names: Which controls; by default all.
-        workers: Processes.
+        workers: Number of processes.
         progress: Called with what is being done and the share that is done.
 
     Returns:

@@ -103,7 +103,7 @@ def repeat(
         dataset: Data to do it on.
         redrawn: Draws of a posterior to drape again.
         seed: Seed of their choice.
-        simulators: Kept from cell to cell; made anew by default.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         What was made again, with what it was compared with.

@@ -92,7 +92,7 @@ def verify_cell(
         dataset: The data that it was run on.
         redrawn: Draws of a posterior to drape again.
         seed: Seed of their choice.
-        simulators: Kept from cell to cell; made anew by default.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         What became of the cell; never an error.

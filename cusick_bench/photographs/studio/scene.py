@@ -88,7 +88,7 @@ class Piece:
 
     Attributes:
         vertices: Positions [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         material: Where each vertex lies in the flat cloth [m].
         albedo: Map of the flat cloth.
     """

@@ -11,7 +11,7 @@ def percent(share: float | None, digits: int = 0) -> str:
 
     Args:
         share: The share, None if unknown.
-        digits: Decimals.
+        digits: Number of decimals.
 
     Returns:
         Such as "31 %" or "< 1 %".

@@ -136,7 +136,7 @@ def radius_angle(
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         draws: Most draws of a cell to look at.
-        progress: Called to tell what is measured.
+        progress: Called with the name of what is being measured.
 
     Returns:
         The figure's content.

@@ -102,7 +102,7 @@ def fitted(
         cells: What the run's folder holds.
         dataset: The run's data.
         solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
-        progress: Called to tell what is read.
+        progress: Called with the name of what is being read.
 
     Returns:
         A strip for each real drape that is shown.
@@ -144,7 +144,7 @@ def held_out(
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         samples: Most samples of a cloth.
-        progress: Called to tell what is read.
+        progress: Called with the name of what is being read.
 
     Returns:
         A strip for each real drape that is shown.

@@ -162,7 +162,7 @@ class RunPage:
         title: Its title.
         summary: What was run, in a sentence.
         facts: Name and value of what identifies the run.
-        boards: Leaderboards.
+        boards: The leaderboards.
         cloths: The cells, cloth by cloth.
         stiffness: What stiffness was found, None where no solver found any.
         curves: Figures that compare methods, of each leaderboard that has any.

@@ -79,7 +79,7 @@ def write_report(
         pictures: Folder for one side-by-side PNG a cell.
         compared: Another run, to compare this one with.
         seed: Seed of the resamples of that comparison.
-        progress: Called to tell each cell that is drawn.
+        progress: Called with the name of each cell that is drawn.
 
     Returns:
         The files written.

@@ -141,7 +141,7 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
         folder: Folder of the case, in the public layout.
         atlas: Fitted atlas.
         options: How to diagnose.
-        simulators: Kept from case to case.
+        simulators: Simulators that are reused from case to case.
 
     Returns:
         The answer.
