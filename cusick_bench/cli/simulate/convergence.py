@@ -54,7 +54,7 @@ _MOST_MESHES = 1000
 
 @dataclass(frozen=True)
 class _Common:
-    """What both studies share."""
+    """Settings that both studies share."""
 
     law: LawOfDrape
     clamp: ClampOfDrape | None
@@ -71,7 +71,7 @@ class _Common:
 
 @dataclass(frozen=True)
 class _Study:
-    """How one cloth is looked at on several meshes."""
+    """Settings for the study of one cloth on several meshes."""
 
     sizes: Sequence[int]
     cloth: Mapping[str, float]
@@ -118,7 +118,7 @@ def convergence(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Drapes one cloth on meshes of several sizes and with shorter time steps: how much drapes still change.
+    """Drape one cloth on meshes of several sizes and with shorter time steps, and measure how much drapes change.
 
     Without --vertices the meshes have 297, 1205, 2699 and 7496, which takes some minutes on two cores. With --reference
     the rows of the table are simulated instead, by default on 297, 1205 and 2699, each on --meshes meshes. Drops are
