@@ -106,7 +106,7 @@ class Leaderboard:
         statistic: "mean" or "iqm".
         cloths: Cloths that any row covers.
         rows: The rows.
-        notes: What a reader must know, one sentence each.
+        notes: Remarks for readers, one sentence each.
         run: `run.json` of the results folder.
     """
 

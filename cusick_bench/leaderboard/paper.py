@@ -145,7 +145,7 @@ def make_table(
         cells: What the leaderboard was made of.
         board: Ranked by `test_mse` (table 1) or `train_mse` (table 2).
         at_equal_time: Best training loss of a (solver, variant) when the fastest method had ended.
-        notes: What else a reader must know.
+        notes: Remarks for readers.
 
     Returns:
         The table.

@@ -53,7 +53,7 @@ def name_of(what: str, value: Any) -> str:
 
     Args:
         what: What it names, such as `solver`.
-        value: What the file holds.
+        value: Value in the file.
 
     Returns:
         The name.

@@ -96,7 +96,7 @@ class Outcome:
 
     Attributes:
         findings: A line a solver and metric, regressions first.
-        notes: What a reader must know.
+        notes: Remarks for readers.
     """
 
     findings: tuple[Finding, ...]

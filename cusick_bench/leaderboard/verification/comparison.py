@@ -37,7 +37,7 @@ class Check:
     """One thing that was compared.
 
     Attributes:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         difference: By how much stored and repeated differ.
         tolerance: By how much they may.
         detail: Both values, or what is wrong.
@@ -85,7 +85,7 @@ def equal(name: str, found: str, claimed: str) -> Check:
     """Compares two texts, such as hashes.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         found: What is there.
         claimed: What is said to be there.
 
@@ -102,7 +102,7 @@ def moved(name: str, stored: ndarray, again: ndarray) -> Check:
     """Compares two shapes by the largest shift of a vertex.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         stored: Positions [m].
         again: The same, made again [m].
 
@@ -117,7 +117,7 @@ def largest(name: str, stored: ndarray, again: ndarray, tolerance: float) -> Che
     """Compares two arrays by their largest difference.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         stored: One of them.
         again: The same, made again.
         tolerance: By how much they may differ.
@@ -135,7 +135,7 @@ def relative(name: str, stored: ndarray, again: ndarray) -> Check:
     """Compares two tables of stiffness by their largest difference, relative to the largest entry.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         stored: One of them.
         again: The same, made again.
 

@@ -48,7 +48,7 @@ class Verification:
         seed: Seed.
         status: "verified", "rescored" (metrics hold, but nothing could be simulated again), "differs" or "unreadable".
         checks: What was compared.
-        notes: What a reader must know.
+        notes: Remarks for readers.
     """
 
     key: str

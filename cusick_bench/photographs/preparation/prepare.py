@@ -153,7 +153,7 @@ def protocol_of(view: PlateView, setting: Setting) -> Protocol:
 
     Args:
         view: The calibrated camera.
-        setting: What one tells of the experiment.
+        setting: Description of the experiment by its user.
 
     Returns:
         The protocol; pinhole where the camera's height is known.
@@ -209,7 +209,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     Args:
         folder: The photographs.
         out: Folder to write; must not exist, or hold nothing but a table of weights.
-        setting: What one tells of the experiment.
+        setting: Description of the experiment by its user.
         done: Called with the name of each photograph that is finished.
 
     Returns:

@@ -32,7 +32,7 @@ def fold_variability(cells: Cells, dataset: DrapeDataset, *, draws: int = DRAWS)
     """Compares the spread of draws with that of held-out samples.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         draws: Most draws of a cell to compare.
 

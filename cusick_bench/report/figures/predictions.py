@@ -125,7 +125,7 @@ def entrants(
     """The solvers of a run: those that simulate, those that do not, those that have seen the answer.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         solvers: Names of the solvers to keep, in this order, a name without options standing for all that it has;
             those of the kinds by default.
         kinds: Kinds to keep where no solver is named; all where the run has none of them.
@@ -157,7 +157,7 @@ def check_data(cells: Cells, dataset: DrapeDataset) -> None:
     """Makes sure that a run was made with these data.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The data.
 
     Raises:
@@ -176,7 +176,7 @@ def held_out_rows(cells: Cells, cloth: str) -> list[int]:
     """Index rows of the held-out samples of a cloth.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         cloth: Name of the cloth.
 
     Returns:

@@ -132,7 +132,7 @@ def radius_angle(
     """Compares a run's draws with the held-out samples of all its cloths.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         draws: Most draws of a cell to look at.

@@ -99,7 +99,7 @@ def fitted(
     """Training samples beside their fits, one strip a cloth; of several seeds and splits the first.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
         progress: Called with the name of what is being read.
@@ -140,7 +140,7 @@ def held_out(
     what a method can draw, not what it foretells.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         samples: Most samples of a cloth.

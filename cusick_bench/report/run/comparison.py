@@ -64,7 +64,7 @@ class ComparisonSection:
         heads: Headings of the changes.
         rows: The methods that both runs have.
         graph: Test MSE in both runs; None where neither has one.
-        notes: What a reader must know.
+        notes: Remarks for readers.
         differences: What else differs: name, value there, value here.
     """
 

@@ -67,7 +67,7 @@ def answer_left_out(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> AnswersDocument:
-    """Answers every such case without its effect, or goes on with a file that was begun.
+    """Answers every such case without its effect, or resumes an interrupted run.
 
     Args:
         cases: Folder of the cases.

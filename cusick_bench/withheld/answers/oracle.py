@@ -54,7 +54,7 @@ def oracle_closures(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> OracleClosures:
-    """Closure by the true cause of every case that has one, the strongest first, or goes on with what was begun.
+    """Closure by the true cause of every case that has one, the strongest first, or resumes an interrupted run.
 
     Args:
         cases: Folder of the cases.

@@ -110,7 +110,7 @@ def measure_shown_shifts(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> dict[str, ShownShift]:
-    """Measures what every case with an effect shows of it, or goes on with what was begun.
+    """Measures what every case with an effect shows of it, or resumes an interrupted run.
 
     Args:
         suite: The suite as it was generated.

@@ -117,7 +117,7 @@ class LabelDocument(Document):
         """The label without its salt and seal.
 
         Returns:
-            Its content as it stands on disk.
+            Its content as it is stored on disk.
         """
         return {key: value for key, value in self.content().items() if key not in ("salt", "sha256")}
 

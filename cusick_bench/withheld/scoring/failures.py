@@ -102,7 +102,7 @@ def described_answer(answer: BaselineAnswer) -> str:
     """Describes an answer in a few words.
 
     Args:
-        answer: What was said.
+        answer: The answer.
 
     Returns:
         Verdict, first causes with their probabilities, 90 % set, p-value.

@@ -24,9 +24,9 @@ class LabelledAnswers:
     """Answers with their labels, by case.
 
     Attributes:
-        answers: What was said.
-        labels: What is true.
-        notes: What a reader must know of the files.
+        answers: The answers.
+        labels: The labels.
+        notes: Remarks on the files for readers.
     """
 
     answers: Mapping[str, Answer]

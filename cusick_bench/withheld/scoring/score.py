@@ -33,7 +33,7 @@ class Scores:
         figures: All figures, those of the answers first.
         cases: Judgements of the answers, a row a case, in the order of `Judgement`.
         detection: What detection is scored by.
-        notes: What a reader must know.
+        notes: Remarks for readers.
     """
 
     figures: tuple[Figure, ...]
@@ -45,7 +45,7 @@ class Scores:
         """Value of a figure.
 
         Args:
-            name: What is measured.
+            name: Name of the figure.
             subset: Name of the subset of cases.
             method: `answers`, `chance`, or a baseline's name.
 

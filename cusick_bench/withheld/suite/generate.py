@@ -89,7 +89,7 @@ def generate(
     """Writes a suite.
 
     Args:
-        suite: What is asked for.
+        suite: Description of the suite.
         out: Folder of the cases, with the commitment to their labels; nothing else is written there.
         labels: Folder of the labels, outside of `out`.
         workers: Number of processes.
@@ -164,7 +164,7 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
 
     Args:
         suite: The suite that the case belongs to.
-        plan: What the case holds.
+        plan: Plan of the case.
         out: Folder of the cases.
 
     Returns:
