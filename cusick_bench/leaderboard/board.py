@@ -2,8 +2,8 @@
 
 Rows are ordered by a metric, best first (`order`). A row shares the rank of the row above it as long as the
 bootstrap interval of its paired difference from the first row of that rank includes 0. The floor and the
-oracles have no rank, since they have seen what the others are asked for; nor has a row that lacks a cloth,
-since its mean is over an easier or harder set.
+oracles have no rank, since they have seen the held-out images that the others predict; nor has a row that
+lacks a cloth, since its mean is over an easier or harder set.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Finished cells of a results folder as one table; cells that failed or are damaged are named, never fatal."""
+"""Finished cells of a results folder as one table; cells that failed or are damaged are listed and left out."""
 
 import json
 import math

@@ -1,8 +1,8 @@
-"""What a solver gains from more samples of a cloth: fits of one, two, four, ... of them, on the same unseen ones.
+"""Learning curves: fits of one, two, four, ... samples of a cloth, scored on the same unseen samples.
 
-Unseen are samples spread evenly over those of a cloth, whatever is fitted: the last ones alone may be another piece of
-cloth, or another day. Of the others the first ones train, one silhouette each. All that train show one face, since a
-fit learns from one: samples of which the other face alone is known are unseen first.
+The unseen samples are spread evenly over all samples of a cloth, since the last ones alone may come from another piece
+of cloth, or another day. Of the others the first ones are fitted, with one silhouette each. All of these show the same
+face, since a fit learns from one face; samples with pictures of the other face only are chosen as unseen first.
 """
 
 from collections.abc import Sequence

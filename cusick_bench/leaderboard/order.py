@@ -10,8 +10,8 @@ from numpy import ndarray
 from cusick_bench.leaderboard.bootstrap import Statistic
 from cusick_bench.leaderboard.errors import LeaderboardError
 
-_NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval that promises so many per cent
-_LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of draws and samples being alike
+_NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval, and its nominal value [%]
+_LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of the hypothesis that draws and samples are alike
 _DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_|^draws$")
 
 

@@ -1,4 +1,4 @@
-"""The data of a run, found again from its record: whoever reads a results folder need not say where they are."""
+"""The data of a run, found from its record, so that commands on a results folder need no `--data`."""
 
 import os
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""What solvers found of the cloths' stiffness: a row for each solver and cloth, over its seeds, beside the truth.
+"""Table of the stiffness that solvers found: a row for each solver and cloth, over its seeds, with the truth if known.
 
 Stiffnesses are averaged in the logarithm (geometric means). Where the truth is known a row has two scores: the error
 factor exp(mean |log(found / true)|) over directions and seeds, 1 for a perfect answer, and the coverage, the share of

@@ -1,4 +1,4 @@
-"""Lists everything in a folder that is not as the layout promises; nothing that is found stops the audit."""
+"""Lists everything in a folder that does not follow the layout; no fault stops the audit."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -1,8 +1,8 @@
 """Reads a silhouette safely and checks that it shows one cloth on a plate.
 
-Pillow reads the header, OpenCV the pixels: OpenCV cannot tell an image's size before it has decoded it, and a file of
-some hundred bytes may claim pixels enough to fill the memory. Over the 450 JPEG files of the public release both decode
-every pixel alike.
+Pillow reads the header, OpenCV the pixels: OpenCV does not report an image's size before it has decoded it, and a file
+of some hundred bytes may claim enough pixels to fill the memory. For the 450 JPEG files of the public release both give
+the same pixels.
 """
 
 import warnings

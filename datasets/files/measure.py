@@ -1,4 +1,4 @@
-"""Profiles and content hashes of files, kept in the user's cache by content: a second look costs no measuring."""
+"""Profiles and content hashes of files, cached by content, so that each file is measured only once."""
 
 import hashlib
 import os

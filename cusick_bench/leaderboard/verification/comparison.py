@@ -1,4 +1,4 @@
-"""Comparisons of what a cell stored with what is made again from it, and by how much the two may differ."""
+"""Comparisons of the numbers that a cell stored with those of its repetition, with tolerances."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,14 +10,14 @@ from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 
-REDRAWN = 8  # draws of a posterior that are draped again
+REDRAWN = 8  # number of draws of a posterior that are draped again
 # What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
-MATERIAL = 1e-9  # stiffness, of its largest
-SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
-PIXEL = 0.02  # of 1: what that shift can do to a pixel of the release that the rim crosses
-ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
-METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
-METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
+MATERIAL = 1e-9  # tolerance of stiffness, relative to the largest one
+SHAPE = 1e-5  # [m] tolerance of a vertex; a pixel is 1.4e-3 m
+PIXEL = 0.02  # tolerance of a pixel on the outline: the change by a shift of `SHAPE` in pictures of the release
+ROUNDED = 0.51 / 255 + 1e-6  # tolerance of stored draws, which have 255 levels
+METRIC, SLACK = 1e-3, 2e-5  # tolerance of a metric, relative, and absolute where it is near 0
+METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same for metrics of the stored pictures themselves
 
 
 def pixel_tolerance(protocol: Protocol) -> float:

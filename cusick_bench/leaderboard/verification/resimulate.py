@@ -1,9 +1,9 @@
-"""One finished cell done again from what it stored: the drape from the parameters, the metrics from the data.
+"""One finished cell repeated from what it stored: the drape from the parameters, the metrics from the data.
 
-A row without physics, or an oracle's, is made again as a whole. Of a simulation the stored parameters are draped
-again with the code at hand: a drop from the start, an equilibrium from the stored shape, which Newton's method must
-leave where it is. Draws that are the fit itself are made again with it. Of draws from a stored posterior a random few
-are drawn and draped again; of all others the pictures are rendered again from stored shapes, and scored again.
+A cell without physics, or of an oracle, is repeated as a whole. For a simulation the stored parameters are draped again
+with the present code: a drop from the start, an equilibrium from the stored shape, which Newton's method must not
+change. Draws that are the fit itself are repeated with it. Of the draws from a stored posterior, a few random ones are
+drawn and draped again; the pictures of all others are rendered again from the stored shapes, and scored again.
 """
 
 import tempfile
@@ -39,7 +39,7 @@ from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
 
-_RERENDERED = 20  # draws whose pictures are made again from stored shapes
+_RERENDERED = 20  # number of draws whose pictures are rendered again from stored shapes
 
 _NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}
 

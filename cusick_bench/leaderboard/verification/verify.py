@@ -1,9 +1,9 @@
-"""From *reported* to *verified*: every finished cell of a run done again and scored again.
+"""From *reported* to *verified*: every finished cell of a run is repeated and scored again.
 
-A cell is verified where all holds: its record is the one that its folder is named after, the data are the same by
-hash, the stored parameters drape to the stored shape and picture, and the metrics come out again, each within a stated
-tolerance (`resimulate`). Parameters, pictures or metrics that were changed afterwards are found out so. What is found
-is kept in `verified.json` of the results folder, with hashes of the files that it holds for.
+A cell is verified if its record is the one that its folder is named after, the data have the same hash, the stored
+parameters drape to the stored shape and picture, and the metrics are the same, each within a stated tolerance
+(`resimulate`). This detects parameters, pictures or metrics that were changed afterwards. The outcome is kept in
+`verified.json` of the results folder, with hashes of the files for which it is valid.
 """
 
 import logging

@@ -1,7 +1,7 @@
-"""What a perfect diagnosis would close: the true cause with its true parameters, in the diagnosis' own simulator.
+"""Closure by a perfect diagnosis: the true cause with its true parameters, in the diagnosis' own simulator.
 
-The truth follows other laws than the simulator that answers, so even the right cause leaves a gap; an answer's closure
-is judged against this one. It needs the labels, so it is made after the answers.
+The true world has other laws than the simulator that answers, so even the right cause leaves a gap; the closure of an
+answer is compared with this one. It needs the labels, so it is computed after the answers.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""Where what is found of each case is kept: one file a case beside the file for all, so that a crash loses one.
+"""Files of partial results: one for each case beside the file for all cases, so that a crash loses only one case.
 
-The path tells what it was found from: the files of the case, the atlas, the options, the versions of the numerics. What
-was found from others, as from another suite's case of the same name, is not taken over.
+The path contains a hash of everything that decides a result: the files of the case, the atlas, the options, the
+versions of the numerics. So results of other inputs, such as another suite's case of the same name, are never reused.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""What went wrong, case by case, and what was taken for what."""
+"""Failures case by case, and confusion tables: which effect was taken for which."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ def failures(answered: LabelledAnswers, cases: pd.DataFrame) -> list[Failure]:
 
 
 def _faults(row: dict[Hashable, Any]) -> tuple[str, ...]:
-    """What is wrong, the worst first. What follows from a miss is not told again."""
+    """Faults of an answer in words, the worst first; consequences of a missed effect are not listed again."""
     if row["kind"] == NULL:
         return ("false positive",) if row["detected"] else ()
     if row["verdict"] == causes.NONE:

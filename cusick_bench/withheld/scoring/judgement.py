@@ -1,4 +1,4 @@
-"""What is right and wrong in the answer to one case."""
+"""Judgement of the answer to one case: what is right and what is wrong."""
 
 from dataclasses import dataclass
 from math import isfinite, nan

@@ -1,4 +1,4 @@
-"""Opens the labels beside the answers: every case in both, every label as it was sealed."""
+"""Reads answers together with their labels, and checks that both have the same cases and that seals are intact."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

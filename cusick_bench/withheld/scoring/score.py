@@ -1,6 +1,6 @@
-"""Scores answers to withheld cases: every figure with its interval, beside what chance and simpler methods reach.
+"""Scores answers to withheld cases: every figure with its interval, beside those of chance and of simpler methods.
 
-Chance is measured, not assumed: the same answers, dealt to the cases at random.
+Chance is measured, not assumed: the same answers are assigned to the cases at random.
 """
 
 from collections import Counter
