@@ -1,4 +1,4 @@
-"""Drapes of a batch of cloths in arrays: who diverged, who came to rest, and the way back to parameter gradients."""
+"""Drapes of a batch of cloths in arrays: which diverged, which came to rest, and the adjoint to the parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

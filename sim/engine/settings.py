@@ -1,4 +1,4 @@
-"""How a drape is simulated: law, way to the rest, support, laid-down and rest shape."""
+"""Settings of a simulated drape: law, mode (drop or equilibrium), support, laid-down shape and rest shape."""
 
 from __future__ import annotations
 

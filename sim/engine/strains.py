@@ -1,4 +1,4 @@
-"""Strains as laws with internal variables see them: of hinges and faces, or of the quadrature points of a shell.
+"""Strains for laws with internal variables: of hinges and faces, or of the quadrature points of a shell.
 
 A cloth's bending is measured as `Parameters.rest_angle` is: the dihedral angles of hinges [rad], or the curvatures
 (k11, k22, 2 k12) of a shell's edge points [1/m], one behind another. Its size at a shell's point is the norm of the

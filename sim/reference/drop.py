@@ -1,6 +1,6 @@
-"""The drop in plain torch: autograd through every step, sparse direct solves. What the engine is measured against.
+"""The drop in plain torch: autograd through every step, sparse direct solves. The engine is benchmarked against it.
 
-It is what a careful program without an engine of its own does: forces and stiffness by torch, SuperLU of SciPy for
+This is what a careful program without its own engine would do: forces and stiffness by torch, SuperLU of SciPy for
 (M + h^2 K) v' = M v + h F, and autograd through all of it, for which the graph of every step is kept.
 """
 

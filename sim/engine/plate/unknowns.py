@@ -1,5 +1,6 @@
-"""Between what a drape is asked in (vertices, faces, hinges) and what a shell computes with (control points, quadrature
-points). All maps are linear; each has its transposed for gradients."""
+"""Linear maps between vertices, faces and hinges of a drape and control and quadrature points of a shell.
+
+Each has its transpose for gradients."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Buffers for what the kernels return of every element, used again from evaluation to evaluation."""
+"""Buffers for the kernels' results for every element, reused from evaluation to evaluation."""
 
 from dataclasses import dataclass
 
