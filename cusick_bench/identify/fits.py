@@ -1,8 +1,9 @@
 """Stiffness from the drapes of each fabric, fitted by a solver with a posterior.
 
-A drape of a sample that is unlike the fabric's others would give that sample's stiffness, so the one whose drape
-coefficient is the median is fitted, and a solver that can learns from the other samples and the other face as well.
-Nothing is held out: this is a measurement, no comparison of methods, and a fabric with one sample can be measured too.
+A sample that differs from the fabric's others would give the stiffness of that sample only, so the sample with the
+median drape coefficient is fitted; a solver that can do so learns from the other samples and the other face as well.
+Nothing is held out, since this is a measurement and not a comparison of methods, and a fabric with one sample can be
+measured, too.
 """
 
 from collections.abc import Mapping, Sequence

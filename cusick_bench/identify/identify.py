@@ -1,4 +1,4 @@
-"""The whole way from a folder to the answer; every part is kept, and made again only where what it is made of changes.
+"""The whole procedure from a folder to the result; every part is kept, and made again only if its inputs change.
 
 folder -> data set -> drape coefficient, folds -> stiffness of a typical drape -> diagnosis -> document and page
 """

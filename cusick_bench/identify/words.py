@@ -1,4 +1,4 @@
-"""What an identification says in sentences: what is in doubt, and what to do next."""
+"""Sentences of an identification: what is in doubt, and what to do next."""
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.index import UNNUMBERED
@@ -7,12 +7,12 @@ from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
-USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
-_MOST_ADVICE = 2  # measurements that a diagnosis advises, as far as they are repeated here
-_CLOSE = 0.03  # of drape coefficient, by which samples of one cloth differ anyway
-_LIMP = 0.5  # drape coefficient; below it drapes of law plate on coarse meshes are off by more than samples differ by
-_FINE = 450  # vertices, from which on they hardly are
-_WIDE = 2.0  # upper over lower end of an interval from which stiffness is called uncertain
+USUAL_SAMPLES = 12  # number of samples in the public release, with two faces each, as the diagnosis was calibrated on
+_MOST_ADVICE = 2  # largest number of measurements of the diagnosis' advice that are repeated here
+_CLOSE = 0.03  # difference of drape coefficients by which samples of one cloth differ anyway
+_LIMP = 0.5  # drape coefficient below which law plate on coarse meshes errs by more than samples differ
+_FINE = 450  # vertices of a mesh on which it hardly does
+_WIDE = 2.0  # ratio of the ends of an interval from which stiffness is called uncertain
 
 
 def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:

@@ -1,8 +1,8 @@
-"""The folder of an identification: its parts, and how one knows that a part need not be made again.
+"""The folder of an identification: its parts, and records of their inputs, which tell whether a part is up to date.
 
-OUT/data          data set made of photographs, OUT/data.json what it was made of
+OUT/data          data set made from photographs; OUT/data.json holds its inputs
 OUT/run           fits, as `run` writes them: a cell's name is the hash of all that decides its numbers
-OUT/diagnosis     a document and a page for each fabric, inputs.json what they were made of
+OUT/diagnosis     a document and a page for each fabric; inputs.json holds their inputs
 OUT/identify.json, OUT/identify.csv, OUT/identify.html
 """
 
