@@ -1,4 +1,4 @@
-"""One cell: build the problem, solve, score, write. Whatever goes wrong inside becomes the cell's result."""
+"""One cell: build the problem, solve, score, write. Any error inside becomes the cell's result."""
 
 import logging
 import os
@@ -55,7 +55,7 @@ _log = logging.getLogger(__name__)
 Report = Callable[[float, float, str], None]
 
 
-SIMULATORS_KEPT = 8  # of the cells of a process: meshing and the linear solver's analysis take a second each
+SIMULATORS_KEPT = 8  # simulators that a process reuses; meshing and the linear solver's analysis take a second each
 
 
 def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scene | None:

@@ -1,4 +1,4 @@
-"""What is recorded beside a result and decides nothing: the code's commit, library versions, hardware."""
+"""Environment of a result, for the record only: the code's commit, library versions, hardware."""
 
 import os
 import platform

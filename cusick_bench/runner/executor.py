@@ -1,4 +1,4 @@
-"""What runs cells: the one interface that the pool of processes, other people's executors and clusters have."""
+"""Interface of what runs cells: the pool of processes, executors of the user, and clusters."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable

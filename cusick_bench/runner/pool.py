@@ -1,4 +1,4 @@
-"""Cells on worker processes; a worker that dies costs no cell but its own."""
+"""Cells on worker processes; if a worker dies, only its own cell can be lost."""
 
 import multiprocessing
 import queue
@@ -21,8 +21,8 @@ from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
 POLL_SECONDS = 0.2  # between looks at the workers' messages
-SUBMITTED_AHEAD = 4  # cells a worker that are submitted at a time: workers never wait, and memory stays constant
-MOST_SUBMITTED = 1000  # cells at a time, of an executor whose number of workers nobody knows
+SUBMITTED_AHEAD = 4  # cells submitted at a time for each worker: workers never wait, and memory stays constant
+MOST_SUBMITTED = 1000  # cells submitted at a time to an executor with an unknown number of workers
 
 
 @dataclass(eq=False)

@@ -1,7 +1,7 @@
-"""What cells read of the data: kept for the cells that follow, which are mostly about the same cloth.
+"""Samples that cells read from the data, cached for the next cells, which mostly use the same cloth.
 
-Decoding and checking the silhouettes of a cloth takes longer than scoring a trivial answer. What is kept is bounded in
-bytes, so that memory grows neither with the grid nor with the width of the silhouettes: a cloth of 48 silhouettes of
+Decoding and checking the silhouettes of a cloth takes longer than scoring a trivial answer. The cache is limited in
+bytes, so that memory grows neither with the grid nor with the width of the silhouettes: a cloth with 48 silhouettes of
 512 pixels takes about 50 MB.
 """
 

@@ -1,4 +1,4 @@
-"""Where a run's data come from, and the data themselves, loaded once a process."""
+"""Source of a run's data, and the data themselves, loaded once in each process."""
 
 import os
 from contextlib import suppress

@@ -4,8 +4,8 @@ A task is a batch of cells, run one after the other. A task that runs into its t
 the queue again; it passes over the cells that are finished and goes on with the one that was cut off from its journal.
 Where a task ends before its cells do, they are submitted once more, each as a task of its own.
 
-submitit keeps what it submits, and the logs, in OUT/jobs. Nothing is read from there but by the tasks themselves:
-whether a cell is finished, its own folder says.
+submitit keeps the submitted tasks and their logs in OUT/jobs. Only the tasks themselves read from there: whether a cell
+is finished is known from its own folder.
 """
 
 import logging

@@ -1,4 +1,4 @@
-"""Which picture of a folder shows what, by its name: drapes, the board on the plate, boards held, the bare plate."""
+"""What the pictures of a folder show, by their names: drapes, the board on the plate, held boards, the bare plate."""
 
 import os
 import re

@@ -29,13 +29,13 @@ from cusick_bench.photographs.segmentation.confidence import ACCEPTED, doubts
 CHECKS = "check"  # folder of the pictures to look at
 _DATA = "data"  # folder of the silhouettes
 _WRITTEN = (CHECKS, _DATA, FABRICS, PROTOCOL)
-_VIEW = 2.36  # flat radii that an image is wide, as in the public release
+_VIEW = 2.36  # width of an image over the flat radius, as in the public release
 _QUALITY = 88  # of JPEG files
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What one tells of the experiment.
+    """Description of the experiment by its user.
 
     Attributes:
         cloth_radius: Radius of the flat cloth [m].

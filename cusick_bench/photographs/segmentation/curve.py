@@ -1,4 +1,4 @@
-"""Closed curves around the plate's axis as points in even distances, and their normals."""
+"""Closed curves around the plate's axis as equidistant points, and their normals."""
 
 import cv2
 import numpy as np

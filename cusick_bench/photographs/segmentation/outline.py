@@ -1,4 +1,4 @@
-"""The outline of the cloth in a photograph, and how sure it is."""
+"""The outline of the cloth in a photograph, and the evidence for it."""
 
 from dataclasses import dataclass, replace
 
@@ -25,10 +25,10 @@ _REGION = 0.7  # weight of a millimetre of wrongly coloured places
 _EDGE = 1.0  # weight of an edge's strength
 _STIFFNESS = 0.12
 _LEAST, _MOST = 0.97, 1.06  # plate radii and flat radii between which the outline lies
-_WEAK = 1.2  # standard deviations below which there is no edge
-_SECTOR = 15  # judged angles, 1 degree apart, whose strange places are counted together
-_SNAPS = 2  # times that the outline is moved to the edges beside it
-_ROUNDS = 1  # times that colours are learnt again from the outline
+_WEAK = 1.2  # [standard deviations] least strength of an edge
+_SECTOR = 15  # number of angles, 1 degree apart, whose strange places are counted together
+_SNAPS = 2  # how often the outline is moved to the nearest edges
+_ROUNDS = 1  # how often colours are learnt again from the outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def _steepness(picture: PolarPicture) -> float:
 
 
 def _evidence(picture: PolarPicture, ratio: ndarray, edges: ndarray, radii: ndarray) -> Evidence:
-    """What speaks for an outline beside itself."""
+    """Evidence for an outline."""
     span, path = _span(picture), np.array([picture.column(radius) for radius in radii])
     alone = [_path(ratio, edges, span, *weights) for weights in ((_REGION, 0.15), (0.05, _EDGE))]
     row = np.arange(len(path))

@@ -1,7 +1,7 @@
 """The outline moved along its normals to where colours change sharply, at the photograph's own resolution.
 
-The polar grid is coarse across steep flanks of folds, and its wide edges take a stripe or a dot near the rim for the
-rim. Here the two sides of an edge are a millimetre wide, and the cheapest closed path of offsets is taken.
+The polar grid is coarse across steep flanks of folds, and its wide edge filter may take a stripe or a dot near the rim
+for the rim. Here the two sides of an edge are a millimetre wide, and the cheapest closed path of offsets is used.
 """
 
 import cv2
