@@ -1,4 +1,4 @@
-"""How much a solver's draws of a cloth differ from each other, beside how much its real samples do.
+"""Variability of a solver's draws of a cloth, compared with that of its real samples.
 
 A best-of-N score cannot tell whether draws vary as samples of the cloth do: draws that are all alike reach a good one,
 and so do draws that vary wildly. Here stand, for every cloth, the pair error, the spread of the drape coefficient and

@@ -1,4 +1,4 @@
-"""What the cells of a run predict, solver by solver, beside the real drapes: the common source of the figures."""
+"""Predictions of a run's cells, solver by solver, with the real drapes: the common source of the figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ class Entrant:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """What a cell predicts.
+    """Prediction of a cell.
 
     Attributes:
         fit: Silhouette of the training sample.
@@ -236,7 +236,7 @@ def load_draws(folder: Path, protocol: Protocol = RELEASE) -> Draws:
         protocol: How the data's silhouettes were taken.
 
     Returns:
-        What the cell predicts.
+        The prediction.
 
     Raises:
         ReportError: It is missing, damaged or oversized.

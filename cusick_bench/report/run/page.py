@@ -71,7 +71,7 @@ def write_report(
     """Writes the page, and on demand its pictures as files.
 
     Args:
-        cells: What the results folder holds.
+        cells: Cells of the results folder.
         boards: Its leaderboards.
         out: HTML file to write.
         unseen: Radii of the unseen samples of each split; without it the graphs have no band.
