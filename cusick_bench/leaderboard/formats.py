@@ -117,7 +117,7 @@ def csv(boards: list[Leaderboard]) -> str:
 
 
 def board_table(boards: list[Leaderboard]) -> pd.DataFrame:
-    """What `csv` writes, as a table.
+    """The table that `csv` writes.
 
     Args:
         boards: The leaderboards.

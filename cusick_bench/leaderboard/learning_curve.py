@@ -25,7 +25,7 @@ METRICS = ("test_mse", "test_energy_distance", "test_dc_crps", "test_dc_cover_50
 
 @dataclass(frozen=True)
 class LearningStep:
-    """What a solver makes of so many samples, over cloths and seeds.
+    """Scores of a solver for one number of samples, over cloths and seeds.
 
     Attributes:
         solver: Name with options.

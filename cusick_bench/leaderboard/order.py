@@ -17,7 +17,7 @@ _DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_|^draws$")
 
 @dataclass(frozen=True)
 class Direction:
-    """What is better in a metric.
+    """Direction in which a metric is better.
 
     Attributes:
         larger: Whether larger is better.

@@ -39,7 +39,7 @@ _SEARCHING = "solver"  # kind of cells that compete; rows without physics, and o
 
 @dataclass(frozen=True, eq=False)
 class PerformanceProfile:
-    """How near to the best a method is, over all problems.
+    """Performance profile of a method: how near to the best it is, over all problems.
 
     Attributes:
         label: Name of the method.

@@ -26,7 +26,7 @@ NONE = -1  # index for drapes beyond the reach of every cloth; the last column o
 
 @dataclass(frozen=True, eq=False)
 class Confusion:
-    """What drapes were taken for.
+    """Confusion table: to which cloths drapes were assigned.
 
     Attributes:
         cloths: Names, in the order of rows and columns.
@@ -57,7 +57,7 @@ class Confusion:
 
 @dataclass(frozen=True, eq=False)
 class Classifier:
-    """What cloths look like; made by `learn`.
+    """A classifier of drapes by cloth; made by `learn`.
 
     Attributes:
         cloths: Names.

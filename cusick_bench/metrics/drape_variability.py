@@ -34,7 +34,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Variability:
-    """How drapes of one cloth differ.
+    """Variability of drapes of one cloth.
 
     Attributes:
         drapes: Number of drapes that were compared.

@@ -86,7 +86,7 @@ Quantities = Mapping[str, Quantity]
 
 @dataclass(frozen=True)
 class FoundStiffness:
-    """What a solver found of a cloth, by direction.
+    """Stiffness of a cloth found by a solver, by direction.
 
     Attributes:
         bending: Bending stiffness of warp, weft and bias [N m].
@@ -142,7 +142,7 @@ def stiffness_document(found: FoundStiffness | None) -> dict[str, Any]:
 
 
 def read_stiffness(result: Mapping[str, Any]) -> FoundStiffness | None:
-    """What the document of a result says of stiffness.
+    """Stiffness in the document of a result.
 
     Args:
         result: Contents of `result.json`.

@@ -107,7 +107,7 @@ def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
 
 
 def cloth(images: Float[ndarray, "*shape"]) -> Bool[ndarray, "*shape"]:
-    """Where a silhouette shows cloth rather than background.
+    """Pixels of a silhouette that show cloth and not background.
 
     Args:
         images: Silhouettes in [0, 1].

@@ -75,7 +75,7 @@ class ClothStiffness:
 
 @dataclass(frozen=True)
 class ElementWeights:
-    """How much each element counts in the mean over a cloth.
+    """Weight of each element in the mean over a cloth.
 
     Attributes:
         hinges: Weight of each hinge for each direction of bending, in the order of `BENDING`.

@@ -59,7 +59,7 @@ SIMULATORS_KEPT = 8  # simulators that a process reuses; meshing and the linear 
 
 
 def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scene | None:
-    """What the base model leaves out, for the picture that is fitted."""
+    """Scene with the effects that act in the picture that is fitted."""
     if not cell.settings.causes:
         return None
     row, table = cell.train[0], dataset.index
@@ -180,7 +180,7 @@ def run_cell(
 def _attempt(
     dataset: DrapeDataset, cell: Cell, folder: Path, report: Report, simulators: Simulators | None
 ) -> dict[str, Any]:
-    """What comes of a cell that is solved and scored, fed by what an earlier run has kept of it.
+    """Result of a cell that is solved and scored, using what an earlier run has kept.
 
     Raises:
         StaleJournal: What it has kept is of another run.
@@ -279,13 +279,13 @@ def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
 
 @lru_cache(maxsize=1)
 def _true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
-    """What the data say of the cloth's stiffness, which no solver is shown."""
+    """True stiffness of the cloth according to the data, which solvers never see."""
     true = true_tables(dataset, cloth)
     return None if true is None else cloth_stiffness(true.stretch, true.bending, true.law, poisson=true.poisson)
 
 
 def _failed(error: Exception) -> dict[str, Any]:
-    """What is recorded of a failure; a traceback only where it is a bug rather than an answer."""
+    """Record of a failure, with a traceback only if it is a bug."""
     trace = "" if isinstance(error, CusickError) else traceback.format_exc()
     return {"status": "failed", "failure": f"{type(error).__name__}: {error}", "traceback": trace, "metrics": {}}
 

@@ -80,7 +80,7 @@ def run(
 
 
 def _executor(given: Executor | CellExecutor | None, workers: int) -> CellExecutor | None:
-    """What runs the cells; None for this process itself."""
+    """Executor of the cells; None for this process itself."""
     if isinstance(given, Executor):
         return Borrowed(given)
     return Processes(workers) if given is None and workers > 1 else given

@@ -15,7 +15,7 @@ class CellExecutor(Protocol):
 
     @property
     def death(self) -> str:
-        """What is recorded of a cell whose process ended before it could say why: the likely reason, the remedy."""
+        """Record of a cell whose process ended without a reason: the likely reason and the remedy."""
         ...
 
     def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:

@@ -27,7 +27,7 @@ MOST_SUBMITTED = 1000  # cells submitted at a time to an executor with an unknow
 
 @dataclass(eq=False)
 class _Worker:
-    """What a worker process keeps from cell to cell; no cell's numbers depend on it.
+    """Objects that a worker process reuses from cell to cell; no cell's numbers depend on them.
 
     Attributes:
         messages: Where it tells how far its cell is; None where nobody listens.

@@ -119,7 +119,7 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
 
 
 def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[int]) -> SeenOfSamples:
-    """What a split shows of its samples.
+    """Faces and captures of the samples of a split.
 
     Args:
         dataset: The data set.

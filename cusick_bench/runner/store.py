@@ -187,7 +187,7 @@ class Store:
         return self.out / "cells" / key
 
     def is_done(self, key: str) -> bool:
-        """Whether a cell has been finished, and its files are those that it was finished with.
+        """Whether a cell is finished and its files are unchanged since.
 
         Args:
             key: Name of the cell.
@@ -198,7 +198,7 @@ class Store:
         return (self.folder(key) / "done").exists() and not self.fault(key)
 
     def fault(self, key: str) -> str:
-        """What is wrong with a cell that is marked as finished.
+        """Fault of a cell that is marked as finished.
 
         Args:
             key: Name of the cell.

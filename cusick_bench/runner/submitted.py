@@ -88,7 +88,7 @@ def _stopping() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Batch:
-    """What one task does: cells one after the other.
+    """A task: cells that are run one after the other.
 
     Attributes:
         source: Where the data come from.
@@ -127,7 +127,7 @@ class Batch:
                 time.sleep(RUNNING_ELSEWHERE_SECONDS)
 
     def checkpoint(self, *arguments: Any, **options: Any) -> Any:
-        """What submitit puts into the queue again at the time limit: the same, since finished cells are passed over."""
+        """Task that submitit queues again at the time limit: the same one, since finished cells are skipped."""
         from submitit.helpers import DelayedSubmission
 
         return DelayedSubmission(self, *arguments, **options)
@@ -173,7 +173,7 @@ class Submitted:
 
     @property
     def death(self) -> str:
-        """What is recorded of a cell whose task ended before it, twice."""
+        """Record of a cell whose task ended twice before the cell did."""
         what = "ask for more with --job mem=..." if self.cluster == "slurm" else "reduce --workers"
         return f"The cell's task ended before the cell did, probably out of memory; see its log in OUT/jobs, or {what}"
 

@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(eq=False)
 class WarmUp:
-    """What one process has compiled already; no cell's numbers depend on it.
+    """Record of what a process has compiled; no cell's numbers depend on it.
 
     Attributes:
         kinds: Kinds of problems that are warm, each with its solver: hashes.

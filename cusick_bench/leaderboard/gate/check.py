@@ -92,7 +92,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the gate says.
+    """Outcome of the gate.
 
     Attributes:
         findings: A line a solver and metric, regressions first.

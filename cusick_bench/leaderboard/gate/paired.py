@@ -230,5 +230,5 @@ def _student(values: Float[ndarray, " units"], error: float) -> float:
 
 
 def _reach(level: float, freedom: float) -> float:
-    """How many standard errors a change must have to be found with probability `POWER`."""
+    """Size of a change that is found with probability `POWER` [standard errors]."""
     return float(stats.t.isf(level, freedom) + stats.t.ppf(POWER, freedom))

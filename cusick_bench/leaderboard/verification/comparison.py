@@ -21,7 +21,7 @@ METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same for metrics of the stored pictu
 
 
 def pixel_tolerance(protocol: Protocol) -> float:
-    """What a shift of `SHAPE` can do to a pixel that the rim crosses; more to a smaller pixel.
+    """Change of a pixel on the outline by a shift of `SHAPE`; it is larger for smaller pixels.
 
     Args:
         protocol: Gives the scale.
@@ -50,7 +50,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether they agree; what is not a number does not."""
+        """Whether the two agree within the tolerance; NaN never does."""
         return bool(self.difference <= self.tolerance)
 
 

@@ -252,7 +252,7 @@ def _start(vertices: ndarray, problem: DrapeProblem) -> Tensor | None:
 
 
 def _is_the_fit(stored: dict[str, ndarray]) -> bool:
-    """Whether the only draw is the fit, as it is for whoever answers with one drape."""
+    """Whether the only draw is the fit, as for solvers that answer with one drape."""
     shapes = stored.get("draw_vertices")
     return len(stored["draws"]) == 1 and shapes is not None and np.array_equal(shapes[0], stored["vertices"])
 

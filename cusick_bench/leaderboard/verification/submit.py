@@ -96,7 +96,7 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
 
 
 def _key(line: Mapping[Any, Any]) -> tuple[str, str]:
-    """What a line of a file is found by: one run may stand in several tracks."""
+    """Key of a line in a file; one run may be in several tracks."""
     return str(line.get("track", "")), str(line["row"])
 
 

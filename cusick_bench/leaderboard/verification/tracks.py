@@ -14,7 +14,7 @@ from cusick_bench.sim.constants import VERTICES_OF_PAPER
 
 @dataclass(frozen=True)
 class Track:
-    """What rows of a track have in common.
+    """Data and mesh sizes that rows of a track have in common.
 
     Attributes:
         dataset: Name of the data set.

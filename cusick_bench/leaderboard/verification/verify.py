@@ -39,7 +39,7 @@ _FILES = ("cell.json", "result.json", "prediction.npz")
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of one cell.
+    """Verification of one cell.
 
     Attributes:
         key: Its folder's name.
@@ -61,7 +61,7 @@ class Verification:
 
     @property
     def broken(self) -> list[Check]:
-        """What does not hold, worst first."""
+        """Checks that failed, the worst first."""
         return sorted((c for c in self.checks if not c.holds), key=lambda c: -c.difference / (c.tolerance or 1e-12))
 
     def record(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ def keep(run: Path, verifications: list[Verification]) -> None:
 
 
 def _kept(path: Path) -> dict[str, Any]:
-    """What an earlier verification has written; nothing, which is logged, where that is damaged."""
+    """Entries of an earlier verification; none, with a log entry, if the file is damaged."""
     try:
         return read_json(path) if path.exists() else {}
     except RunnerError as error:
@@ -194,7 +194,7 @@ def _other_numerics(cell: Cell, record: dict[str, Any], dataset: DrapeDataset) -
 def _identity_checks(
     folder: Path, record: dict[str, Any], result: dict[str, Any], dataset: DrapeDataset
 ) -> Iterator[Check]:
-    """Whether the cell is what it is called, and the data are what it says."""
+    """Whether the cell fits its folder's name, and the data fit its record."""
     yield equal("record", record_key(record), folder.name)
     changed = [name for name, value in record.items() if result.get(name) != value]
     yield equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")

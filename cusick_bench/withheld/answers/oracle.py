@@ -80,7 +80,7 @@ def oracle_closures(
 
 
 def _part(out: Path, folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> Path:
-    """Where the closure of one case is kept."""
+    """Path of the file with the closure of one case."""
     return case_part(out, folder, atlas, label.unsealed(), f"samples {draping.samples}, seed {draping.seed}")
 
 

@@ -29,7 +29,7 @@ def gather(
     workers: int,
     step: Callable[[str], None],
 ) -> dict[str, Found]:
-    """What is found of each case, that of the cases whose part is there from it; all is written after every case.
+    """Results of all cases, read from their parts where these exist; the file for all is written after every case.
 
     Args:
         out: File for all cases.
@@ -62,7 +62,7 @@ def gather(
 
 
 def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:
-    """Where what is found of one case is kept.
+    """Path of the file with the result of one case.
 
     Args:
         out: File for all cases.

@@ -57,7 +57,7 @@ from cusick_bench.withheld.suite.labels import label_of
 
 @dataclass(frozen=True)
 class ShownShift:
-    """What the silhouettes of a case show of its effect; an entry of `twins.json`.
+    """Shift that the silhouettes of a case show; an entry of `twins.json`.
 
     Attributes:
         shift: |d|, in standard deviations of noise.
@@ -92,7 +92,7 @@ class ShownShift:
 
     @property
     def unlike(self) -> float:
-        """What is left of the shift once other listed effects are taken off, in detectable shifts."""
+        """Remainder of the shift after other listed effects are subtracted, in detectable shifts."""
         return self.left / NEEDED
 
 
@@ -140,7 +140,7 @@ def measure_shown_shifts(
 
 
 def _part(out: Path, folder: Path, suite: Suite, plan: Plan, atlas: Path) -> Path:
-    """Where what one case shows is kept."""
+    """Path of the file with the shown shift of one case."""
     return case_part(out, folder, atlas, suite, plan, f"withheld {NUMERICS_VERSION}")
 
 

@@ -232,7 +232,7 @@ def read_label(content: Any, where: str) -> Label:
 
 
 def truth_of(label: LabelDocument) -> Label:
-    """What a label says, in the terms of the scores.
+    """The truth that a label states, as the scores need it.
 
     Args:
         label: The label.

@@ -115,7 +115,7 @@ def described_answer(answer: BaselineAnswer) -> str:
 
 
 def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
-    """How many cases of a row's class were taken for a column's.
+    """Number of cases of a row's class that were taken for a column's class.
 
     Args:
         cases: Judgements, of `Scores`.
@@ -129,7 +129,7 @@ def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def confusion_by_effect(cases: pd.DataFrame) -> pd.DataFrame:
-    """How many cases of a row's effect were taken for a column's; pairs are left out.
+    """Number of cases of a row's effect that were taken for a column's effect; pairs are left out.
 
     Args:
         cases: Judgements, of `Scores`.

@@ -137,7 +137,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -> str:
-    """What the seals prove, in a sentence.
+    """Sentence on what the seals prove.
 
     Raises:
         WithheldError: A label that is not the one whose seal was published.

@@ -17,7 +17,7 @@ LEVELS = ("1x", "2x")  # those that a goal is about
 
 @dataclass(frozen=True)
 class Goal:
-    """What a figure should be.
+    """The goal of a figure.
 
     Attributes:
         low, high: Where it should lie.

@@ -108,14 +108,14 @@ def _baselines(answered: LabelledAnswers) -> dict[str, dict[str, BaselineAnswer]
 
 
 def _detection(cases: pd.DataFrame) -> str:
-    """What detection is scored by: p-values where there are any, else probabilities, else verdicts."""
+    """Scores of detection: p-values if there are any, otherwise probabilities, otherwise verdicts."""
     return next((column for column in ("p", "none") if np.isfinite(cases[column]).any()), "verdict")
 
 
 def _evidence(cases: pd.DataFrame, answers: Sequence[BaselineAnswer]) -> Float[ndarray, " cases"]:
-    """How sure an answer is that something is there. An answer that does not say counts against its giver.
+    """Certainty of an answer that something acts; an answer without one gets the worst.
 
-    An answer that states causes, but not none, leaves to none what these leave.
+    If an answer states causes but not `none`, the rest of the probability belongs to `none`.
     """
     column = _detection(cases)
     if column == "verdict":

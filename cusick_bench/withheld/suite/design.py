@@ -110,7 +110,7 @@ OUTSIDE: dict[str, Draw] = {
 
 @dataclass(frozen=True)
 class Plan:
-    """What a case holds.
+    """Plan of a case: its kind, effects and severities.
 
     Attributes:
         case: Name of the case.

@@ -36,7 +36,7 @@ _DENSITY_ERROR = 0.01  # of the density in a case's table
 
 @dataclass(frozen=True)
 class Suite:
-    """What is asked for; the form of `suite.json`.
+    """Description of a suite; the form of `suite.json`.
 
     Attributes:
         seed: Seed of all random choices. Whoever knows it knows every label: keep it with the labels, take a long one.
