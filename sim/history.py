@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Rank(IntEnum):
-    """What a law changes. Laws of one drop act in this order, so that it does not matter who named them first."""
+    """Kind of change that a law makes. Laws of one drop act in this order, in whatever order they are given."""
 
     REST = 0
     ELASTICITY = 1

@@ -98,7 +98,7 @@ class CalibrationFit:
 
 
 def plan_numerics(plan: CalibrationPlan) -> str:
-    """What decides a fit's numbers beside its number.
+    """Everything that decides the numbers of a fit, apart from its cloth.
 
     Args:
         plan: The plan.

@@ -132,7 +132,7 @@ def live(screen: Screen) -> bool:
 
 @dataclass(frozen=True)
 class Bar:
-    """What a command's work shows of itself while it lasts.
+    """Progress of a command, as it is shown.
 
     Attributes:
         tally: How far it is.
@@ -160,12 +160,12 @@ class Bar:
         self.tally.begun += 1
 
     def say(self, what: str) -> None:
-        """What is being done now."""
+        """Says what is being done now."""
         self.tally.what = what
         self.changed()
 
     def tell(self, what: str, done: float, total: float | None = None) -> None:
-        """What is being done now, and how much is done, as `show` takes it."""
+        """Says what is being done now, and how much is done (see `show`)."""
         self.say(what)
         self.show(done, total)
 
@@ -174,7 +174,7 @@ class Bar:
 def progress_bar(
     what: str, total: float | None = None, *, screen: Screen | None = None, interval: float = INTERVAL
 ) -> Iterator[Bar]:
-    """How far a command is, on standard error: a bar that goes when the work is done, or lines.
+    """Shows the progress of a command on standard error: a bar that vanishes when the work is done, or lines.
 
     Args:
         what: What is being done.

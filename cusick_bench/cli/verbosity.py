@@ -45,7 +45,7 @@ def tell_more(wanted: bool) -> None:
 
 
 def _hear_libraries(level: int) -> None:
-    """From now on libraries that log without a handler, such as matplotlib, are heard from this level on."""
+    """Sets the level from which libraries without a log handler of their own, such as matplotlib, are logged."""
     if logging.lastResort is not None:
         logging.lastResort.setLevel(level)
 

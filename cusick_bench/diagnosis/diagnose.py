@@ -192,7 +192,7 @@ def diagnose(
 
 
 def _place(evidence: FabricEvidence) -> Place:
-    """Where the named cause with a place acts, what the others do being taken off."""
+    """Place of the named cause that has one, after the shifts of the others are subtracted."""
     data, at = evidence.data, evidence.sets.residual
     named = [one for one in evidence.causes if one.hypothesis.name in evidence.finding.effects]
     local = [one for one in named if one.hypothesis.effect.located in ("patch", "ring")]

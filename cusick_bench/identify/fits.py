@@ -36,7 +36,7 @@ SPLIT = "typical"
 
 @dataclass(frozen=True)
 class FitPlan:
-    """What is going to be fitted.
+    """Plan of a fit.
 
     Attributes:
         cells: A cell for each fabric that can be fitted, by its name.

@@ -57,7 +57,7 @@ _QUANTILES = tuple(f"q{100 * level:02.0f}" for level in LEVELS)
 
 @dataclass(frozen=True)
 class FabricRange:
-    """How one quantity spreads over a group of fabrics.
+    """Quantiles of one quantity over a group of fabrics.
 
     Attributes:
         quantity: Bending stiffness or bending length.
@@ -123,7 +123,7 @@ def _range(path: Path, number: int, cells: dict[str, str], remedy: str) -> Fabri
 
 
 def compared_ranges(quantity: Quantity, direction: str, areal_density: float) -> tuple[FabricRange, FabricRange]:
-    """What a fabric is compared with.
+    """Ranges of fabrics for the comparison with a fabric.
 
     Args:
         quantity: Bending stiffness or bending length.

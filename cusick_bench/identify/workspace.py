@@ -35,7 +35,7 @@ class Workspace:
 
     @property
     def data_record(self) -> Path:
-        """What that data set was made of."""
+        """Record of the inputs of the data set."""
         return self.out / "data.json"
 
     @property
@@ -50,7 +50,7 @@ class Workspace:
 
     @property
     def diagnosis_record(self) -> Path:
-        """What the diagnosis was made of."""
+        """Record of the inputs of the diagnosis."""
         return self.diagnosis / "inputs.json"
 
     @property
@@ -100,7 +100,7 @@ def fingerprint(content: Mapping[str, Any], files: Iterable[Path] = ()) -> str:
 
 
 def kept(record: Path, key: str) -> dict[str, Any] | None:
-    """What a finished part says of itself.
+    """Record of a finished part.
 
     Args:
         record: Its record.

@@ -180,7 +180,7 @@ def _taken(laboratory: Laboratory, shot: int, trouble: str) -> tuple[ndarray, Pi
 
 
 def document(measured: Iterable[Measured]) -> list[dict[str, Any]]:
-    """What a JSON document says of each photograph.
+    """The photographs' part of the JSON document.
 
     Args:
         measured: Photographs.

@@ -255,7 +255,7 @@ class DrapeProblem:
         return self._observed("draw", taus)
 
     def at_pace(self, pace: PaceName) -> "DrapeProblem":
-        """The same problem, with the same meter, journal and branch, whose drops get to their end at another pace.
+        """The same problem with another pace of its drops; it shares meter, journal and branch.
 
         Args:
             pace: `steady`: as they are. `brisk`: drops of fewer steps, eight cloths in lockstep, without gradients,

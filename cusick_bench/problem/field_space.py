@@ -153,7 +153,7 @@ class Leading:
         return self.origin + self._moved(cloths, levels)
 
     def rest(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths numbers"]:
-        """What of cloths moves none of the leading directions.
+        """Properties of cloths that change none of the leading directions.
 
         Args:
             cloths: theta, one a row.
@@ -194,7 +194,7 @@ def _trait(cloths: Float[Tensor, "*batch numbers"], name: str) -> Float[Tensor, 
 
 
 def _trait_levels(cloths: Float[Tensor, "*batch numbers"]) -> tuple[Tensor, Float[Tensor, "*batch 3 5"]]:
-    """What traits add to the logarithms of all stretch stiffnesses, and of each bending stiffness."""
+    """Contributions of traits to the logarithms of all stretch stiffnesses, and of each bending stiffness."""
 
     def of(name: str) -> Float[Tensor, "*batch 1 1"]:
         return _trait(cloths, name)[..., None, None]
@@ -299,7 +299,7 @@ class FieldSpace(ParameterSpace):
 
     @cached_property
     def leading(self) -> Leading:
-        """What moves the expected statistics, `LEADING`.
+        """Leading directions, on which the expected statistics depend (`LEADING`).
 
         A drape depends on stiffness over weight, and on lengths over the cloth's radius: cloths of other weight and
         size are taken for those of `DENSITY_REFERENCE` and the release's radius that drape alike.
@@ -365,7 +365,7 @@ class FieldSpace(ParameterSpace):
         return float(np.linalg.norm(self._level_shares(cloth)))
 
     def _level_shares(self, cloth: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " modes"]:
-        """How each weight of the stiffness field moves the level."""
+        """Derivative of the level by each weight of the stiffness field."""
         return self._overhang_mean * self.root(torch.as_tensor(cloth), "stiffness").numpy()
 
     def turned(self, cloths: Float[np.ndarray, "*batch numbers"]) -> Float[np.ndarray, "*batch numbers"]:

@@ -132,7 +132,7 @@ class Scene:
         return radii if self.side == "up" else radii[(half - every) % len(radii)]
 
     def seen(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
-        """Where points of the laboratory seem to be, for the nominal camera.
+        """Apparent positions of points of the laboratory, for the nominal camera.
 
         Args:
             vertices: Positions in the laboratory [m].

@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Audit:
-    """What a folder holds, and every irregularity.
+    """Contents and irregularities of a folder.
 
     Attributes:
         fabrics: Number of different fabrics; of named sets where there are no others.

@@ -23,7 +23,7 @@ UNREADABLE = ("empty-image", "full-image", "inverted-image", "two-blobs")
 
 
 def impossible_faults(path: str, image: ImageMeasure, protocol: Protocol) -> Iterator[Irregularity]:
-    """What makes a silhouette impossible.
+    """Faults that make a silhouette impossible.
 
     Args:
         path: Its path below the data set's root.

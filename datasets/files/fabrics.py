@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 
 @dataclass(frozen=True)
 class Fabric:
-    """What a table says of one fabric.
+    """Row of a table for one fabric.
 
     Attributes:
         areal_density: [kg/m2], NaN if unknown.

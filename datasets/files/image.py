@@ -200,7 +200,7 @@ def _areas(mask: Bool[ndarray, "height width"]) -> list[int]:
 
 @dataclass(frozen=True)
 class PlateFit:
-    """How a silhouette holds the plate that lies under the cloth.
+    """Fit of the plate, which lies under the cloth, into a silhouette.
 
     Attributes:
         fault: "", "off-centre" or "shrunken-image".
@@ -241,7 +241,7 @@ def fit_plate(image: Float[ndarray, "size size"], protocol: Protocol) -> PlateFi
 
 @dataclass(frozen=True)
 class Blemishes:
-    """What else is odd about a silhouette, measured.
+    """Measures of further irregularities of a silhouette.
 
     Attributes:
         cloth: Size of the cloth [px].

@@ -150,7 +150,7 @@ def rim_depth(radii: Float[ndarray, "*shape"], protocol: Protocol) -> Float[ndar
 
 
 def outline_pixels(image: Image, protocol: Protocol) -> tuple[Float[ndarray, " points"], Float[ndarray, " points"]]:
-    """Where the outline of a silhouette lies in its picture, closed.
+    """Closed outline of a silhouette in its picture.
 
     Args:
         image: Coverage, cloth = 1.

@@ -39,7 +39,7 @@ _LEAST_BENDING = 1e-9  # [N m], a hundredth of the limpest silk's; keeps the fac
 
 
 def softening(material: Material, mesh: Mesh) -> Float[Tensor, ""]:
-    """By what a cloth's membrane stiffness is multiplied on a mesh.
+    """Factor on a cloth's membrane stiffness on a mesh.
 
     Args:
         material: The cloth.

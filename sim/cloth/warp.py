@@ -99,7 +99,7 @@ def on_plate(mesh: Mesh, held: float, radius: float) -> Mesh:
 
 
 def _way_out(mesh: Mesh, held: float) -> Float[ndarray, "vertices"]:
-    """How far a point lies from the plate's edge (0) to the rim (1), along its ray from the plate's axis."""
+    """Relative position of a point between plate edge (0) and rim (1), along its ray from the plate's axis."""
     centre, radius = cloth_circle(mesh)
     distance = np.hypot(*mesh.material.T)
     along = mesh.material @ centre / np.maximum(distance, 1e-12)

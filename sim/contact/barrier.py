@@ -207,7 +207,7 @@ class SelfContact:
         return ContactForces(self, x, self._pairs(x, reach), np.zeros_like(x), 0.0).couplings()
 
     def free_share(self, x: Float[ndarray, "vertices 3"], step: Float[ndarray, "vertices 3"]) -> float:
-        """How much of a straight step the cloth may take without touching itself, from 0 to 1.
+        """Largest share of a straight step, from 0 to 1, that the cloth can take without touching itself.
 
         Args:
             x: Positions, free of intersections [m].

@@ -101,7 +101,7 @@ def piercing_pairs(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> Int[ndarray, 
 
 
 def intersections(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
-    """How many pairs of an edge and a triangle intersect; 0 where the cloth nowhere passes through itself.
+    """Number of pairs of an edge and a triangle that intersect; 0 if the cloth nowhere passes through itself.
 
     Args:
         mesh: The cloth.

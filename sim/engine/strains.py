@@ -65,7 +65,7 @@ class Strains(Protocol):
         ...
 
     def convexity(self, bending: Float[ndarray, "bendings"]) -> Float[ndarray, "elements"]:
-        """To which side the elements are bent: 1 where convex seen from the cloth's face, -1 where concave.
+        """Side to which the elements are bent: 1 where convex seen from the cloth's face, -1 where concave.
 
         Args:
             bending: Bending from the rest shape.

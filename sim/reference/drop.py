@@ -22,7 +22,7 @@ from cusick_bench.sim.reference.laws import Reference, TorchParameters
 
 @dataclass(frozen=True, eq=False)
 class _SparsePattern:
-    """Where element matrices add up in the sparse matrix of the free coordinates (compressed columns)."""
+    """Places of element matrices in the sparse matrix of the free coordinates (compressed columns)."""
 
     reference: Reference
     slot: Int[Tensor, "entries"] = field(init=False)

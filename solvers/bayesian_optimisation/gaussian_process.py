@@ -64,7 +64,7 @@ class Surrogate:
 
     @property
     def hyperparameters(self) -> Hyperparameters:
-        """To go on from in the next fit."""
+        """Hyperparameters from which the next fit starts."""
         return {name: value.detach().clone() for name, value in self.model.state_dict().items()}
 
     @property

@@ -240,7 +240,7 @@ class Heter(Solver):
         return True
 
     def _begun(self, incumbent: BlurredIncumbent, field: StiffnessField) -> tuple[RegularisedFit, Walk] | None:
-        """From the bending level that has the drape coefficient; None where no level gives a drape."""
+        """Starts from the bending level with the drape coefficient; None if no level gives a drape."""
         match_bending_level(incumbent, self.search)
         fit, z = RegularisedFit(incumbent, field, incumbent.tau), np.zeros(field.dimension)
         seen = fit.look(z)
@@ -249,7 +249,7 @@ class Heter(Solver):
     def _restored(
         self, problem: DrapeProblem, incumbent: BlurredIncumbent, field: StiffnessField
     ) -> tuple[RegularisedFit, Walk] | None:
-        """What was saved last, None where nothing was."""
+        """The state that was saved last; None without one."""
         state = problem.restore()
         if state is None:
             return None

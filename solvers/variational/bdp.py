@@ -145,7 +145,7 @@ class _Fit:
 
     @classmethod
     def begun(cls, solver: Bdp, problem: DrapeProblem, seed: int) -> _Fit:
-        """From the bending level that has the training image's drape coefficient."""
+        """Starts from the bending level with the training image's drape coefficient."""
         from cusick_bench.solvers.adam import Adam
 
         incumbent, tie = Incumbent(problem), _tie(problem, solver.shared)

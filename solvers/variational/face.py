@@ -93,7 +93,7 @@ class Face:
     def gap(
         self, leading: Leading, cloths: Float[ndarray, "cloths numbers"]
     ) -> tuple[Float[ndarray, "cloths statistics"], Float[ndarray, " cloths"]]:
-        """How far the samples' mean is from that of cloths.
+        """Difference between the samples' mean and that of cloths.
 
         Args:
             leading: Gives leading directions of the cloths.
@@ -113,7 +113,7 @@ class Face:
 def share_of_specimens(
     found: Float[ndarray, "statistics statistics"], known: Float[ndarray, "statistics statistics"]
 ) -> float:
-    """How much of the scatter about a regression is of specimens, and so averages out over samples.
+    """Share of the scatter about a regression that is due to specimens, and so averages out over samples.
 
     The rest is what the regression misses of cloths.
 

@@ -156,7 +156,7 @@ def mesh_spread(
 
 
 def mesh_row(size: int, statistics: Statistics) -> MeshRow:
-    """What the table of meshes shows of one size.
+    """Row of the table of meshes for one size.
 
     Args:
         size: Number of vertices.

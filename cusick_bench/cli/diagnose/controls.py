@@ -115,7 +115,7 @@ def diagnose_controls(
 
 
 def _facts(command: str, dataset: DrapeDataset, atlas: Path) -> dict[str, Any]:
-    """Where the numbers come from; a table from elsewhere is begun anew."""
+    """Provenance of the numbers; a table with another provenance is not continued."""
     from cusick_bench.runner.environment import version_text
     from cusick_bench.runner.numerics import diagnosis_numerics
 

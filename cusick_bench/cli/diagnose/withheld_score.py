@@ -79,7 +79,7 @@ def score(
 
 
 def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict[str, Any]:
-    """Where the numbers come from."""
+    """Provenance of the numbers."""
     from cusick_bench.runner.environment import version_text
 
     digests = map(file_digest, (answers, labels))

@@ -121,7 +121,7 @@ class GridProgress:
 
 
 def _work(cells: Sequence[Cell]) -> dict[Cell, float]:
-    """What each cell is of the work, in drapes; all alike where one has no budget of drapes."""
+    """Share of each cell in the work, in drapes; equal for all if one has no budget of drapes."""
     from cusick_bench.solvers.registry import make_solver
 
     work: dict[Cell, float] = {}

@@ -84,7 +84,7 @@ def _compare(plan: Plan, file: RunFile | None) -> dict[str, Any]:
 
 
 def _provenance() -> str:
-    """What the last runs of a table were made with."""
+    """Provenance of the last runs of a table."""
     from cusick_bench.runner.environment import code_text, environment
 
     command, made = " ".join(["cusick-bench", *sys.argv[1:]]), environment()

@@ -80,7 +80,7 @@ Seconds = Annotated[
 
 @dataclass(frozen=True)
 class _Grid:
-    """What a table's cells are run with."""
+    """Settings of a table's cells."""
 
     name: str
     source: Source
@@ -206,7 +206,7 @@ def _limit(budget: Budget) -> str:
 def _settings(
     vertices: int, mode: Mode, steps: int, budget: Budget, membrane: MembraneName | None, *laws: LawName | None
 ) -> list[ProblemSettings]:
-    """What cells are run with by each of the laws; the membrane is law plate's."""
+    """Settings of the cells for each law; the membrane is for law plate only."""
     from cusick_bench.runner import ProblemSettings
     from cusick_bench.sim.engine.settings import DrapeSettings
 

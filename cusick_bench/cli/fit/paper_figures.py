@@ -135,7 +135,7 @@ def _cloths(cells: Cells) -> int:
 
 @contextmanager
 def _drawing(out: Path, steps: int) -> Iterator[Bar]:
-    """How far a figure is, in steps of which each is told when it begins."""
+    """Progress of a figure, in steps that are announced when they begin."""
     with progress_bar("reading data", steps) as bar, interruptible(f"pictures that were ready are in {out}"):
         yield bar
 

@@ -187,7 +187,7 @@ def run_command(
 
 
 def _executor(name: str, workers: int, job: list[str]) -> "Submitted | None":
-    """What runs the cells; None for this process and its own workers."""
+    """Executor of the cells; None for this process and its own workers."""
     if name not in EXECUTORS:
         raise RunnerError(f"unknown executor {name!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
     options: dict[str, str] = {}

@@ -137,7 +137,7 @@ def _measure_runner(cells: int, as_json: bool) -> None:
 
 
 class _Kept:
-    """What is measured, on disk as soon as it is.
+    """Document of the benchmark, which is written whenever something has been measured.
 
     Attributes:
         path: The document's file.

@@ -64,7 +64,7 @@ class _Common:
     seed: int
 
     def document(self) -> dict[str, Any]:
-        """What the JSON document says of it."""
+        """Its part of the JSON document."""
         shared = {"law": self.law, "clamp": self.clamp, "membrane": self.membrane}
         return {**shared, "meshes_per_size": self.meshes, "jitter": self.jitter, "seed": self.seed}
 

@@ -45,7 +45,7 @@ def at_fine(effect: str) -> str:
 
 @dataclass(frozen=True)
 class Design:
-    """What an atlas is made of.
+    """Design of an atlas: its fabrics and drapes.
 
     Attributes:
         points: Number of fabrics.

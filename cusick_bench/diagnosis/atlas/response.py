@@ -43,7 +43,7 @@ _VISIBLE = 0.3  # least square of a shift, as a share of its noise's, so that th
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """How much one effect moves a fabric's features.
+    """Response of a fabric's features to one effect.
 
     Attributes:
         effect: Name of the effect.
@@ -116,7 +116,7 @@ def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray,
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """What one effect does to the atlas' fabrics, in the frame of its direction.
+    """Changes of the atlas' fabrics by one effect, in the frame of its direction.
 
     Attributes:
         theta: Base parameters.

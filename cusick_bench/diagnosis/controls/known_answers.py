@@ -80,7 +80,7 @@ _PARALLEL: Final = "meshes in parallel projection"
 
 @dataclass(frozen=True)
 class Amount:
-    """What was planted, in the terms of the effect's parameters.
+    """Planted amount of an effect, as its parameters.
 
     Attributes:
         effect: Name of the effect.

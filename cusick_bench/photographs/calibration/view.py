@@ -72,7 +72,7 @@ class PlateView:
         return float(np.hypot(*(ends[1] - ends[0])) + np.hypot(*(ends[3] - ends[2]))) / 0.04
 
     def project(self, points: Float[ndarray, "points 3"]) -> Float[ndarray, "points 2"]:
-        """Where points are seen.
+        """Pixels at which points are seen.
 
         Args:
             points: Positions [m].

@@ -118,7 +118,7 @@ def _shoulder(radii: Float[ndarray, " angles"], plate: float, cloth: float) -> F
 def _depth(
     radii: Float[ndarray, " angles"], shoulder: Float[ndarray, " angles"], plate: float, cloth: float
 ) -> Float[ndarray, " angles"]:
-    """How deep the outline hangs, of true radii [m]."""
+    """Depth of the outline by its true radii [m]."""
     reach = np.clip((radii - plate) / (cloth - plate), 0, 1)
     chord = np.sqrt(1 - reach**2)
     rim = (1 - _BULGE) * chord

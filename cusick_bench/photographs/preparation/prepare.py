@@ -63,7 +63,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What became of one photograph.
+    """Outcome of one photograph.
 
     Attributes:
         picture: The photograph.
@@ -80,7 +80,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Preparation:
-    """What became of a folder.
+    """Outcome of a folder.
 
     Attributes:
         out: Folder of the data set.
@@ -102,7 +102,7 @@ class Preparation:
         return [picture for picture in self.pictures if not picture.written]
 
     def document(self) -> dict[str, Any]:
-        """What the JSON document says of it."""
+        """Its part of the JSON document."""
         return {
             "out": self.out,
             "protocol": self.protocol.document(),
@@ -124,7 +124,7 @@ class Preparation:
 
 
 def calibration_notes(view: PlateView) -> dict[str, Any]:
-    """What calibration found and how sure it is, for `notes` of protocol.json.
+    """Results of the calibration with their uncertainties, for `notes` of protocol.json.
 
     Args:
         view: The calibrated camera.

@@ -28,7 +28,7 @@ _NEAR = 0.015  # [m] width of the ground outside a first outline that is learnt
 
 
 def colour_features(light: Float[ndarray, "*places 3"]) -> Float[ndarray, "*places 3"]:
-    """What is compared of a place.
+    """Features of a place by which it is compared.
 
     Args:
         light: Linear light, blue first.

@@ -16,7 +16,7 @@ _WEIGHTS = {"expected_mm": 1.35, "off_axis_mm": 0.62, "calibration_mm": 0.22}
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks for an outline and against it.
+    """Evidence for an outline and against it.
 
     Attributes:
         edge: Median strength of the edge along it, in standard deviations.

@@ -33,7 +33,7 @@ _ROUNDS = 1  # how often colours are learnt again from the outline
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Where the cloth ends, seen at the scale of the plate's plane.
+    """Outline of the cloth at the scale of the plate's plane.
 
     Attributes:
         radii: Radii [m] at equidistant angles, counter-clockwise from the right of the picture.
@@ -132,7 +132,7 @@ def _path(ratio: ndarray, edges: ndarray, span: slice, region: float, edge: floa
 
 
 def _steepness(picture: PolarPicture) -> float:
-    """How much steeper, in mm an angle, folds are than those of the standard's plate and cloth; 1 where they are not.
+    """Ratio of the steepness of folds, in mm per angle, to that of the standard's plate and cloth; at least 1.
 
     They grow with the overhang over the plate's radius and with the size of the cloth. What is measured along the
     radius is divided by it: an outline that runs along the radius is neither ragged nor without an edge.

@@ -51,7 +51,7 @@ def snapped(picture: PlanePicture, known: Neighbours, curve: Curve) -> tuple[Cur
 
 
 def _strength(features: Float[ndarray, "points along 3"]) -> Float[ndarray, "points along"]:
-    """By how many standard deviations the means of two sides differ, at most 6."""
+    """Difference of the means of two sides, in standard deviations, at most 6."""
     width = round(_SIDE / _ALONG) | 1
     move = width // 2 + round(_GAP / _ALONG)
     mean = cv2.blur(features, (width, 1))

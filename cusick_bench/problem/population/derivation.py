@@ -103,7 +103,7 @@ class PopulationPlan:
 
 @dataclass(frozen=True)
 class Population:
-    """What was derived.
+    """The derived population.
 
     Attributes:
         expected: Expected statistics of cloths.

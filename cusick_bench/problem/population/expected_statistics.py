@@ -111,7 +111,7 @@ class ExpectedStatistics:
 
 @lru_cache(maxsize=1)
 def shipped() -> ExpectedStatistics:
-    """Those of law `plate`, which are a good guess for other laws as well."""
+    """The shipped statistics, of law `plate`; they are a good guess for other laws as well."""
     return ExpectedStatistics(**read_npz(SHIPPED, remedy="install cusick-bench again"))
 
 

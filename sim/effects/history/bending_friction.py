@@ -47,7 +47,7 @@ class MomentFriction(StateLaw):
 
 @dataclass
 class SlidBending(State):
-    """Where the friction elements of one cloth are free of stress.
+    """State in which the friction elements of one cloth are free of stress.
 
     Attributes:
         ratio: As in `MomentFriction`.

@@ -45,7 +45,7 @@ class ShearStressFriction(StateLaw):
 
 @dataclass
 class SlidShear(State):
-    """Where the friction elements of one cloth are free of stress.
+    """State in which the friction elements of one cloth are free of stress.
 
     Attributes:
         ratio: As in `ShearStressFriction`.

@@ -28,7 +28,7 @@ _BLOWN_UP = 100.0  # [weights] net force of a cloth that flew apart; in free fal
 
 
 def flown_apart(settings: DrapeSettings, residual: float) -> str | None:
-    """What to say of a cloth that a drop's long steps blew up; None for any other.
+    """Message about a cloth that flew apart in a drop's long steps; None for any other.
 
     Args:
         settings: How it was dropped.

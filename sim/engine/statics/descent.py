@@ -133,7 +133,7 @@ class Landscape(Protocol[S]):
 
 @dataclass(frozen=True)
 class Descent(Generic[S]):
-    """Where a descent ended.
+    """Result of a descent.
 
     Attributes:
         state: The last state.

@@ -42,7 +42,7 @@ class Workspace:
         )  # fmt: skip
 
     def first(self, members: int) -> "Workspace":
-        """These buffers, for fewer cloths.
+        """Views of these buffers for fewer cloths.
 
         Args:
             members: Number of cloths.

@@ -133,7 +133,7 @@ def _median_distance(first: _Moved, second: _Moved) -> float:
 
 
 def summary(found: Sequence[Separation], least: float = 2.0) -> Mapping[str, float]:
-    """What a list of separations comes to.
+    """Summary of a list of separations.
 
     Args:
         found: Pairs.

@@ -46,7 +46,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Budget:
-    """What takes the gap.
+    """Shares of the gap.
 
     Attributes:
         effects: Share of each named effect.

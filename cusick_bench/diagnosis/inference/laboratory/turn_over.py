@@ -45,7 +45,7 @@ because of errors of the base model, single fabrics prefer a wrong way by up to 
 
 @dataclass(frozen=True)
 class TurnOver:
-    """How well each way explains the pictures of a laboratory.
+    """Log densities of the pictures of a laboratory for each way in which the lower face may be oriented.
 
     Attributes:
         by_fabric: For each fabric and way, ln of the joint density minus that of `as-said` [nat].

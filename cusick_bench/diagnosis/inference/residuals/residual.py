@@ -37,7 +37,7 @@ _DIFFERENCE = 1e-3  # of each base parameter, for the Jacobian
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What the best base model leaves.
+    """Residual of the best base model.
 
     Attributes:
         theta: Best base parameters.

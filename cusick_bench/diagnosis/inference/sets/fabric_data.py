@@ -43,7 +43,7 @@ class FabricData:
     without: tuple[str, ...] = ()
 
     def against(self, *, start: ndarray | None = None, shift: ndarray | None = None, fixed: bool = False) -> Residual:
-        """What the best base model leaves.
+        """Residual of the best base model.
 
         Args:
             start: Base parameters to start from.

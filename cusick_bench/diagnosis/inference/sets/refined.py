@@ -78,14 +78,14 @@ class _Fit:
         return self.sets.model.misfit.turned(at.whiten(self.fabric.shift([one], at)[None]))[0]
 
     def variance(self, causes: Sequence[Candidate], shifts: ndarray) -> Float[ndarray, "kept"]:
-        """What other laws add."""
+        """Variance that other laws add."""
         total, misfit = np.zeros(shifts.shape[1]), self.sets.model.misfit
         for one, shift in zip(causes, shifts, strict=True):
             total += law_variance(misfit, self.fabric.calibration.mismatch(one.hypothesis.name), shift)
         return total
 
     def given(self, others: Sequence[Candidate]) -> tuple[Float[ndarray, "kept"], Float[ndarray, "kept"]]:
-        """What other causes leave of w, and the variance with them."""
+        """Residual of w after other causes, and the variance with them."""
         model, own = self.sets.model, list(self.own)
         left, variance = model.white - model.points.shift[own].sum(0), 1 + model.points.variance[own].sum(0)
         shifts = np.array([self.shift(other) for other in others]).reshape(len(others), len(left))

@@ -38,7 +38,7 @@ ABSORBED = Equivalents(
 
 
 def partners(effect: str, named: Collection[str]) -> frozenset[str]:
-    """Those of some causes that silhouettes do not tell from an effect.
+    """Causes among the given ones that silhouettes do not tell from an effect.
 
     Args:
         effect: The effect.

@@ -76,7 +76,7 @@ def _beside(grid: Grid, point: Mapping[str, float]) -> Bool[ndarray, "points"]:
 
 
 def _steps(hypothesis: Hypothesis, p: Parameter, values: ndarray, point: float) -> Float[ndarray, "points"]:
-    """How many steps of a grid values of a parameter are from one of them; other sizes are out of reach."""
+    """Distance of a parameter's values from one of them, in steps of the grid; infinite for other sizes."""
     if p.role == "severity":
         alike = values * point > 0
         ratio = np.where(alike, values, point) / point
