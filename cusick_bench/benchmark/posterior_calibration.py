@@ -153,9 +153,9 @@ def calibration_fit(plan: CalibrationPlan, number: int, simulators: Simulators |
     return CalibrationFit(
         number,
         density,
-        _three(true),
-        _three(np.median(drawn, axis=0)),
-        _three((drawn < true).mean(0)),
+        _as_triple(true),
+        _as_triple(np.median(drawn, axis=0)),
+        _as_triple((drawn < true).mean(0)),
         seconds,
         plan_numerics(plan),
     )
@@ -214,7 +214,7 @@ def _cloth_bending(problem: DrapeProblem, tau: Vector) -> Float[ndarray, " bendi
     ).bending
 
 
-def _three(values: Float[ndarray, " bending"]) -> tuple[float, float, float]:
+def _as_triple(values: Float[ndarray, " bending"]) -> tuple[float, float, float]:
     warp, weft, bias = values.tolist()
     return warp, weft, bias
 

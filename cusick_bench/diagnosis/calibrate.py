@@ -66,7 +66,7 @@ def calibrate(
             step()
         known = replace(known, discrepancy=DISCREPANCIES[int(np.argmax(np.sum(likelihoods, axis=0)))])
         needed = []
-        for rank in over(partial(_needed, emulator=emulator, known=known), nulls):
+        for rank in over(partial(_least_quiet_place, emulator=emulator, known=known), nulls):
             needed.append(rank)
             step()
     return replace(known, inflation=inflation_at_level(needed), cases=len(nulls))
@@ -117,7 +117,7 @@ def log_likelihoods_of(captures: Captures, emulator: Emulator, known: Calibratio
     return [replace(fabric, emulator=atlas).against().log_likelihood for atlas in atlases]
 
 
-def _needed(captures: Captures, emulator: Emulator, known: Calibration) -> int:
+def _least_quiet_place(captures: Captures, emulator: Emulator, known: Calibration) -> int:
     """Index in `INFLATIONS` of the least factor at which a case without effect is not detected, by bisection.
 
     It is the number of factors where the case is detected at all of them.

@@ -119,7 +119,7 @@ def _discrepancy(
     for name, beside in ((FINE, BASE), (FINEST, FINE), (LAWS, BASE)):
         other = points.get(name, {})
         for end, weight in enumerate(nearness_to_ends(theta[:, 0])):
-            total[end] += _changed(points.get(beside, {}), other, weight, sd, known.get(name, {}))
+            total[end] += _second_moment_of_changes(points.get(beside, {}), other, weight, sd, known.get(name, {}))
     return total + np.diag(_shared_asymmetry(points.get(ONE_MESH, {}), sd))
 
 
@@ -137,11 +137,11 @@ def _lack_of_fit(points: Mapping[int, Point], theta: ndarray, sd: ndarray, fit: 
             scatter = np.cov((values / sd[number]).T) / len(values)
             total[end] += weight[number] * (np.outer(left, left) / freedom - scatter)
             mass += weight[number]
-        total[end] = _positive(_symmetric_only(total[end] / mass))
+        total[end] = _nearest_covariance(_symmetric_only(total[end] / mass))
     return total
 
 
-def _changed(
+def _second_moment_of_changes(
     base: Mapping[int, Point], other: Mapping[int, Point], weight: ndarray, sd: ndarray, known: Mapping[int, ndarray]
 ) -> ndarray:
     """Second moment over fabrics of what another model changes beyond the known part, less the noise of few samples."""
@@ -156,10 +156,10 @@ def _changed(
         mass += weight[number]
     if not mass:
         return total
-    return _positive(_symmetric_only(total / mass))
+    return _nearest_covariance(_symmetric_only(total / mass))
 
 
-def _positive(covariance: ndarray) -> ndarray:
+def _nearest_covariance(covariance: ndarray) -> ndarray:
     """The nearest positive semidefinite matrix: subtracting noise can leave negative variances."""
     value, vector = np.linalg.eigh((covariance + covariance.T) / 2)
     return (vector * np.maximum(value, 0)) @ vector.T
@@ -227,13 +227,13 @@ def fit(
     level, corrections = fit_base_means(theta, points)
     scatter = spread_terms(theta)
     variance = _log_variances(base)
-    log_sd = _summed(
+    log_sd = _summed_fit(
         ridge(scatter[list(variance)], np.stack(list(variance.values())) / 2, 2),
-        [_scatter_correction(scatter, _half(variance), _half(_log_variances(points.get(FINE, {}))))],
+        [_scatter_correction(scatter, _halved(variance), _halved(_log_variances(points.get(FINE, {}))))],
     )
     spreads = {n: one.spread for n, one in zip(numbers, of_fabrics, strict=True)}
     fine_spreads = {n: features(p.statistics).spread for n, p in points.get(FINE, {}).items() if _usable(p)}
-    spread = _summed(
+    spread = _summed_fit(
         ridge(spread_terms(at), np.stack(list(spreads.values())), 2),
         [_scatter_correction(scatter, spreads, fine_spreads)],
     )
@@ -281,13 +281,13 @@ def fit_base_means(
     base, free = points[BASE], 1 + theta.shape[1]
     numbers = [n for n, point in base.items() if _usable(point)]
     mean = np.stack([features(base[n].statistics).mean.mean(0) for n in numbers])
-    terms, values = _and_exchanged(theta[numbers], mean)
+    terms, values = _with_exchanged_directions(theta[numbers], mean)
     found = {
         FINE: _correction(theta, points, FINE, BASE, CORRECTED, free),
         FINEST: _correction(theta, points, FINEST, FINE, LIMP, 1),
     }
     corrections = {name: one for name, one in found.items() if one is not None}
-    return _summed(ridge(terms, values, free), list(corrections.values())), corrections
+    return _summed_fit(ridge(terms, values, free), list(corrections.values())), corrections
 
 
 def _usable(point: Point) -> bool:
@@ -306,19 +306,19 @@ def _log_variances(points: Mapping[int, Point]) -> dict[int, ndarray]:
     return dict(zip(numbers, _log_variance(points, numbers), strict=True)) if numbers else {}
 
 
-def _half(values: Mapping[int, ndarray]) -> dict[int, ndarray]:
+def _halved(values: Mapping[int, ndarray]) -> dict[int, ndarray]:
     return {number: value / 2 for number, value in values.items()}
 
 
-def _and_exchanged(
+def _with_exchanged_directions(
     theta: Float[ndarray, "rows parameters"], mean: Float[ndarray, "rows statistics"]
 ) -> tuple[Float[ndarray, "twice_rows terms"], Float[ndarray, "twice_rows statistics"]]:
     """Terms and means of fabrics, and of the same fabrics with warp and weft exchanged."""
     terms = base_terms(np.concatenate([theta, theta * _EXCHANGED]))
-    return terms, np.concatenate([_only_even(mean), _only_even(rotated(mean, np.pi / 2))])
+    return terms, np.concatenate([_symmetric_means(mean), _symmetric_means(rotated(mean, np.pi / 2))])
 
 
-def _summed(fit: Fit, corrections: Sequence[_Correction | None]) -> SummedFit:
+def _summed_fit(fit: Fit, corrections: Sequence[_Correction | None]) -> SummedFit:
     known = [one for one in corrections if one is not None]
     return SummedFit(
         (fit, *(one for one, _ in known)), (np.arange(len(fit.weights)), *(columns for _, columns in known))
@@ -335,7 +335,7 @@ def _correction(
     if len(found) < max(_LEAST_FINE, 2 * free):
         return None
     mean = np.stack([change.mean((0, 1)) for change in found.values()])
-    terms, values = _and_exchanged(theta[list(found)], mean)
+    terms, values = _with_exchanged_directions(theta[list(found)], mean)
     return ridge(terms[:, columns], values, free), columns
 
 
@@ -350,7 +350,7 @@ def _scatter_correction(
     return ridge(terms[both][:, SPREAD_CORRECTED], difference, 1), SPREAD_CORRECTED
 
 
-def _only_even(mean: ndarray) -> ndarray:
+def _symmetric_means(mean: ndarray) -> ndarray:
     """Means in which the statistics that vanish by symmetry are set to 0."""
     kept, columns = np.zeros_like(mean), [*FREE, *EVEN]
     kept[:, columns] = mean[:, columns]

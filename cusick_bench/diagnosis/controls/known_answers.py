@@ -223,7 +223,7 @@ def _face(side: str) -> str:
     return f"face {side} alone"
 
 
-def _planted(
+def _planted_controls(
     fabric: FabricUnderControl, name: str, levels: Mapping[str, tuple[PictureChange, Amount]]
 ) -> Iterator[Control]:
     for strength, (level, (change, amount)) in zip(_STRENGTHS, levels.items(), strict=True):
@@ -240,7 +240,7 @@ def _pixels_per_metre(protocol: Protocol) -> float:
 
 def _shift(fabric: FabricUnderControl) -> Iterator[Control]:
     per_metre = _pixels_per_metre(fabric.data.protocol)
-    yield from _planted(
+    yield from _planted_controls(
         fabric,
         "shift",
         {
@@ -255,18 +255,18 @@ def _shift(fabric: FabricUnderControl) -> Iterator[Control]:
 
 def _scale(fabric: FabricUnderControl) -> Iterator[Control]:
     levels = {f"{100 * error:g} %": (Magnification(error), Amount("camera-scale", error)) for error in SCALES}
-    yield from _planted(fabric, "scale", levels)
+    yield from _planted_controls(fabric, "scale", levels)
 
 
 def _turn(fabric: FabricUnderControl) -> Iterator[Control]:
     levels = {f"{angle:g} deg": (GrainTurn(angle), Amount("grain-skew", angle)) for angle in TURNS}
-    yield from _planted(fabric, "turn", levels)
+    yield from _planted_controls(fabric, "turn", levels)
 
 
 def _blur_cut(fabric: FabricUnderControl) -> Iterator[Control]:
     per_metre = _pixels_per_metre(fabric.data.protocol)
     levels = {f"{out:g} px outwards": (OtherCut(out), Amount("threshold", out / per_metre)) for out in CUTS}
-    yield from _planted(fabric, "blur-cut", levels)
+    yield from _planted_controls(fabric, "blur-cut", levels)
 
 
 def _pinhole(fabric: FabricUnderControl) -> Iterator[Control]:
@@ -324,7 +324,7 @@ class _Contrast:
     wrong: frozenset[str]
 
 
-def _contrasted(
+def _contrast_control(
     fabric: FabricUnderControl, contrast: _Contrast, values: Float[ndarray, "samples statistics"]
 ) -> Iterator[Control]:
     """A control of the data as they are, if a paired test of the drape coefficient says what is right."""
@@ -341,13 +341,13 @@ def _contrasted(
 
 def _faces(fabric: FabricUnderControl) -> Iterator[Control]:
     odd, contrasts = turning_over(), specimen_statistics(fabric.captures).face_odd
-    yield from _contrasted(fabric, _Contrast("faces", "down minus up", odd, odd), 2 * contrasts)
+    yield from _contrast_control(fabric, _Contrast("faces", "down minus up", odd, odd), 2 * contrasts)
 
 
 def _drift(fabric: FabricUnderControl) -> Iterator[Control]:
     contrasts = specimen_statistics(fabric.captures).order_odd
     creep = _Contrast("drift", "last minus first", alike("creep"), frozenset({"creep"}))
-    yield from _contrasted(fabric, creep, contrasts)
+    yield from _contrast_control(fabric, creep, contrasts)
 
 
 def _observations(fabric: FabricUnderControl) -> Iterator[Control]:

@@ -210,18 +210,18 @@ class _Model:
 
 def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> Simulated:
     """Samples of the base model with causes: of several rounds, those nearest to the fitted samples."""
-    theta, mended = model.start, model.nothing
-    fitted = _on_grids(model, causes) if refit else list(causes)
+    theta, correction = model.start, model.nothing
+    fitted = _at_grid_points(model, causes) if refit else list(causes)
     rounds: list[Simulated] = []
     while True:
-        theta, fitted = _fit(model, theta, fitted, mended, refit)
+        theta, fitted = _fit(model, theta, fitted, correction, refit)
         rounds.append(model.drape(theta, fitted))
         if len(rounds) > ROUNDS:
             return min(rounds, key=model.distance)
-        mended = _mended(model, theta, fitted, rounds[-1])
+        correction = _correction(model, theta, fitted, rounds[-1])
 
 
-def _on_grids(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
+def _at_grid_points(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
     """Causes at the likeliest points of their grids for these samples, one after the other."""
     placed, total = [], model.nothing
     for one in causes:
@@ -233,21 +233,21 @@ def _on_grids(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _fit(
-    model: _Model, theta: ndarray, causes: Sequence[Candidate], mended: ndarray, refit: bool
+    model: _Model, theta: ndarray, causes: Sequence[Candidate], correction: ndarray, refit: bool
 ) -> tuple[ndarray, list[Candidate]]:
     """Fits base parameters and those of the causes in turn."""
     fitted = list(causes)
     for _ in range(_SWEEPS if causes else 1):
-        at = model.against(theta, mended, fixed=True)
+        at = model.against(theta, correction, fixed=True)
         for index in range(len(fitted) if refit else 0):
             others = fitted[:index] + fitted[index + 1 :]
-            without = model.against(theta, mended + model.shift(at, others), fixed=True)
-            fitted[index] = _polished(model, without, fitted[index])
-        theta = model.against(theta, mended + model.shift(at, fitted)).theta
+            without = model.against(theta, correction + model.shift(at, others), fixed=True)
+            fitted[index] = _refined(model, without, fitted[index])
+        theta = model.against(theta, correction + model.shift(at, fitted)).theta
     return theta, fitted
 
 
-def _polished(model: _Model, at: Residual, one: Candidate) -> Candidate:
+def _refined(model: _Model, at: Residual, one: Candidate) -> Candidate:
     """A cause at its best parameters, searched between the points of its grid."""
     free = [p for p in one.hypothesis.effect.parameters if p.role in ("severity", "direction", "radius")]
     first = np.array([{"direction": 8.0, "radius": 0.008}.get(p.role, 0.3 * abs(one.value[p.name])) for p in free])
@@ -267,7 +267,9 @@ def _polished(model: _Model, at: Residual, one: Candidate) -> Candidate:
     return replace(one, value=value(minimize(misfit, simplex[0], method="Nelder-Mead", options=options).x))
 
 
-def _mended(model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: Simulated) -> Float[ndarray, "rows"]:
+def _correction(
+    model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: Simulated
+) -> Float[ndarray, "rows"]:
     """Simulated minus emulated means [sd]; spreads and drifts are not corrected."""
     at = model.against(theta, model.nothing, fixed=True)
     mean = features(drapes.specimens).contrast / at.sd

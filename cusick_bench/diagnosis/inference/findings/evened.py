@@ -38,17 +38,21 @@ def evened_out(posterior: SetPosterior, *, drift_known: bool = True) -> SetPoste
             drifting = [] if drift_known else [name for name in members if acts_later(registered()[name])]
             share = 1.0 if drifting else UNSURE
             members.sort(key=lambda name: name in drifting)
-            effects, leading = (_last(_evened(one, members, share), drifting) for one in (effects, leading))
+            effects, leading = (
+                _moved_to_end(_evened_probabilities(one, members, share), drifting) for one in (effects, leading)
+            )
             sets = _evened_sets(sets, members, share)
     return replace(posterior, effects=effects, leading=leading, sets=dict(sorted(sets.items(), key=lambda s: -s[1])))
 
 
-def _evened(probability: Mapping[str, float], members: Collection[str], unsure: float) -> dict[str, float]:
+def _evened_probabilities(
+    probability: Mapping[str, float], members: Collection[str], unsure: float
+) -> dict[str, float]:
     mean = sum(probability[name] for name in members) / len(members)
     return {n: (1 - unsure) * p + unsure * mean if n in members else p for n, p in probability.items()}
 
 
-def _last(probability: dict[str, float], names: Collection[str]) -> dict[str, float]:
+def _moved_to_end(probability: dict[str, float], names: Collection[str]) -> dict[str, float]:
     """The same probabilities, with some names moved to the end: of equally likely effects the first one is named."""
     return {**{n: p for n, p in probability.items() if n not in names}, **{n: probability[n] for n in names}}
 

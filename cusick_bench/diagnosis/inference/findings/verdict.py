@@ -75,18 +75,20 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     leading = _with_shared(posterior.leading, shared)
     if p > ALPHA:
         stated = tuple(shared) or (NONE,)
-        leading = _raised(leading, stated[0], _LEAST_NONE)
+        leading = _at_least(leading, stated[0], _LEAST_NONE)
         verdict = NONE if not shared else "several" if len(shared) > 1 else "effect"
-        return Finding(verdict, tuple(shared), (), _members(leading, stated), leading)
+        return Finding(verdict, tuple(shared), (), _members_with_named(leading, stated), leading)
     acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
     named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
     groups = look_alikes(posterior, named)
     unlisted = test.rejected
     leading = _with_unlisted(leading, test.probability)
     if unlisted and (not (named or groups) or test.explained < _CARRIES):
-        leading = _raised(leading, UNKNOWN, _LEAST_UNKNOWN)
-        return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
-    members = _members(leading, (*named, UNKNOWN) if unlisted else named)
+        leading = _at_least(leading, UNKNOWN, _LEAST_UNKNOWN)
+        return Finding(
+            UNKNOWN, named, groups, _members_with_named(leading, (*named, UNKNOWN)), leading, _mimicry_note(named)
+        )
+    members = _members_with_named(leading, (*named, UNKNOWN) if unlisted else named)
     notes = (f"something that is not on the list acts too (p = {test.p:.2g})",) if unlisted else ()
     notes += tuple(f"beside the named effects one of {', '.join(group)} acts" for group in groups if named)
     if not named:
@@ -143,7 +145,7 @@ def _with_unlisted(leading: Mapping[str, float], probability: float) -> dict[str
     return {**mixed, UNKNOWN: mixed[UNKNOWN] + probability}
 
 
-def _raised(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
+def _at_least(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
     """Probabilities scaled such that one of them has at least a given value."""
     if leading[name] >= least:
         return dict(leading)
@@ -151,11 +153,11 @@ def _raised(leading: Mapping[str, float], name: str, least: float) -> dict[str, 
     return {other: least if other == name else value * scale for other, value in leading.items()}
 
 
-def _members(leading: Mapping[str, float], named: Sequence[str]) -> tuple[str, ...]:
+def _members_with_named(leading: Mapping[str, float], named: Sequence[str]) -> tuple[str, ...]:
     """The 90 % set, with what is named."""
     return tuple(dict.fromkeys((*set90(leading), *named)))
 
 
-def _mimics(named: Sequence[str]) -> tuple[str, ...]:
+def _mimicry_note(named: Sequence[str]) -> tuple[str, ...]:
     """Note on the effects that imitate an unlisted cause."""
     return (f"an unlisted cause is taken for it in part by {', '.join(named)}",) if named else ()

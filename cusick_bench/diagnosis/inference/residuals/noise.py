@@ -164,7 +164,7 @@ def _between_samples(
         expected = parts if paired else [own, own]
     resolved = model > _RESOLVED * RESOLUTION
     wider = [
-        _wider(np.diag(data) / np.diag(by_model), freedom, resolved)
+        _variance_ratios(np.diag(data) / np.diag(by_model), freedom, resolved)
         for data, by_model in zip(found, expected, strict=True)
     ]
     variance = sum(np.diag(part) * factor for part, factor in zip(parts, wider, strict=True))
@@ -173,11 +173,13 @@ def _between_samples(
     for part, data, factor in zip(parts, found, wider, strict=True):
         scale = np.sqrt(factor / variance)  # relative to sd, which is at least the resolution of images
         covariance = part * np.outer(scale, scale)
-        between.append(_shrunk(covariance, data, _CORRELATION_FREEDOM, freedom))
+        between.append(_averaged_correlations(covariance, data, _CORRELATION_FREEDOM, freedom))
     return sd, between
 
 
-def _wider(ratio: Float[ndarray, "statistics"], freedom: int, resolved: Bool[ndarray, "statistics"]) -> ndarray:
+def _variance_ratios(
+    ratio: Float[ndarray, "statistics"], freedom: int, resolved: Bool[ndarray, "statistics"]
+) -> ndarray:
     """Ratios s_k^2 / m_k^2 of the module's equation, from the ratios d_k^2 / m_k^2."""
     if not freedom:
         return np.ones(len(ratio))
@@ -192,7 +194,9 @@ def _wider(ratio: Float[ndarray, "statistics"], freedom: int, resolved: Bool[nda
     return (MODEL_FREEDOM * scale + freedom * ratio) / (MODEL_FREEDOM + freedom)
 
 
-def _shrunk(covariance: ndarray, data: ndarray, trust: float, freedom: float) -> Float[ndarray, "columns columns"]:
+def _averaged_correlations(
+    covariance: ndarray, data: ndarray, trust: float, freedom: float
+) -> Float[ndarray, "columns columns"]:
     """A covariance with the same variances, and with correlations averaged with the data's."""
     if not freedom:
         return covariance
@@ -216,4 +220,6 @@ def _drift_covariance(
     size = np.sqrt(variance / np.diag(model))
     own = model * np.outer(size, size)
     data = features.order_covariance / np.outer(sd[chosen], sd[chosen])
-    return _shrunk(own, data, _DRIFT_FREEDOM, features.order_freedom) + np.diag((0.5 * RESOLUTION / sd)[chosen] ** 2)
+    return _averaged_correlations(own, data, _DRIFT_FREEDOM, features.order_freedom) + np.diag(
+        (0.5 * RESOLUTION / sd)[chosen] ** 2
+    )

@@ -94,15 +94,15 @@ def _best_optimum(
 ) -> tuple[float, Residual, SetModel, SharedShift | None]:
     """The likeliest of the joint optima that are reached from all starting points."""
     known = [one.hypothesis.name for one in shared]
-    beginnings = [plain, *_with_hidden(fabric, plain, known)]
+    beginnings = [plain, *_starts_with_hidden_effects(fabric, plain, known)]
     optima = []
     for number, beginning in enumerate(beginnings):
-        optima.append(_climbed(fabric, beginning, shared))
+        optima.append(_joint_optimum(fabric, beginning, shared))
         progress((number + 1) / (len(beginnings) + 2))
     return max(optima, key=lambda one: one[0])
 
 
-def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) -> Iterator[Residual]:
+def _starts_with_hidden_effects(fabric: FabricData, plain: Residual, known: Collection[str]) -> Iterator[Residual]:
     """Starting points: the best base parameters if an effect acts that they could otherwise hide."""
     for one in hypotheses(fabric.emulator):
         if one.name not in known and one.name not in fabric.without:
@@ -113,7 +113,7 @@ def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) ->
                 yield fabric.against(start=best.theta, fixed=True)
 
 
-def _climbed(
+def _joint_optimum(
     fabric: FabricData, residual: Residual, shared: tuple[Candidate, ...]
 ) -> tuple[float, Residual, SetModel, SharedShift | None]:
     """Selects a set and fits the base parameters in turn; the log joint density that is reached comes first."""
