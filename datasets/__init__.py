@@ -1,6 +1,6 @@
-"""Drape data: silhouettes, meshes and what is known of the cloths, from the public release or one's own lab.
+"""Drape data: silhouettes, meshes and properties of the cloths, from the public release or your own laboratory.
 
-Names are imported when they are first used: whoever only measures a profile does not wait for pandas.
+Names are imported when they are first used, so that measuring a profile does not import pandas.
 """
 
 from typing import TYPE_CHECKING

@@ -24,7 +24,7 @@ def impossible(dataset: DrapeDataset, rows: Iterable[int]) -> list[Irregularity]
     known by its checksums and is not measured.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         rows: Rows of its index.
 
     Returns:
@@ -52,7 +52,7 @@ def require_possible(dataset: DrapeDataset, rows: Iterable[int], *, force: bool 
     """Refuses silhouettes that no cloth on the plate can show.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         rows: Rows of its index that are to be used.
         force: Whether to use them all the same.
 

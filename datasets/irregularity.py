@@ -1,4 +1,4 @@
-"""What an audit can find: one fixed `kind` per fault, and what each means."""
+"""Kinds of irregularities that an audit can find, and their meanings."""
 
 from dataclasses import dataclass
 

@@ -20,8 +20,8 @@ from cusick_bench.datasets.profile import Profile
 
 FIT_LIMIT = 0.0042  # [m] of a 30 cm cloth, 3 px of the release: right pairs differ by 0.3 to 2.6 px, wrong ones by 3.5
 _SIZES = (0.5, 2.0)  # a drape's mean radius lies between half the plate's and twice the cloth's
-_TIE = 0.25  # [px]: below it the silhouette of the same name counts as the best
-_ROTATION_GAIN = 0.75  # a turn must bring the difference below this share of what it was
+_TIE = 0.25  # [px] lead below which the silhouette of the same name counts as the best
+_ROTATION_GAIN = 0.75  # largest ratio of the difference after a turn to that before
 
 
 @dataclass(frozen=True)

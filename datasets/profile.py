@@ -141,7 +141,7 @@ def profile_from_mesh(
 
     Args:
         vertices: Positions [m], z along the plate's axis.
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         angles: Number of angles.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What is published about the five cloths of the paper: names, areal densities, training samples.
+"""Published facts about the five cloths of the paper: names, areal densities, training samples.
 
 The data themselves have no licence and are never shipped. A folder is recognised as the public release by the
 SHA-256 of one silhouette per fabric, so that another laboratory's `Fabric 2` never gets these densities.

@@ -85,7 +85,7 @@ def _samples(table: pd.DataFrame, cloth: str) -> dict[int, tuple[int, ...]]:
 def _paper_split(
     cloth: str, samples: dict[int, tuple[int, ...]], sides: Sequence[str], generator: np.random.Generator | None
 ) -> Split:
-    """Of every sample the first row, in the tests that of the training row's face where the sample has one."""
+    """The first row of every sample; test rows show the training row's face if the sample has it."""
     numbers = sorted(samples)
     train = numbers[0] if generator is None else int(generator.choice(numbers))
     if cloth in CLOTHS and CLOTHS[cloth].training_sample in samples:

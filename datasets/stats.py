@@ -1,4 +1,4 @@
-"""What a data set's drapes are like, cloth by cloth: drape coefficient, folds, spectrum, and how far drapes differ.
+"""Statistics of a data set, cloth by cloth: drape coefficient, folds, spectrum, and differences between drapes.
 
 Captures of one drape are not independent: means and spreads are over units, a unit being one face of one sample. Image
 differences are mean squared errors (`Protocol.mse_scale`) over all pairs of a kind, and form a ladder: the same drape
@@ -175,7 +175,7 @@ def statistics(
     """Measures every cloth, or the given ones (against all others).
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloths: Names; all by default.
         progress: Called with each cloth's name when it is read.
 

@@ -49,7 +49,7 @@ def true_tables(dataset: DrapeDataset, cloth: str) -> TrueTables | None:
     """The true tables of a cloth.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloth: Name of the cloth.
 
     Returns:

@@ -10,15 +10,15 @@ PLATE_RADIUS = 0.09  # [m], ISO 9073-9: plate of 18 cm
 GRAVITY = 9.8  # [m/s2], the published program's
 IMAGE_SIZE = 256  # [px], side of an image of the public release
 IMAGE_CENTRE = (127.5, 127.5)  # [px], column and row of the plate's axis there; pixel centres are integers
-LIGHTEST_CLOTH = 0.005  # [kg/m2], half of the sheerest silk's; what is lighter is in another unit
-HEAVIEST_CLOTH = 5.0  # [kg/m2], ten times a heavy denim's; what is heavier is in g/m2
+LIGHTEST_CLOTH = 0.005  # [kg/m2], half of the sheerest silk's; smaller values are in another unit
+HEAVIEST_CLOTH = 5.0  # [kg/m2], ten times a heavy denim's; larger values are in another unit, such as g/m2
 PIXELS_PER_METRE = 723.0  # [px/m], the scale at which the release's meshes match its silhouettes in parallel projection
 FIELD_OF_VIEW = 0.5  # [rad], of the published scripts' camera
 EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
 FIELD_LENGTH = 0.02  # [m], correlation length of stiffness over a cloth, assumed: some ten yarn repeats
 
 DEFAULT_LAW = "plate"
-"""Material law of commands where none is asked for: what predicts or fits uses the law that converges with the mesh.
+"""Default material law of commands that predict or fit: the law that converges with the mesh.
 `DrapeSettings` has law `paper` for its default; every record names its law."""
 
 # Vertices of the cloth's mesh by purpose. Errors are those of law `plate` on its own meshes, in points of drape

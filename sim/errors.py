@@ -1,4 +1,4 @@
-"""Errors a user can act on: each states the rule, the value found, where, and the remedy."""
+"""Errors that a user can correct: each states the rule, the value found, the place, and the remedy."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

@@ -1,8 +1,8 @@
-"""Operations whose gradient is computed by hand, once: a derivative of that gradient is refused, not left out.
+"""Operations with a hand-written gradient that refuse second derivatives.
 
-What an adjoint returns knows nothing of what it depends on. Under `create_graph=True` autograd would take it for a
-constant, and a second derivative would lack a part without a word. Torch's own `once_differentiable` ties its error to
-no input, so that `torch.autograd.grad`, which follows only what leads to the tensors that are asked for, passes it by.
+The result of an adjoint carries no graph. With `create_graph=True` autograd would take it for a constant, and a second
+derivative would silently lack a part. Torch's own `once_differentiable` does not connect its error to the inputs, so
+that `torch.autograd.grad`, which follows only paths to the requested tensors, would not reach it.
 """
 
 from collections.abc import Callable

@@ -1,10 +1,11 @@
 """Drops of a cloth whose law has internal variables: friction, creep, stiffness that depends on the sign of curvature.
 
-Before every step of a drop a `StateLaw` looks at where the cloth is and sets its parameters for the step. Forces of an
-elastic-plastic element are exact in this way: a spring of stiffness k whose rest state follows the motion beyond a
-threshold. Laws see bending and shear through `engine.strains`, which has them for hinges and faces as for shells; what
-they get is in the units of the system: of law `plate` control points, and tables and rest curvatures of quadrature
-points. Not differentiated: gradients to such effects are differences with common random numbers.
+Before every step of a drop a `StateLaw` reads the configuration of the cloth and sets its parameters for the step. The
+forces of an elastic-plastic element, a spring of stiffness k whose rest state follows the motion beyond a threshold,
+are exact in this way. Laws use bending and shear from `engine.strains`, which has the same interface for hinges and
+faces and for shells; configurations and parameters are those of the system (with law `plate` control points, and tables
+and rest curvatures of quadrature points). There are no gradients; derivatives by such effects are computed by
+differences with common random numbers.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Rank(IntEnum):
-    """What a law changes. Laws of one drop act in this order, so that it does not matter who named them first."""
+    """Kind of change that a law makes. Laws of one drop act in this order, in whatever order they are given."""
 
     REST = 0
     ELASTICITY = 1

@@ -1,11 +1,11 @@
-"""Where compiled kernels are kept, so that none outlives a change of the code that was compiled into it.
+"""Folder of the cache of compiled kernels, which changes with the code that is compiled into them.
 
-Numba keeps a kernel on disk until the file that it is written in changes. The functions that it calls are compiled into
-it, and those of another file (a material law) may change unnoticed: the old law would go on being simulated. So kernels
-lie in a folder named after the content of the files whose functions others call.
+Numba keeps a kernel on disk until the file in which it is defined changes. The functions that it calls are compiled
+into it, and a change of those in another file (a material law) would go unnoticed: the old law would still be
+simulated. So kernels are kept in a folder named by a hash of all files whose functions are called from other files.
 
-Files with kernels import numba from here (`from cusick_bench.sim.kernel_cache import numba`): the folder has to be
-known before a kernel is defined, and who defines none does not wait for numba.
+Files with kernels import numba from here (`from cusick_bench.sim.kernel_cache import numba`), since the folder must be
+known before a kernel is defined; modules without kernels do not import numba.
 """
 
 import atexit

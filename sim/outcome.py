@@ -1,4 +1,4 @@
-"""Drapes of a batch of cloths in arrays: who diverged, who came to rest, and the way back to parameter gradients."""
+"""Drapes of a batch of cloths in arrays: which diverged, which came to rest, and the adjoint to the parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ DROP_AT_REST = 0.05
 
 @dataclass(eq=False)
 class Outcome:
-    """What becomes of a batch, beside the positions; also carries what the gradient needs.
+    """Outcome of a batch, apart from the positions, with the data that the gradient needs.
 
     Attributes:
         system: Mesh, law and support.
@@ -134,7 +134,7 @@ class Outcome:
         return positions, back
 
     def _fallen(self, p: Parameters, laid: ndarray) -> ndarray:
-        """Where the cloths fell; a cloth that blew up in the drop's long steps starts as laid, and descends safely."""
+        """Positions after the drop; a cloth that flew apart starts as laid down, from where the descent is safe."""
         fallen = drop_batch(self.system, self.settings, p, laid, factor_memory=None, halvings=0)
         blown = np.array([failure is not None for failure in fallen.failures])
         return np.where(blown[:, None, None], laid, fallen.positions)

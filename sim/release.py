@@ -1,9 +1,9 @@
-"""How a cloth is laid down and released, for drapes that predict, calibrate or diagnose.
+"""Laying and release of a cloth, for drapes that predict, calibrate or diagnose.
 
-Which folds a cloth falls into is decided by its stiffness, by the shape in which it is laid down, and by whether it
-falls or is let down (`cusick-bench fold-selection`, `docs/folds.md`). The release is fixed to a fall, for a slower one
-changes the number of folds as a longer laid shape does. Length and height of the laid shape are free, from fabric to
-fabric, about the medians here.
+The folds of a drape are decided by the stiffness of the cloth, by the shape in which it is laid down, and by whether it
+falls or is let down slowly (`cusick-bench fold-selection`, `docs/folds.md`). The release is always a fall, since a
+slower release changes the number of folds in the same way as a longer laid shape. Length and height of the laid shape
+vary from fabric to fabric around the medians given here.
 """
 
 from dataclasses import dataclass

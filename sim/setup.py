@@ -167,7 +167,7 @@ class Setup:
         return shape
 
     def to_camera(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
-        """From the simulated cloth to where its points seem to be, for a parallel projection [m].
+        """Apparent positions of the simulated cloth's points, for a parallel projection [m].
 
         Args:
             vertices: Positions of the simulated cloth [m].
@@ -286,7 +286,7 @@ def _factor(logs: Sequence[Field], mesh: Mesh, points: np.ndarray) -> Tensor:
 
 
 def _expanded(cloths: list[Material], mesh: Mesh) -> list[Material]:
-    """The same kind of tables for all: shared ones are repeated where another cloth has its own per element."""
+    """Tables of one kind for all cloths: shared ones are repeated if another cloth has one for each element."""
     per_face, per_hinge = (any(getattr(c, name).ndim > 2 for c in cloths) for name in ("stretch", "bending"))
     faces, hinges = len(mesh.faces), len(mesh.hinges)
     return [

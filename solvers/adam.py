@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 Arrays = dict[str, Float[np.ndarray, "..."]]
 
-LAST_RATE = 0.1  # share of its length that the last of the planned steps still has
-EPSILON = 1e-12  # added to the root of the mean square: gradients of a fit may be as small as 1e-6
+LAST_RATE = 0.1  # length of the last planned step over that of the first
+EPSILON = 1e-12  # added to the root of the mean square; small, since gradients of a fit may be as small as 1e-6
 MEAN_DECAY = 0.9  # beta_1 of the paper
 MOMENTS = ("exp_avg", "exp_avg_sq")  # PyTorch's names of the running means of gradients and of their squares
 
@@ -42,12 +42,12 @@ class Adam:
     """
 
     def __init__(self, arrays: Arrays, *, square_decay: float, memory: Arrays | None = None) -> None:
-        """Begins without knowledge of any gradient, or goes on where another has stopped.
+        """Starts afresh, or goes on where another optimiser has stopped.
 
         Args:
-            arrays: What to move, float64, by name.
+            arrays: Arrays to move, float64, by name.
             square_decay: beta_2 of the paper: the share that the running mean of squared gradients keeps at a step.
-            memory: Memory of the one that has stopped.
+            memory: Memory of the optimiser that has stopped.
         """
         self.steps = 0 if memory is None else int(memory["steps"])
         self._tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}  # the same memory
@@ -72,7 +72,7 @@ class Adam:
         self.steps += 1
 
     def memory(self) -> Arrays:
-        """What the next step depends on beside the arrays themselves."""
+        """State on which the next step depends, in addition to the arrays themselves."""
         moments = {
             f"{name}_{moment}": self._optimiser.state[tensor][moment].numpy().copy()
             for name, tensor in self._tensors.items()

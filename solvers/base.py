@@ -1,4 +1,4 @@
-"""What a solver is: data plus one method. The base class checks what goes in and what comes out.
+"""Base class of solvers: a solver is data plus one method, and the base class checks its input and output.
 
 A new solver is one file with a frozen dataclass, whose fields are its options, and one line in `registry.py`
 (or an entry point in the group `cusick_bench.solvers` of somebody else's package).
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Images = Float[np.ndarray, "images size size"]
 
-# Tells what a solver does and how much of it is done, in [0, 1], where that is not just the budget spent.
+# Called with what a solver is doing and the share of it that is done, in [0, 1].
 Progress = Callable[[str, float], None]
 
 
@@ -35,7 +35,7 @@ class SolverError(CusickError, ValueError):
 
 
 def silent(message: str, fraction: float) -> None:
-    """The progress of a run that nobody watches.
+    """Ignores the progress of a solver.
 
     Args:
         message: What is being done.
@@ -54,12 +54,13 @@ class Prediction:
         vertices: Drape behind `train_image` [m].
         faces: Triangles of `vertices` and `draw_vertices`.
         draw_vertices: Drapes behind `draws` [m].
-        draw_turned: Which draws lie with the other face up than the training sample, each offered for unseen samples
-            that lie as it does; as many of one face as of the other. None where all are offered for all samples.
-        paired: Draw i was made for held-out image i (oracles), rather than all draws for all images.
+        draw_turned: Which draws lie with the other face up than the training sample. Each draw predicts the unseen
+            samples with the same face up, and both faces have the same number of draws. None where all draws predict
+            all samples.
+        paired: Whether draw i was made for held-out image i (oracles), instead of all draws for all images.
         finished: Whether the solver ended by itself rather than by its budget.
-        notes: What else it found out, as it goes into the result's JSON.
-        posterior: What a distribution over parameters is made of, with which `Solver.redraw` makes each draw again.
+        notes: Further findings, written to the result's JSON.
+        posterior: Arrays that define a distribution over parameters, from which `Solver.redraw` makes each draw again.
     """
 
     train_image: Float[np.ndarray, "size size"]
@@ -115,7 +116,7 @@ class Solver(ABC):
     space: ClassVar[str | None] = None  # the parameter space that the method is about, whatever the run asks for
     needs_gradient: ClassVar[bool] = False
     most_numbers: ClassVar[int | None] = None  # longest tau that it can search, None for any
-    learns_both_faces: ClassVar[bool] = False  # from training samples that lie the other way up as well
+    learns_both_faces: ClassVar[bool] = False  # whether it also learns from training samples with the other face up
     needs_mesh: ClassVar[bool] = False  # whether it fits the training drape's shape in three dimensions
 
     def samples_used(self, given: int) -> int:
@@ -131,26 +132,27 @@ class Solver(ABC):
 
     @property
     def pace_of_draws(self) -> PaceName:
-        """How fast drops of its draws get to their end; see `DrapeProblem.at_pace`."""
+        """Pace of the drops of its draws; see `DrapeProblem.at_pace`."""
         return "steady"
 
     @property
     def drapes_of_prediction(self) -> int:
-        """Drapes of its prediction, outside of the budget; of either face, where it learns from both."""
+        """Number of drapes of its prediction, outside the budget; for each face if it learns from both."""
         return 0
 
     @property
     def options(self) -> dict[str, Any]:
-        """Everything beside the problem that decides the answer."""
+        """Everything that decides the answer, apart from the problem."""
         return asdict(self)
 
     def solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress = silent) -> Prediction:
-        """Answers the problem within its budget; the same on any number of threads. What it prints is no result.
+        """Answers the problem within its budget; the answer does not depend on the number of threads. What it prints goes to
+        standard error.
 
         Args:
-            problem: What to fit; it meters itself.
+            problem: The problem, which counts what is spent.
             generator: Source of all randomness.
-            progress: Called to tell what goes on.
+            progress: Called with what is being done and the share that is done.
 
         Returns:
             Its answer: fit of the training image, forecasts of unseen samples, parameters.
@@ -183,7 +185,7 @@ class Solver(ABC):
 
         faces = 2 if self.learns_both_faces and len(problem.other_face_images) else 1
         problem.meter.draws = faces * self.drapes_of_prediction
-        # BLAS cuts long sums by its number of threads; of another last digit a fit makes another answer
+        # BLAS splits long sums by its number of threads; a fit amplifies the differences in the last digit
         with threadpool_limits(limits=1, user_api="blas"), redirect_stdout(sys.stderr):
             answer = self._solve(problem, generator, progress)
         if not isinstance(answer, Prediction):
@@ -203,7 +205,7 @@ class Solver(ABC):
     def redraw(
         self, problem: DrapeProblem, posterior: dict[str, np.ndarray], index: int
     ) -> Float[np.ndarray, " dimension"]:
-        """Parameters of one draw, from the posterior alone: what a stored prediction is verified with.
+        """Parameters of one draw from the stored posterior; used to verify a stored prediction.
 
         The interval of the stiffness that was found is over draws of the numbers from 0 on, whichever were predicted.
 
@@ -262,7 +264,7 @@ def require_at_least(solver: Solver, least: int, *names: str) -> None:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """What an oracle is shown: test images, and for each the images of repeats of the same drape."""
+    """Data that an oracle sees: test images, and for each the images of repeats of the same drape."""
 
     images: Images
     repeats: tuple[Images, ...] = ()
@@ -280,7 +282,7 @@ class Oracle(Solver):
         return {}
 
     def revealing(self, heldout: HeldOut) -> Oracle:
-        """The oracle with the held-out images before its eyes.
+        """The oracle with the held-out images.
 
         Args:
             heldout: The images that it may look at.
@@ -308,7 +310,7 @@ def prediction_at(problem: DrapeProblem, tau: np.ndarray, *, finished: bool) -> 
     Args:
         problem: The problem that was answered.
         tau: Fitted parameters.
-        finished: Whether the solver came to its end, instead of that of its budget.
+        finished: Whether the solver ended by itself rather than by its budget.
 
     Returns:
         An answer whose only draw is the fitted drape.

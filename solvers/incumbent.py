@@ -1,4 +1,4 @@
-"""The best point of a search, and losses that optimisers can digest."""
+"""The best point of a search, and finite losses for optimisers where drapes fail."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Vector = Float[np.ndarray, " dimension"]
 
 
 class Incumbent:
-    """Asks the problem, and remembers the best answer.
+    """Evaluates the problem, and keeps the best point.
 
     Attributes:
         tau: Best parameters so far; the prior median before the first success.

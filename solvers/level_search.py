@@ -1,4 +1,4 @@
-"""A good start for a few drapes: the bending stiffness that has the training image's drape coefficient.
+"""A good starting point from a few drapes: the bending stiffness with the training image's drape coefficient.
 
 The drape coefficient rises monotonically with bending stiffness and hardly depends on anything else, so a
 bracketing search over one number finds the level of the 15 bending stiffnesses before any gradient is paid
@@ -14,9 +14,9 @@ from cusick_bench.datasets.files.silhouette import drape_coefficient_of
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.incumbent import Incumbent
 
-FIRST_STEP = math.log(3.0)  # of log stiffness, until the target is bracketed
-TOLERANCE = 0.004  # of the drape coefficient: below what repeats of a test differ by
-LARGEST = math.log(100.0)  # furthest from the prior median, 5 standard deviations of log bending stiffness
+FIRST_STEP = math.log(3.0)  # step of log stiffness until the target is bracketed
+TOLERANCE = 0.004  # tolerance of the drape coefficient, less than the difference between repeats of a test
+LARGEST = math.log(100.0)  # largest distance from the prior median, 5 standard deviations of log bending stiffness
 
 
 def match_bending_level(incumbent: Incumbent, drapes: int) -> float:

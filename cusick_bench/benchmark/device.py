@@ -141,7 +141,7 @@ class DeviceWorkload:
         return run
 
     def makers(self, batches: list[int]) -> dict[str, Callable[[], Case]]:
-        """What gets each case ready, by the case's name.
+        """Functions that prepare the cases, by name of the case.
 
         Args:
             batches: Cloths at once, one or more numbers.

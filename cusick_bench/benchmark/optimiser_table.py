@@ -44,7 +44,7 @@ _Question = tuple[str, int, int]  # function, dimension, evaluations
 
 @dataclass(frozen=True)
 class RunFile:
-    """Where finished runs are kept.
+    """File of finished runs.
 
     Attributes:
         out: Folder.
@@ -212,7 +212,7 @@ def _markdown_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _verdict(rows: Sequence[dict[str, Any]]) -> str:
-    """In words: who agrees with what was published, and who does not."""
+    """Sentences on which methods agree with the published results, and which do not."""
     words = {
         "no": "no difference is shown",
         "lower": "find less, which is better",

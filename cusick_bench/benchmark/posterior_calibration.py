@@ -99,7 +99,7 @@ class CalibrationFit:
 
 
 def plan_numerics(plan: CalibrationPlan) -> str:
-    """What decides a fit's numbers beside its number.
+    """Everything that decides the numbers of a fit, apart from its cloth.
 
     Args:
         plan: The plan.
@@ -124,7 +124,7 @@ def calibration_fit(plan: CalibrationPlan, number: int, simulators: Simulators |
     Args:
         plan: What to fit.
         number: Number of the cloth.
-        simulators: Kept from fit to fit.
+        simulators: Simulators that are reused from fit to fit.
 
     Returns:
         The fit.
@@ -155,9 +155,9 @@ def calibration_fit(plan: CalibrationPlan, number: int, simulators: Simulators |
     return CalibrationFit(
         number,
         density,
-        _three(true),
-        _three(np.median(drawn, axis=0)),
-        _three((drawn < true).mean(0)),
+        _as_triple(true),
+        _as_triple(np.median(drawn, axis=0)),
+        _as_triple((drawn < true).mean(0)),
         seconds,
         plan_numerics(plan),
     )
@@ -216,7 +216,7 @@ def _cloth_bending(problem: DrapeProblem, tau: Vector) -> Float[ndarray, " bendi
     ).bending
 
 
-def _three(values: Float[ndarray, " bending"]) -> tuple[float, float, float]:
+def _as_triple(values: Float[ndarray, " bending"]) -> tuple[float, float, float]:
     warp, weft, bias = values.tolist()
     return warp, weft, bias
 
@@ -227,7 +227,7 @@ def calibration_fits(plan: CalibrationPlan, numbers: Sequence[int], workers: int
     Args:
         plan: What to fit.
         numbers: Numbers of the cloths.
-        workers: Processes.
+        workers: Number of processes.
 
     Yields:
         The fits as they are finished, in any order.

@@ -34,7 +34,7 @@ _REMEDY = "delete it, or choose another --out"
 
 @dataclass(frozen=True)
 class FitFile:
-    """Where finished fits are kept.
+    """File of finished fits.
 
     Attributes:
         out: Folder.

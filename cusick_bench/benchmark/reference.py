@@ -80,7 +80,7 @@ class Comparison:
         """Wall times of the engine and of plain autograd, taken in turn.
 
         Args:
-            rounds: Repetitions.
+            rounds: Number of repetitions.
 
         Returns:
             Times of the engine, and of plain autograd.
@@ -94,7 +94,7 @@ class Comparison:
         """Everything compared, for the record.
 
         Args:
-            rounds: Repetitions.
+            rounds: Number of repetitions.
 
         Returns:
             Times, ratios and differences by name.

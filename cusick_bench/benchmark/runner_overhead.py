@@ -21,7 +21,7 @@ BYTES_A_UNIT = 1 if sys.platform == "darwin" else 1024  # of `ru_maxrss`
 
 @dataclass(frozen=True)
 class Overhead:
-    """What a grid of trivial cells took.
+    """Cost of a grid of trivial cells.
 
     Attributes:
         cells: Number of cells.

@@ -87,7 +87,7 @@ _GRADIENT_DROPS = 200  # of the check of gradients
 
 
 def _cost(case: str, vertices: int) -> float:
-    """What one call of a case takes [s], roughly."""
+    """Approximate time of one call of a case [s]."""
     members = case.removeprefix("batch of ").removesuffix("+gradient").removesuffix(LOCKSTEP)
     drops = float(members) if members.isdecimal() else 0.1 if case.startswith("floor:") else _COST.get(case, 1.0)
     return drops * _DROP_SECONDS * vertices
@@ -102,7 +102,7 @@ def _batches(vertices: int, plan: Plan) -> list[int]:
 
 
 def work(plan: Plan) -> float:
-    """What a plan takes [s], roughly and on two quiet cores; without the device, whose speed is not known.
+    """Approximate time of a plan on two quiet cores [s]; without the device, whose speed is not known.
 
     Args:
         plan: What to measure.
@@ -128,7 +128,7 @@ def _memory_cost(vertices: int) -> float:
 
 
 def _laws_cost(plan: Plan) -> float:
-    """Of the comparison of laws: steps of both, and about three drops a reference drape and mesh of both."""
+    """Time of the comparison of laws: steps of both, and some three drops of both for each reference drape and mesh."""
     drapes = 3 * len(LAWS) * len(plan.reference) * sum(plan.reference_vertices)
     return _DROP_SECONDS * (2 * len(LAWS) * sum(plan.vertices) + drapes)
 

@@ -96,11 +96,11 @@ class Commands(TyperGroup):
 
 
 def _tidy(command: Any) -> None:
-    """Units in brackets stand on the help page as written, and shells' completion is offered by the whole alone."""
+    """Prepares a command: its help keeps units in brackets, and only the whole program offers shell completion."""
     command.params = [option for option in command.params if option.name not in _COMPLETION]
     for option in command.params:
         if getattr(option, "help", None):
-            option.help = escape(option.help)  # or `[m]` would be taken for a style and left out
+            option.help = escape(option.help)  # otherwise rich takes `[m]` for a style and drops it
     inner = getattr(command, "commands", {})
     for one in inner.values():
         _tidy(one)

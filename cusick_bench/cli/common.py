@@ -42,7 +42,7 @@ def quiet() -> bool:
 
 
 def tell(text: str) -> None:
-    """Says on standard error what was written, or what to do next; nothing under `--quiet`.
+    """Prints a note on standard error, such as what was written or what to do next; nothing with `--quiet`.
 
     Args:
         text: A line.
@@ -52,7 +52,7 @@ def tell(text: str) -> None:
 
 
 def fail(text: str) -> None:
-    """Says on standard error what is wrong; further lines are set in, so that none looks like another message.
+    """Prints an error on standard error; further lines are indented, so that none looks like another message.
 
     Args:
         text: The rule, the value, the remedy.
@@ -62,12 +62,12 @@ def fail(text: str) -> None:
 
 
 def command_line() -> str:
-    """The command that runs, as one types it."""
+    """The command line of this process, as it can be typed again."""
     return command_with(*sys.argv[1:])
 
 
 def command_with(*words: object) -> str:
-    """A command to type, with what a shell would split in quotes.
+    """A command that can be typed into a shell, with quotes where they are needed.
 
     Args:
         words: What follows the program's name.
@@ -79,7 +79,7 @@ def command_with(*words: object) -> str:
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: a batch system or an operator ends the program, which stops as in good order as on Ctrl-C."""
+    """SIGTERM: a batch system or an operator ends the program, which stops as cleanly as on Ctrl-C."""
 
 
 def _terminate(number: int, frame: object) -> None:
@@ -87,17 +87,17 @@ def _terminate(number: int, frame: object) -> None:
 
 
 def stop_on_termination() -> None:
-    """From now on SIGTERM stops this program as Ctrl-C does: workers are ended, and a line says how to go on."""
+    """Makes SIGTERM stop this program as Ctrl-C does: workers are ended, and a message says how to go on."""
     signal.signal(signal.SIGTERM, _terminate)
 
 
 def interrupted(stop: KeyboardInterrupt, kept: str, go_on: bool = False) -> typer.Exit:
-    """Says on standard error what an interrupted command leaves behind.
+    """Prints on standard error what an interrupted command leaves behind.
 
     Args:
-        stop: What has stopped it.
-        kept: What it has written.
-        go_on: Whether the same command goes on from there.
+        stop: The interruption.
+        kept: What the command has written, in words.
+        go_on: Whether the same command resumes from there.
 
     Returns:
         The exit to raise.
@@ -113,11 +113,11 @@ def interrupted(stop: KeyboardInterrupt, kept: str, go_on: bool = False) -> type
 def interruptible(kept: str | Callable[[], str], *, go_on: bool = False) -> Iterator[None]:
     """Ctrl-C and SIGTERM end the command with a line that says what is kept.
 
-    Commands that write nothing on their way need none.
+    Commands that write nothing before they end do not need it.
 
     Args:
-        kept: What is written by then; a function where that is only known then.
-        go_on: Whether the same command goes on from there.
+        kept: What is written by then, in words; a function if that is only known at the interruption.
+        go_on: Whether the same command resumes from there.
 
     Raises:
         typer.Exit: Ctrl-C was pressed, or SIGTERM sent.
@@ -134,7 +134,7 @@ _LONGEST_PATH = 300  # characters of a path that a message shows
 
 
 def _of_file(error: OSError, form: str) -> str:
-    """An error's file in words, the end of a very long path; errors of files that are open already name none."""
+    """The file of an error in a given form of words, shortened if its path is very long; "" if the error names none."""
     if error.filename is None:
         return ""
     text = str(error.filename)
@@ -142,7 +142,7 @@ def _of_file(error: OSError, form: str) -> str:
 
 
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:
-    """Turns errors that the user can mend into one message and exit status 2; bugs keep their traceback."""
+    """Turns errors that the user can correct into one message and exit status 2; bugs keep their traceback."""
 
     @functools.wraps(command)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -151,7 +151,7 @@ def user_errors(command: Callable[P, R]) -> Callable[P, R]:
         except CusickError as error:
             message, cause = str(error), error
         except BrokenPipeError:
-            raise  # whoever read the output has gone: no fault of a folder's
+            raise  # the reader of the output has closed it, which is not an error of a file
         except PermissionError as error:
             message, cause = (
                 f"no permission{_of_file(error, ' for {}')}; choose another folder or change its mode",

@@ -1,4 +1,4 @@
-"""What shells complete: names of solvers, effects, data sets and cloths; none of it waits for the simulator."""
+"""Shell completion of the names of solvers, effects, data sets and cloths; none of it imports the simulator."""
 
 from typing import Any
 

@@ -1,8 +1,8 @@
-"""Options that several commands share: one name for one thing, the same words on every help page.
+"""Options that several commands share, with the same name and the same words on every help page.
 
-Where all commands take an option with one type, its annotation stands here (`Json`); where only some may do without
-it, its description does (`DENSITY`), and the command adds the type. `cloth_option` and its like put an option into a
-panel of the help page.
+If all commands take an option with the same type, its annotation is defined here (`Json`). If the type differs, for
+example because only some commands can do without the option, only its description is (`DENSITY`), and each command adds
+the type. `cloth_option` and similar functions put an option into a panel of the help page.
 """
 
 from enum import StrEnum
@@ -106,11 +106,11 @@ RunFolder = Annotated[Path, typer.Argument(help="Results folder, as given to `ru
 
 Force = Annotated[
     bool,
-    data_option("--force", help="Use silhouettes that no cloth on its plate can show (see `data audit`) all the same."),
+    data_option("--force", help="Use silhouettes even if no cloth on its plate can look like that (see `data audit`)."),
 ]
 
 MOST_VERTICES, MOST_STEPS, MOST_DRAWS, MOST_WORKERS = 100_000, 100_000, 100_000, 1024
-"""Largest numbers that options take: what is larger has a zero too many, and would fill memory or run for weeks."""
+"""Largest values of options: anything larger is probably a typing error, and would fill memory or run for weeks."""
 MOST_SAMPLES, MOST_SEEDS, MOST_CASES = 1000, 10_000, 100_000
 LARGEST_SEED = 2**63 - 1
 LARGEST_FIRST_SEED = 10**18 - MOST_SEEDS  # tables read seeds of 18 digits at most
@@ -119,7 +119,7 @@ _BENDING_STIFFNESSES = (1e-10, 1.0)  # [N m], a thousandth of the limpest silk's
 # Cloth
 DENSITY = cloth_option(help="Areal density [kg/m2].")
 BENDING = cloth_option(
-    help="Bending stiffness [N m]: one number, or three, of hinges at 0,45,90 degrees to the warp: weft, bias, warp."
+    help="Bending stiffness [N m]: one number, or three for hinges at 0,45,90 degrees to the warp (weft,bias,warp)."
 )
 membrane_option = partial(cloth_option, min=1e-3, max=1e9)  # [N/m]
 Stretch = Annotated[float, membrane_option(help="Membrane stiffness along warp and weft [N/m].")]

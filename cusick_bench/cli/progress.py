@@ -1,6 +1,6 @@
-"""How far a long command is: a bar on a terminal, elsewhere a line every ten seconds, nothing under `--quiet`.
+"""Progress of a long command: a bar on a terminal, elsewhere a line every ten seconds, nothing with `--quiet`.
 
-All of it goes to standard error. The time left is told once enough work is done to judge by.
+All of it goes to standard error. The time left is shown once enough work is done for an estimate.
 """
 
 import threading
@@ -16,9 +16,9 @@ from cusick_bench.cli import common
 from cusick_bench.cli.screen import Screen, harmless
 
 INTERVAL = 10.0  # [s] between two lines where there is no terminal
-JUDGED_SHARE = 0.05  # of the work, from which the speed is judged
-JUDGED_FROM_START = 0.1  # the same, where the start-up counts as well
-JUDGED_SECONDS = 5.0  # [s] of work, from which the speed is judged
+JUDGED_SHARE = 0.05  # least share of the work from which the speed is estimated
+JUDGED_FROM_START = 0.1  # the same, where the start-up is included
+JUDGED_SECONDS = 5.0  # [s] least time of work from which the speed is estimated
 
 
 @dataclass
@@ -58,9 +58,9 @@ class Tally:
         return self.clock() - self._marks[0][0]
 
     def seconds_left(self) -> float | None:
-        """Time that the rest takes at the speed so far [s]; None as long as that says little.
+        """Estimated time for the rest of the work [s]; None while too little is done for an estimate.
 
-        The speed is judged without the start-up, in which libraries are loaded and compiled, as soon as it can be.
+        As soon as possible the speed is estimated without the start-up, in which libraries are loaded and compiled.
         """
         if not self.total or len(self._marks) < 2:
             return None
@@ -86,7 +86,7 @@ class Tally:
 
 
 def duration(seconds: float) -> str:
-    """A time in words, as exact as one wants to know it.
+    """A time in words, rounded as a reader wants it.
 
     Args:
         seconds: The time [s].
@@ -132,7 +132,7 @@ def live(screen: Screen) -> bool:
 
 @dataclass(frozen=True)
 class Bar:
-    """What a command's work shows of itself while it lasts.
+    """Progress of a command, as it is shown.
 
     Attributes:
         tally: How far it is.
@@ -160,12 +160,12 @@ class Bar:
         self.tally.begun += 1
 
     def say(self, what: str) -> None:
-        """What is being done now."""
+        """Says what is being done now."""
         self.tally.what = what
         self.changed()
 
     def tell(self, what: str, done: float, total: float | None = None) -> None:
-        """What is being done now, and how much is done, as `show` takes it."""
+        """Says what is being done now, and how much is done (see `show`)."""
         self.say(what)
         self.show(done, total)
 
@@ -174,7 +174,7 @@ class Bar:
 def progress_bar(
     what: str, total: float | None = None, *, screen: Screen | None = None, interval: float = INTERVAL
 ) -> Iterator[Bar]:
-    """How far a command is, on standard error: a bar that goes when the work is done, or lines.
+    """Shows the progress of a command on standard error: a bar that vanishes when the work is done, or lines.
 
     Args:
         what: What is being done.

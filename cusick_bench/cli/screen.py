@@ -1,8 +1,8 @@
-"""How text and tables are printed: as written, harmless on any terminal, and with every number whole.
+"""How text and tables are printed: as written, harmless on any terminal, and without cutting numbers.
 
-Text may come from a file name or from somebody else's data, so no console here reads markup in it, and characters that
-would steer a terminal are written out. A table stands at its natural width where standard output is no terminal; where
-a terminal (or COLUMNS) is narrower, its words are folded first, then its headings, and then each row is stacked.
+Text may come from a file name or from somebody else's data, so no console here reads markup in it, and terminal control
+characters are written as escapes. If standard output is not a terminal, a table has its natural width. In a narrower
+terminal (or COLUMNS) its words are folded first, then its headings, and then each row is stacked.
 """
 
 import os
@@ -34,7 +34,7 @@ _ASCII = str.maketrans(
 
 
 def harmless(text: str) -> str:
-    """Text that no terminal takes for a command.
+    """Text without characters that control a terminal.
 
     Args:
         text: Any text, such as a cloth's name or an error message.
@@ -66,7 +66,7 @@ def in_encoding(text: str, encoding: str) -> str:
 
 
 class Screen(Console):
-    """A console that takes text at its word, and fits tables to the space that there is."""
+    """A console that prints text as it is, without markup, and fits tables into the available width."""
 
     def __init__(self, *, stderr: bool = False, **options: Any) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False, **options)

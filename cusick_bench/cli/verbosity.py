@@ -40,12 +40,12 @@ def tell_more(wanted: bool) -> None:
     """
     if wanted:
         logging.getLogger("cusick_bench").setLevel(logging.DEBUG)
-        _hear_libraries(logging.WARNING)
+        _set_level_of_libraries(logging.WARNING)
         warnings.simplefilter("default")
 
 
-def _hear_libraries(level: int) -> None:
-    """From now on libraries that log without a handler, such as matplotlib, are heard from this level on."""
+def _set_level_of_libraries(level: int) -> None:
+    """Sets the level from which libraries without a log handler of their own, such as matplotlib, are logged."""
     if logging.lastResort is not None:
         logging.lastResort.setLevel(level)
 
@@ -110,7 +110,7 @@ def messages() -> Iterator[None]:
     logger, handler = logging.getLogger("cusick_bench"), _ScreenHandler()
     before = logger.level
     logger.addHandler(handler)
-    _hear_libraries(logging.ERROR)
+    _set_level_of_libraries(logging.ERROR)
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
@@ -118,7 +118,7 @@ def messages() -> Iterator[None]:
         finally:
             logger.removeHandler(handler)
             logger.setLevel(before)
-            _hear_libraries(logging.WARNING)
+            _set_level_of_libraries(logging.WARNING)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:

@@ -1,4 +1,4 @@
-"""Where commands may write: anywhere but into the installed package, whose files are everybody's."""
+"""Where commands may write: anywhere but into the installed package, which other users may share."""
 
 from collections.abc import Iterable
 from pathlib import Path

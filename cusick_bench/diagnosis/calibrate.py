@@ -1,10 +1,10 @@
 """Calibration on simulated cases without effect: how far the atlas is off, and how much noise there is.
 
-The atlas is not the world. Its discrepancy is that of its own cheap drapes, more than another world shows; on cases of
-another world the whitened residual may still be wider than white where no effect acts. Two numbers mend that: the share
-of the discrepancy that makes cases without effect likeliest, and a factor on the noise, such that the detection test
-holds its level on them. The level is held where it is as likely as not, given the share detected, that no larger share
-of other cases would be. None of the cases may be one that a diagnosis is scored on.
+The atlas' discrepancy is that of its own cheap drapes, which is more than other simulators differ from it; and on their
+cases the whitened residual may still scatter more than white noise where no effect acts. Two numbers correct that: the
+share of the discrepancy under which cases without effect are likeliest, and a factor on the noise such that the
+detection test holds its level on them. The level counts as held if the upper confidence bound of the share of detected
+cases, at a confidence of one half, does not exceed it. Cases that a diagnosis is scored on must not be used.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -27,8 +27,8 @@ from cusick_bench.runner.processes import process_pool
 
 DISCREPANCIES = (0.05, 0.1, 0.2, 0.5, 1.0)  # an atlas is never exact
 INFLATIONS = np.round(np.arange(0.9, 1.55, 0.05), 2)
-_CONFIDENCE = 0.5  # that the level holds: as likely as not
-_LEAST_NULLS = 40  # with fewer a single one decides
+_CONFIDENCE = 0.5  # of the upper bound of the share of detected cases
+_LEAST_NULLS = 40  # with fewer cases a single one would decide
 _SEED = 29
 
 
@@ -43,11 +43,11 @@ def calibrate(
     """Calibrates the noise of an atlas.
 
     Args:
-        cases: Silhouettes, and what acts there: those where it is `none` count.
+        cases: Silhouettes with the name of what acts there; only those with `none` are used.
         emulator: The atlas as it was fitted.
-        before: What the fit of the atlas learned: how far laws differ, which is kept and counts here too.
-        workers: Processes.
-        step: Called for every case without effect that was looked at, in both passes.
+        before: Calibration from the fit of the atlas; its mismatch of laws is used and kept.
+        workers: Number of processes.
+        step: Called for every case without effect that was evaluated, in both passes.
 
     Returns:
         Share of the discrepancy and factor on the noise, with how far laws differ.
@@ -66,20 +66,20 @@ def calibrate(
             step()
         known = replace(known, discrepancy=DISCREPANCIES[int(np.argmax(np.sum(likelihoods, axis=0)))])
         needed = []
-        for rank in over(partial(_needed, emulator=emulator, known=known), nulls):
+        for rank in over(partial(_least_quiet_place, emulator=emulator, known=known), nulls):
             needed.append(rank)
             step()
     return replace(known, inflation=inflation_at_level(needed), cases=len(nulls))
 
 
 def looks(truths: Sequence[str]) -> int:
-    """How often a calibration looks at a case: at those without effect, twice.
+    """Number of evaluations that a calibration makes: two of every case without effect.
 
     Args:
-        truths: What acts in each case.
+        truths: Name of what acts in each case.
 
     Returns:
-        How often `calibrate` calls its `step`.
+        Number of calls of the `step` of `calibrate`.
     """
     return 2 * sum(truth == NONE for truth in truths)
 
@@ -89,7 +89,7 @@ def parallel_map(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     """`map`, in this process or over several.
 
     Args:
-        workers: Processes.
+        workers: Number of processes.
 
     Yields:
         A function that is called like `map`, and gives the same results in the same order.
@@ -117,11 +117,14 @@ def log_likelihoods_of(captures: Captures, emulator: Emulator, known: Calibratio
     return [replace(fabric, emulator=atlas).against().log_likelihood for atlas in atlases]
 
 
-def _needed(captures: Captures, emulator: Emulator, known: Calibration) -> int:
-    """Place in `INFLATIONS` of the least factor at which a null is not detected, by bisection; their number if none."""
+def _least_quiet_place(captures: Captures, emulator: Emulator, known: Calibration) -> int:
+    """Index in `INFLATIONS` of the least factor at which a case without effect is not detected, by bisection.
+
+    It is the number of factors where the case is detected at all of them.
+    """
     low, high = 0, len(INFLATIONS)
     while low < high:
-        middle = (low + high) // 2 if low else 0  # most are quiet at the least
+        middle = (low + high) // 2 if low else 0  # most cases are not detected at the least factor
         if p_value_of(captures, emulator, replace(known, inflation=float(INFLATIONS[middle]))) > ALPHA:
             high = middle
         else:
@@ -149,7 +152,7 @@ def inflation_at_level(needed: Sequence[int]) -> float:
     left = sum(rank == len(INFLATIONS) for rank in needed)
     raise DiagnosisError(
         f"noise x {INFLATIONS[-1]:g} still leaves {left} of {len(needed)} cases without effect detected, more than "
-        f"the level of {ALPHA:g} allows; give cases without effect, or another atlas"
+        f"the level of {ALPHA:g} allows; check that these cases are without effect, or use another atlas"
     )
 
 

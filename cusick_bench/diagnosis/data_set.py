@@ -1,4 +1,4 @@
-"""The fabrics of one data set: what they share is weighed once, then every fabric is diagnosed in view of it."""
+"""The fabrics of one data set: effects that they share are found first, then every fabric is diagnosed with them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class DataSetDiagnosis:
         calibration: Calibration of its probabilities.
         options: How to diagnose.
         laboratory: What the fabrics share; None of fewer than two.
-        simulators: Kept from fabric to fabric.
+        simulators: Simulators that are reused from fabric to fabric.
     """
 
     captures: Mapping[str, Captures]
@@ -69,7 +69,7 @@ class DataSetDiagnosis:
         Args:
             fabric: One of the fabrics.
             command: Command that makes the document again.
-            progress: Called to tell what is being done, and the share that is over.
+            progress: Called with what is being done and the share that is done.
 
         Returns:
             The document; `refused` says why where nothing can be said about the fabric.
@@ -93,14 +93,14 @@ def data_set_diagnosis(
     options: Options,
     progress: Progress = lambda what, share: None,
 ) -> DataSetDiagnosis:
-    """Weighs what the fabrics of a data set share.
+    """Finds the effects that the fabrics of a data set share.
 
     Args:
         captures: Silhouettes of each fabric.
         emulator: The atlas.
         calibration: Calibration of its probabilities.
         options: How to diagnose.
-        progress: Called to tell what is being done, and the share that is over.
+        progress: Called with what is being done and the share that is done.
 
     Returns:
         The fabrics, ready to be diagnosed.

@@ -3,9 +3,8 @@
     features -> residual of the best base model -> posterior over sets of effects -> verdict, named set, budget
              -> place, measurements to make next -> simulation of base and set -> gap, closure on unseen samples
 
-The first line is linear algebra on the atlas (seconds); only the last simulates. Nothing but the captures, their
-protocol and the atlas is looked at; effects of the laboratory that other fabrics of the same data set show may be
-given.
+The first line is linear algebra on the atlas (seconds); only the last step simulates. The only inputs are the captures,
+their protocol and the atlas, and optionally effects of the laboratory that other fabrics of the same data set show.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -47,8 +46,8 @@ class Diagnosis:
 
     Attributes:
         fabric: Name of the fabric.
-        verdict: No effect, one, several, one of some, or something that is not on the list.
-        p: p-value of the base model: that so much evidence for anything arises where no effect acts.
+        verdict: No effect, one, several, one of a group of look-alikes, or something that is not on the list.
+        p: p-value of the base model: probability of at least so much evidence for any effect where none acts.
         probability: Probability that each effect, `none` or `unknown` accounts for most; these add up to 1.
         acting: Probability that each effect acts, alone or with others.
         sets: Probability of each set of effects, the likeliest first.
@@ -58,18 +57,19 @@ class Diagnosis:
         causes: The named effects at their best parameters with the likeliest of each group, the largest shift first;
             the likeliest set where there is neither though something acts.
         intervals: 90 % intervals of the parameters of every effect that may act.
-        best: Every effect that may act at its likeliest parameters, by its name.
-        shared: Those of the named set that are the laboratory's, from all its fabrics.
+        best: Every effect that may act, at its likeliest parameters, by its name.
+        shared: The effects of the named set that belong to the laboratory, found from all its fabrics.
         budget: Share of the gap that each cause takes; None where there is no gap to share.
         novelty: Whether the likeliest set is all that acts.
-        misfit: Size of what the base model gets wrong though symmetry allows it, in standard deviations of the noise.
+        misfit: Size of the base model's error in statistics that symmetry allows it to get wrong, in standard
+            deviations of the noise.
         place: Where the named cause with a place acts.
         advice: What to measure next.
-        plain: What the best base model without effects leaves of the data's features.
-        residual: The same, linearised at the joint optimum with the likeliest set; `plain` where nothing is named.
+        plain: Residual of the data's features after the best base model without effects.
+        residual: Residual linearised at the joint optimum with the likeliest set; `plain` where nothing is named.
         features: Features of the data.
         emulator: The atlas, with the fabric's own outlines.
-        baselines: Probabilities by simpler methods.
+        baselines: Probability of each effect by simpler methods, by their names.
         notes: What was left out or is in doubt.
         without: Effects that were not considered.
         simulated: Gap, and closure by the causes together; None where nothing was simulated.
@@ -126,8 +126,8 @@ def diagnose(
         calibration: Calibration of the probabilities; theory by default.
         options: How to diagnose.
         shared: Effects of the laboratory that all its fabrics show, from `laboratory`.
-        simulators: Kept from fabric to fabric.
-        progress: Called to tell what is being done, and the share that is over.
+        simulators: Simulators that are reused from fabric to fabric.
+        progress: Called with what is being done and the share that is done.
 
     Returns:
         The diagnosis.
@@ -192,7 +192,7 @@ def diagnose(
 
 
 def _place(evidence: FabricEvidence) -> Place:
-    """Where the named cause with a place acts, what the others do being taken off."""
+    """Place of the named cause that has one, after the shifts of the others are subtracted."""
     data, at = evidence.data, evidence.sets.residual
     named = [one for one in evidence.causes if one.hypothesis.name in evidence.finding.effects]
     local = [one for one in named if one.hypothesis.effect.located in ("patch", "ring")]

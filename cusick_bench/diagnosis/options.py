@@ -1,4 +1,4 @@
-"""What a diagnosis is asked for, and the atlas that it rests on."""
+"""Options of a diagnosis, and the path of the shipped atlas."""
 
 import shlex
 from collections.abc import Iterable, Sequence
@@ -16,9 +16,8 @@ class Options:
     """How to diagnose.
 
     Attributes:
-        samples: Simulated samples of each model and fold, two or more; 0 leaves the simulations, and so gap and
-            closure, out.
-        always: Simulate also where no effect shows.
+        samples: Simulated samples of each model and fold, two or more; 0 for no simulations, and so no gap and closure.
+        always: Whether to simulate also where no effect is found.
         without: Effects that are not to be considered.
         seed: Seed of simulations and tests.
     """

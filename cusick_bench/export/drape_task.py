@@ -31,7 +31,7 @@ class Attempt:
     """A problem that is posed, its budget not touched.
 
     Attributes:
-        dataset: Data.
+        dataset: The data set.
         cell: What is asked.
         problem: The problem, with its meter.
     """

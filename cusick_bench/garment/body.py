@@ -1,9 +1,9 @@
-"""What the skirt is worn on: a body of revolution, waist to hips and down, that cloth slides over without friction.
+"""The body that wears the skirt: a body of revolution over which cloth slides without friction.
 
 Its radius rises from the waist to the hips by half a cosine and stays there. A vertex that would end the step inside
 is pressed back by a linear spring along the surface's normal n, implicitly: f = k (d - h n . w), where d is the depth
-at the start of the step and w the change of velocity. Whether it would is judged from where it is going, so that a
-falling cloth stops at the surface and is not thrown back out of it.
+at the start of the step and w the change of velocity. The test uses the predicted position at the end of the step, so
+that a falling cloth stops at the surface and is not thrown back out of it.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
 
-_OWN_DEPTH = 1e-5  # [m] how deep a vertex is pressed in by its own weight; sets the spring
+_OWN_DEPTH = 1e-5  # [m] depth to which a vertex is pressed in by its own weight; it sets the spring's stiffness
 
 
 @dataclass(frozen=True)

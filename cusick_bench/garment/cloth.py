@@ -3,7 +3,7 @@
 Where tables come from, in this order:
 
 - `cloths`: cloths drawn from the posterior of `bdp-field` (`posterior_cloths` in `prediction.npz`, whitened). Every
-  garment is of one of them, the same all over but for exp(sd N(0, 1)) with a given sd;
+  garment is made of one of them, homogeneous apart from factors exp(sd N(0, 1)) with a given sd;
 - `posterior`: the Gaussian over all elements that `bdp` has learned (`posterior_mean`, `posterior_scale` in
   `prediction.npz`: whitened logarithms). Every element of a garment draws its own tables, as in the paper;
 - `elements`: a fit with a table per element: every element of the garment gets the table of a random element of the
@@ -11,9 +11,9 @@ Where tables come from, in this order:
 - `spread`: a homogeneous cloth, every entry times exp(sd N(0, 1)) with a given sd.
 
 Tables are aligned with warp and weft, so they are the same numbers on any pattern. Of a fit's six samples of stretch
-stiffness only the one at rest is taken, at every strain: a drape strains cloth by a few per cent and tells nothing of
-the others, which are a sixth away. What its prior draws for them may soften so much that the cloth loses its stability
-where a skirt pulls at the waist, and never comes to rest.
+stiffness only the one at rest is used, for every strain: a drape strains cloth by a few per cent and tells nothing
+about the others, which are at a stretch of a sixth. Their values from the prior may be so soft that the cloth becomes
+unstable where a skirt pulls at the waist, and never comes to rest.
 
 References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Section 5.1.

@@ -5,14 +5,14 @@ carried positions g = x + h w one linear solve gives the rest of the motion, for
 
     ((1 + h c) M + h^2 K(g)) u = M (v - w) + h (F(g) - c M w),    v' = w + u,    x' = g + h u,
 
-with c the drag of still air. Without drag it is the step of `cusick_bench.sim.engine.dynamics.drop` where the waist is
-still, and it strains no cloth that moves along with the waist. A step in which a vertex would pass its neighbours is
-made in parts: forces are linear over a step, and cloth that flies past itself in one crumples, or blows up.
+with c the drag of still air. With a still waist and no drag it is the step of `cusick_bench.sim.engine.dynamics.drop`,
+and cloth that moves along with the waist is not strained. A step in which a vertex would pass its neighbours is made in
+parts: forces are linear over a step, and cloth that moves past itself in one step crumples or flies apart.
 
-A skirt comes to rest out of a twirl: seen from the waist, the acceleration W^2 r outwards bears the cloth up, and fades
-as the turning slows down (the cloth's turning against the waist is left out). It sinks taut, and folds run from waist
-to hem. Cloth that is dropped from flat instead falls on itself, and stays tucked under and crumpled. Folds do not touch
-each other: they may pass through one another, as in the Cusick drapes of the paper.
+A skirt comes to rest out of a twirl: in the frame of the waist, the centrifugal acceleration W^2 r holds the cloth up,
+and fades as the rotation slows down (the cloth's rotation relative to the waist is neglected). So it sinks taut, with
+folds from waist to hem. Cloth that is dropped from flat would instead fall on itself, and stay tucked under and
+crumpled. There is no contact between folds: they may pass through one another, as in the Cusick drapes of the paper.
 
 References:
     Baraff, Witkin. Large steps in cloth simulation. SIGGRAPH 1998.
@@ -40,13 +40,13 @@ from cusick_bench.sim.linear.interface import Factor
 Progress = Callable[[int, int], None]  # told the steps done, and of how many
 
 AT_REST = 0.003  # [m/s] root-mean-square speed below which a skirt counts as at rest
-AIR = 4.0  # [1/s] drag; cloth of 0.2 kg/m2 sinks flat at some 2.5 m/s, its weight balanced
+AIR = 4.0  # [1/s] drag; the terminal velocity of flat cloth of 0.2 kg/m2 is some 2.5 m/s
 TWIRL = 12.0  # [rad/s] about the waist when the skirt begins to sink; at the hem of a circular skirt nearly 7 g
 TWIRL_SECONDS = 4.0  # until the turning, which slows down evenly, has stopped
-_MOST_PARTS = 8  # of a step
-_STEPS_BETWEEN_CHECKS = 10  # of whether all skirts are at rest
-_DEEPEST_START = 0.005  # [m] most that the start may lie inside the body
-_FAR = 20.0  # a skirt that moves farther than so many times its size has blown up
+_MOST_PARTS = 8  # largest number of parts of a step
+_STEPS_BETWEEN_CHECKS = 10  # steps between two checks of whether all skirts are at rest
+_DEEPEST_START = 0.005  # [m] largest depth inside the body at the start
+_FAR = 20.0  # [sizes of the skirt] displacement beyond which it has flown apart
 
 
 def _unwatched(done: int, total: int) -> None:

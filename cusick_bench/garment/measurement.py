@@ -19,7 +19,7 @@ from cusick_bench.garment.skirt import Skirt
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 
-FOLD_PROMINENCE = 0.01  # [m] a shallower wave of the hem is no fold
+FOLD_PROMINENCE = 0.01  # [m] least prominence of a fold of the hem
 IMAGE_SIZE = 512  # [px]
 _MARGIN = 1.05  # picture over flat cloth
 _ANGLES = 720

@@ -89,7 +89,7 @@ def mean_and_deviation(numbers: dict[str, Any], name: str, factor: float = 1, di
         numbers: A row of `compared`.
         name: The number.
         factor: Factor to the unit that is shown.
-        digits: Decimals.
+        digits: Number of decimals.
 
     Returns:
         Such as "7.0 ± 1.4".

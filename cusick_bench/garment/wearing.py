@@ -139,7 +139,7 @@ def wear(cloth: Cloth, wearing: Wearing, progress: Progress = _unwatched) -> Wor
 
 
 def _laid(pattern: Skirt, wearing: Wearing) -> Float[ndarray, "draws vertices 3"]:
-    """How each skirt is put on: its own undulation decides where its folds form."""
+    """Initial shape of each skirt: its own undulation decides where its folds form."""
     generators = [np.random.default_rng([wearing.seed, draw, _LAYING]) for draw in range(wearing.draws)]
     fields = [smooth_field(wearing.laying_height, _LAYING_LENGTH, generator) for generator in generators]
     return np.stack([pattern.laid(field) for field in fields])

@@ -1,4 +1,4 @@
-"""How stiff a fabric is beside measured ones: ranks with the interval of its stiffness carried through, and words."""
+"""Comparison of a fabric's stiffness with measured fabrics: ranks with intervals, and words."""
 
 from math import isinf
 

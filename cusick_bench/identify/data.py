@@ -1,4 +1,4 @@
-"""The data set behind a folder: the folder itself, or what its photographs are turned into."""
+"""The data set of a folder: the folder itself, or a data set made from its photographs."""
 
 import shutil
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What the simulator leaves out of each fabric: diagnosed together, written one by one, made anew only where needed."""
+"""Diagnoses of all fabrics, with the effects that they share; finished ones are reused if nothing has changed."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ from cusick_bench.report.diagnosis.page import write_diagnosis_page
 from cusick_bench.runner.numerics import diagnosis_numerics
 
 LEAST_SAMPLES = 3
-"""Samples from which a fabric is diagnosed, as by `diagnose`: what samples have in common is told by their scatter."""
+"""Least number of samples of a fabric that is diagnosed, as in `diagnose`: the scatter of samples must be known."""
 
 Progress = Callable[[str, float], None]
 
@@ -57,7 +57,7 @@ def diagnose_fabrics(
         cloths: Cloths to diagnose.
         workspace: Where documents and pages lie.
         options: How to diagnose.
-        progress: Called to tell what is being done, and the share that is over.
+        progress: Called with what is being done and the share that is done.
         atlas: The atlas.
 
     Returns:

@@ -40,7 +40,7 @@ class Spread(Part):
 
 
 class Drapes(Part):
-    """What the silhouettes of a fabric show without any simulation.
+    """Measurements of a fabric's silhouettes, without any simulation.
 
     Attributes:
         samples: Number of cut pieces.
@@ -74,7 +74,7 @@ class Stiffness(Part):
 
 
 class Fit(Part):
-    """What was fitted to a typical drape, and learned from those of other samples.
+    """Fit of a typical drape, which may also have learned from other samples.
 
     Attributes:
         image: The silhouette, a path in the data set.
@@ -133,7 +133,7 @@ class Diagnosed(Part):
 
 
 class Rank(Part):
-    """Where a number stands among measured fabrics.
+    """Rank of a number among measured fabrics.
 
     Attributes:
         percent: Share of the fabrics that have less [%]; 1 may be less, and 99 more.
@@ -245,7 +245,7 @@ class Preparation(Part):
 
 
 class Made(Part):
-    """What made the document.
+    """Version, command and atlas that made the document.
 
     Attributes:
         command: Command that makes it again.

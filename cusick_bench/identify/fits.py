@@ -1,8 +1,9 @@
 """Stiffness from the drapes of each fabric, fitted by a solver with a posterior.
 
-A drape of a sample that is unlike the fabric's others would give that sample's stiffness, so the one whose drape
-coefficient is the median is fitted, and a solver that can learns from the other samples and the other face as well.
-Nothing is held out: this is a measurement, no comparison of methods, and a fabric with one sample can be measured too.
+A sample that differs from the fabric's others would give the stiffness of that sample only, so the sample with the
+median drape coefficient is fitted; a solver that can do so learns from the other samples and the other face as well.
+Nothing is held out, since this is a measurement and not a comparison of methods, and a fabric with one sample can be
+measured, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +36,7 @@ SPLIT = "typical"
 
 @dataclass(frozen=True)
 class FitPlan:
-    """What is going to be fitted.
+    """Plan of a fit.
 
     Attributes:
         cells: A cell for each fabric that can be fitted, by its name.
@@ -50,7 +51,7 @@ def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
     """The drapes of a cloth that its stiffness may be learned from, one a sample.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloth: One of its cloths.
 
     Returns:
@@ -70,7 +71,7 @@ def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
     """Drapes of the same samples with the other face up, where drapes with the face up are given.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         rows: Rows of the index of drapes of one cloth, one a sample.
 
     Returns:
@@ -106,7 +107,7 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
     """Chooses what to fit, and says why where nothing can be.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloths: Cloths to fit.
         options: How to fit.
 
@@ -185,8 +186,8 @@ def run_fits(
         plan: What to fit.
         workspace: Where results lie.
         options: How to fit.
-        watcher: Called to tell how the fits get on.
-        workers: Processes.
+        watcher: Told of the fits' progress.
+        workers: Number of processes.
         command: Command line, for the record.
 
     Returns:

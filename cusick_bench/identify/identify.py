@@ -1,4 +1,4 @@
-"""The whole way from a folder to the answer; every part is kept, and made again only where what it is made of changes.
+"""The whole procedure from a folder to the result; every part is kept, and made again only if its inputs change.
 
 folder -> data set -> drape coefficient, folds -> stiffness of a typical drape -> diagnosis -> document and page
 """
@@ -79,8 +79,8 @@ class Identification:
         """Fits the stiffness of every fabric that can be fitted.
 
         Args:
-            watcher: Called to tell how the fits get on.
-            workers: Processes.
+            watcher: Told of the fits' progress.
+            workers: Number of processes.
             command: Command line, for the record.
 
         Returns:
@@ -98,7 +98,7 @@ class Identification:
         """Diagnoses every fabric that can be diagnosed.
 
         Args:
-            progress: Called to tell what is being done, and the share that is over.
+            progress: Called with what is being done and the share that is done.
             atlas: The atlas.
 
         Returns:

@@ -1,14 +1,13 @@
 """Measured fabrics that a cloth is compared with: quantiles of their bending stiffness and bending length.
 
-Of 618 fabrics Feng and others published the areal density and the bending stiffness of warp, weft and bias by
-cantilever tests. Their table has no licence that would let it be shipped. What is shipped, `measured_fabrics.csv`, is
-derived from it: nine quantiles of each quantity over all fabrics and over those of a range of weight. It is made again,
-to be put beside this file, by
+Feng and others published the areal density and the bending stiffness of warp, weft and bias of 618 fabrics, from
+cantilever tests. Their table has no licence that would allow shipping it. The shipped `measured_fabrics.csv` is derived
+from it: nine quantiles of each quantity over all fabrics and over ranges of weight. It is made by
 
     cusick-bench data fabric-quantiles fabrics618.csv --out measured_fabrics.csv
 
-Stiffness there is that of small curvatures; at 40 /m, the most that this project's value is a mean over, the same
-fabrics are a tenth less stiff, which moves a percentile by 1 to 3.
+Stiffness there is that of small curvatures. This project's value is a mean over curvatures up to 40 /m, where the same
+fabrics are a tenth less stiff, which changes percentiles by 1 to 3.
 
 References:
     Feng, Huang, Xu, Wang. Learning-Based Bending Stiffness Parameter Estimation by a Drape Tester. ACM TOG 41(6),
@@ -58,7 +57,7 @@ _QUANTILES = tuple(f"q{100 * level:02.0f}" for level in LEVELS)
 
 @dataclass(frozen=True)
 class FabricRange:
-    """How one quantity spreads over a group of fabrics.
+    """Quantiles of one quantity over a group of fabrics.
 
     Attributes:
         quantity: Bending stiffness or bending length.
@@ -124,7 +123,7 @@ def _range(path: Path, number: int, cells: dict[str, str], remedy: str) -> Fabri
 
 
 def compared_ranges(quantity: Quantity, direction: str, areal_density: float) -> tuple[FabricRange, FabricRange]:
-    """What a fabric is compared with.
+    """Ranges of fabrics for the comparison with a fabric.
 
     Args:
         quantity: Bending stiffness or bending length.

@@ -1,4 +1,4 @@
-"""What an identification is asked for."""
+"""Options of an identification."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,8 @@
-"""What an identification says in sentences: what is in doubt, and what to do next."""
+"""Sentences of an identification: what is in doubt, and what to do next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.index import UNNUMBERED
@@ -7,12 +11,15 @@ from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
-USUAL_SAMPLES = 12  # of the public release: two faces each, which is what the diagnosis was calibrated on
-_MOST_ADVICE = 2  # measurements that a diagnosis advises, as far as they are repeated here
-_CLOSE = 0.03  # of drape coefficient, by which samples of one cloth differ anyway
-_LIMP = 0.5  # drape coefficient; below it drapes of law plate on coarse meshes are off by more than samples differ by
-_FINE = 450  # vertices, from which on they hardly are
-_WIDE = 2.0  # upper over lower end of an interval from which stiffness is called uncertain
+if TYPE_CHECKING:
+    import pandas as pd
+
+USUAL_SAMPLES = 12  # number of samples in the public release, with two faces each, as the diagnosis was calibrated on
+_MOST_ADVICE = 2  # largest number of measurements of the diagnosis' advice that are repeated here
+_CLOSE = 0.03  # difference of drape coefficients by which samples of one cloth differ anyway
+_LIMP = 0.5  # drape coefficient below which law plate on coarse meshes errs by more than samples differ
+_FINE = 450  # vertices of a mesh on which it hardly does
+_WIDE = 2.0  # ratio of the ends of an interval from which stiffness is called uncertain
 
 
 def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
@@ -63,6 +70,47 @@ def fit_notes(fit: Fit, samples: int, vertices: int) -> list[str]:
     return notes
 
 
+def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
+    """What to do where there is no stiffness."""
+    if fit_missing.startswith(UNWEIGHED):
+        number = int(own["fabric"].iloc[0])
+        key = f"fabric_{number}" if number else fabric
+        return [
+            f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: for photographs "
+            f'--weight "{number}=180 g/m2", in a data set a line {key},0.18, in fabrics.csv.'
+        ]
+    if fit_missing.startswith(FAILED):
+        return ["Repeat the command with another --seed or more --vertices; what is finished is not made again."]
+    if NO_PHYSICS in fit_missing:
+        return ["Repeat the command with a solver that simulates drapes, such as --solver bdp-field."]
+    if fit_missing and not fit_missing.startswith(UNUSABLE):  # which the advice on unusable pictures is about
+        return ["Mend what the reason above names, or use the pictures as they are with --force."]
+    return []
+
+
+def _sample_advice(own: pd.DataFrame) -> list[str]:
+    """How many more samples a diagnosis needs."""
+    more = LEAST_SAMPLES - len(set(own["sample"]))  # those of unusable pictures are cut already
+    if more <= 0:
+        return []
+    return [
+        f"Cut {more} more sample{'s' * (more != 1)} at least (the public release has {USUAL_SAMPLES}) and picture "
+        "each: then the scatter between samples is known, and a diagnosis is possible."
+    ]
+
+
+def _face_advice(own: pd.DataFrame) -> list[str]:
+    """What is missing to compare the two faces."""
+    sides = set(own["side"])
+    if any(UNNUMBERED in note for note in own["notes"]):
+        return ["Number the captures in the names of the pictures (..._Capture_1): by it their face is known."]
+    if "" in sides:
+        return ["Say which face lies up in which capture (captures in protocol.json, --captures for photographs)."]
+    if sides != {"up", "down"}:
+        return ["Picture each sample with the other face up as well: a difference of the faces shows then."]
+    return []
+
+
 def fabric_next(
     dataset: DrapeDataset,
     fabric: str,
@@ -74,7 +122,7 @@ def fabric_next(
     """What to do next about one fabric.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         fabric: Name of the fabric.
         drapes: What its silhouettes show.
         fit_missing: Why there is no stiffness; "" where there is one.
@@ -84,8 +132,8 @@ def fabric_next(
     Returns:
         Sentences, the most urgent first.
     """
-    todo = []
     own = dataset.select(cloth=fabric).table
+    todo = []
     if refused:
         todo.append(
             f"Take {refused} photograph{'s' * (refused != 1)} again: {'its' if refused == 1 else 'their'} outline is "
@@ -93,32 +141,7 @@ def fabric_next(
         )
     if drapes.unusable:
         todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
-    if fit_missing.startswith(UNWEIGHED):
-        number = int(own["fabric"].iloc[0])
-        key = f"fabric_{number}" if number else fabric
-        todo.append(
-            f"Weigh the cloth (a sample's mass over its area) and repeat the command with the weight: for photographs "
-            f'--weight "{number}=180 g/m2", in a data set a line {key},0.18, in fabrics.csv.'
-        )
-    elif fit_missing.startswith(FAILED):
-        todo.append("Repeat the command with another --seed or more --vertices; what is finished is not made again.")
-    elif NO_PHYSICS in fit_missing:
-        todo.append("Repeat the command with a solver that simulates drapes, such as --solver bdp-field.")
-    elif fit_missing and not fit_missing.startswith(UNUSABLE):  # which the advice on unusable pictures is about
-        todo.append("Mend what the reason above names, or use the pictures as they are with --force.")
-    more = LEAST_SAMPLES - len(set(own["sample"]))  # those of unusable pictures are cut already
-    if more > 0:
-        todo.append(
-            f"Cut {more} more sample{'s' * (more != 1)} at least (the public release has {USUAL_SAMPLES}) and picture "
-            "each: then the scatter between samples is known, and a diagnosis is possible."
-        )
-    sides = set(own["side"])
-    if any(UNNUMBERED in note for note in own["notes"]):
-        todo.append("Number the captures in the names of the pictures (..._Capture_1): by it their face is known.")
-    elif "" in sides:
-        todo.append("Say which face lies up in which capture (captures in protocol.json, --captures for photographs).")
-    elif sides != {"up", "down"}:
-        todo.append("Picture each sample with the other face up as well: a difference of the faces shows then.")
+    todo += _fit_advice(own, fabric, fit_missing) + _sample_advice(own) + _face_advice(own)
     if diagnosis is not None:
         todo += [f"{one.name}: {one.what}" for one in diagnosis.next[:_MOST_ADVICE]]
         todo += [f"Simulate this cloth with --with-effect {one}" for one in diagnosis.with_effect]
@@ -129,7 +152,7 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
     """What to do next about the laboratory as a whole.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         preparation: How photographs became the data set; None where they did not.
 
     Returns:

@@ -1,8 +1,8 @@
-"""The folder of an identification: its parts, and how one knows that a part need not be made again.
+"""The folder of an identification: its parts, and records of their inputs, which tell whether a part is up to date.
 
-OUT/data          data set made of photographs, OUT/data.json what it was made of
+OUT/data          data set made from photographs; OUT/data.json holds its inputs
 OUT/run           fits, as `run` writes them: a cell's name is the hash of all that decides its numbers
-OUT/diagnosis     a document and a page for each fabric, inputs.json what they were made of
+OUT/diagnosis     a document and a page for each fabric; inputs.json holds their inputs
 OUT/identify.json, OUT/identify.csv, OUT/identify.html
 """
 
@@ -35,7 +35,7 @@ class Workspace:
 
     @property
     def data_record(self) -> Path:
-        """What that data set was made of."""
+        """Record of the inputs of the data set."""
         return self.out / "data.json"
 
     @property
@@ -50,7 +50,7 @@ class Workspace:
 
     @property
     def diagnosis_record(self) -> Path:
-        """What the diagnosis was made of."""
+        """Record of the inputs of the diagnosis."""
         return self.diagnosis / "inputs.json"
 
     @property
@@ -100,7 +100,7 @@ def fingerprint(content: Mapping[str, Any], files: Iterable[Path] = ()) -> str:
 
 
 def kept(record: Path, key: str) -> dict[str, Any] | None:
-    """What a finished part says of itself.
+    """Record of a finished part.
 
     Args:
         record: Its record.

@@ -2,8 +2,8 @@
 
 Rows are ordered by a metric, best first (`order`). A row shares the rank of the row above it as long as the
 bootstrap interval of its paired difference from the first row of that rank includes 0. The floor and the
-oracles have no rank, since they have seen what the others are asked for; nor has a row that lacks a cloth,
-since its mean is over an easier or harder set.
+oracles have no rank, since they have seen the held-out images that the others predict; nor has a row that
+lacks a cloth, since its mean is over an easier or harder set.
 """
 
 import json
@@ -106,7 +106,7 @@ class Leaderboard:
         statistic: "mean" or "iqm".
         cloths: Cloths that any row covers.
         rows: The rows.
-        notes: What a reader must know, one sentence each.
+        notes: Remarks for readers, one sentence each.
         run: `run.json` of the results folder.
     """
 
@@ -167,7 +167,7 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
 
 @dataclass(frozen=True)
 class _Ranking:
-    """How rows are made, ordered and ranked."""
+    """Makes, orders and ranks rows."""
 
     by: str
     direction: Direction
@@ -175,7 +175,7 @@ class _Ranking:
     generator: np.random.Generator
 
     def cost(self, row: Row) -> float:
-        """What the order is by, smaller for the better; NaN where the row has none."""
+        """Value by which rows are ordered, smaller is better; NaN where the row has none."""
         return float(self.direction.cost(row.value(self.by)))
 
     def rows(self, cells: Cells, table: pd.DataFrame, cloths: tuple[str, ...]) -> tuple[Row, ...]:
@@ -226,7 +226,7 @@ class _Ranking:
         return beside(own, matched, self.statistic) if own else nan
 
     def _floor(self, table: pd.DataFrame) -> Row | None:
-        """What a second capture of the same drape scores: the mean over the cloths that have one."""
+        """Score of a second capture of the same drape, mean over the cloths that have one."""
         values = {(cloth, 0): value for (cloth, _), value in cell_values(table, "floor_mse").items()}
         if not values:
             return None
@@ -333,7 +333,7 @@ def failures(group: pd.DataFrame, skipped: Iterable[Skipped]) -> list[Skipped]:
 
 
 def _own_versions(text: str, texts: Iterable[str]) -> str:
-    """What sets the versions of a row's code apart from those of other rows."""
+    """Versions of a row's code that differ from those of other rows."""
     others = [other.split(", ") for other in texts]
     return ", ".join(part for part in text.split(", ") if any(part not in other for other in others)) or text
 

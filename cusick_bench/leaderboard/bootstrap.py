@@ -1,10 +1,10 @@
 """Means with bootstrap intervals over cells (cloth x seed), and paired differences of two solvers.
 
-Seeds are resampled within each cloth (stratified): the statement is about these cloths. Where a cloth has only one
-seed, or seeds change nothing, that would say nothing, so each cloth counts by its mean over seeds and the cloths are
-resampled. Where samples are left out in turn, a cloth has a cell for each of them, and these count as seeds do. Two
-solvers are compared on the same resampled cells: what a cloth does to both cancels. SciPy resamples the strata; which
-units they hold is decided here.
+Seeds are resampled within each cloth (stratified), so that statements are about these cloths. If a cloth has only one
+seed, or seeds change nothing, this would give no interval; then the cloths are resampled, each with its mean over
+seeds. Where samples are left out in turn, a cloth has a cell for each of them, and these are treated like seeds. Two
+solvers are compared on the same resampled cells, so that effects of the cloth on both cancel. SciPy resamples the
+strata; this module decides which units they hold.
 
 References:
     R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare. Deep reinforcement learning at the
@@ -24,7 +24,7 @@ from scipy.stats import bootstrap, trim_mean
 
 RESAMPLES = 4000
 LEVEL = 0.95
-MINIMUM_UNITS = 3  # fewer resampled units give no interval that means anything
+MINIMUM_UNITS = 3  # least number of resampled units for a meaningful interval
 
 Values = Mapping[tuple[str, int], float]  # (cloth, seed or number of the split and seed) -> value
 Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"] | float]

@@ -1,4 +1,4 @@
-"""Finished cells of a results folder as one table; cells that failed or are damaged are named, never fatal."""
+"""Finished cells of a results folder as one table; cells that failed or are damaged are listed and left out."""
 
 import json
 import math
@@ -50,7 +50,7 @@ class Skipped:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """What a results folder holds.
+    """Finished cells of a results folder.
 
     Attributes:
         folder: The folder.
@@ -201,7 +201,7 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
 
 
 def _problem(result: Mapping[str, Any]) -> dict[str, Any]:
-    """What was solved, under which settings, by which code."""
+    """The problem of a cell: cloth, settings and data, with the code that solved it."""
     known = {name: result.get(name, "") for name in _IDENTITY} | _code(result)
     settings = json.dumps(result.get("settings") or {"budget": result.get("budget")}, sort_keys=True)
     return {"kind": str(result["kind"]), **known, "settings": settings, "method": _method(result)}
@@ -222,7 +222,7 @@ def _causes(record: Mapping[str, Any]) -> Sequence[Any]:
 
 
 def _code(result: Mapping[str, Any]) -> dict[str, str]:
-    """What a cell was computed by: cells of one `code_version` may be compared, whatever their `commit`."""
+    """The code of a cell; cells with the same `code_version` may be compared, whatever their `commit`."""
     if numerics := result.get("numerics"):
         return {"code_version": numerics_text(numerics), "commit": code_text(result)}
     return {"code_version": str(result.get("code_version", "")), "commit": ""}

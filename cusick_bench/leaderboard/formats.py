@@ -108,7 +108,7 @@ def csv(boards: list[Leaderboard]) -> str:
     """All rows of all boards, every metric with statistic, 95 % interval, mean and interquartile mean, provenance.
 
     Args:
-        boards: Leaderboards.
+        boards: The leaderboards.
 
     Returns:
         Text of the file.
@@ -117,10 +117,10 @@ def csv(boards: list[Leaderboard]) -> str:
 
 
 def board_table(boards: list[Leaderboard]) -> pd.DataFrame:
-    """What `csv` writes, as a table.
+    """The table that `csv` writes.
 
     Args:
-        boards: Leaderboards.
+        boards: The leaderboards.
 
     Returns:
         A row for each row of a board; see `record`.

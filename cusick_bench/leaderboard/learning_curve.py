@@ -1,8 +1,8 @@
-"""What a solver gains from more samples of a cloth: fits of one, two, four, ... of them, on the same unseen ones.
+"""Learning curves: fits of one, two, four, ... samples of a cloth, scored on the same unseen samples.
 
-Unseen are samples spread evenly over those of a cloth, whatever is fitted: the last ones alone may be another piece of
-cloth, or another day. Of the others the first ones train, one silhouette each. All that train show one face, since a
-fit learns from one: samples of which the other face alone is known are unseen first.
+The unseen samples are spread evenly over all samples of a cloth, since the last ones alone may come from another piece
+of cloth, or another day. Of the others the first ones are fitted, with one silhouette each. All of these show the same
+face, since a fit learns from one face; samples with pictures of the other face only are chosen as unseen first.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ METRICS = ("test_mse", "test_energy_distance", "test_dc_crps", "test_dc_cover_50
 
 @dataclass(frozen=True)
 class LearningStep:
-    """What a solver makes of so many samples, over cloths and seeds.
+    """Scores of a solver for one number of samples, over cloths and seeds.
 
     Attributes:
         solver: Name with options.
@@ -52,7 +52,7 @@ def learning_splits(
     """Splits for every number of training samples.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloths: Cloths; None for those of the split `paper`.
         samples: Numbers of training samples.
         unseen: Number of samples that no fit sees.

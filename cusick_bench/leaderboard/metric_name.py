@@ -22,7 +22,7 @@ HEADINGS = {
 
 
 GATED = ("train_mse", "test_mse", "test_hausdorff_m")
-"""What the regression gate compares unless said otherwise: three, since every further one costs power."""
+"""Default metrics of the regression gate; only three, since every further one makes the test less powerful."""
 
 
 def metric_called(text: str, known: Sequence[str]) -> str:

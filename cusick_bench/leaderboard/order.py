@@ -10,14 +10,14 @@ from numpy import ndarray
 from cusick_bench.leaderboard.bootstrap import Statistic
 from cusick_bench.leaderboard.errors import LeaderboardError
 
-_NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval that promises so many per cent
-_LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of draws and samples being alike
+_NOMINAL = re.compile(r"_cover_(\d+)$")  # share of samples within an interval, and its nominal value [%]
+_LARGER = re.compile(r"(_iou|_p)$")  # overlap; p-value of the hypothesis that draws and samples are alike
 _DESCRIPTIVE = re.compile(r"_target$|^train_(dc|folds)$|^floor_|^draws$")
 
 
 @dataclass(frozen=True)
 class Direction:
-    """What is better in a metric.
+    """Direction in which a metric is better.
 
     Attributes:
         larger: Whether larger is better.

@@ -1,9 +1,9 @@
-"""The paper's two tables: which methods, how their rows are set, and the published figures to read them against.
+"""The paper's two tables: their methods, the layout of their rows, and the published figures for comparison.
 
 Table 1 asks how well silhouettes of unseen samples are predicted; the paper's figures are means over the held-out
-samples of one drape (HOMO, HETER) or of the best of 1000 draws (BDP). A best-of-N score rewards N, so it never stands
-without what N draws with random fold phases reach. Table 2 asks how well the training silhouette is fitted for equal
-cost.
+samples of one drape (HOMO, HETER) or of the best of 1000 draws (BDP). A best-of-N score improves with N alone, so the
+score of N draws with random fold phases is shown beside it. Table 2 asks how well the training silhouette is fitted at
+equal cost.
 
 References:
     Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024, Tables 1 and 2.
@@ -145,7 +145,7 @@ def make_table(
         cells: What the leaderboard was made of.
         board: Ranked by `test_mse` (table 1) or `train_mse` (table 2).
         at_equal_time: Best training loss of a (solver, variant) when the fastest method had ended.
-        notes: What else a reader must know.
+        notes: Remarks for readers.
 
     Returns:
         The table.

@@ -4,12 +4,12 @@ A problem is a cloth with a seed. With t(p, s) what solver s needs, or misses by
 
     r(p, s) = t(p, s) / min over solvers of t(p, .)        rho_s(tau) = share of problems with r(p, s) <= tau
 
-rho_s(1) is the share of problems on which s is the best; its height far right is the share that it solves at all.
-Problems count that all solvers were run on and one of them at least solved. A cell that failed was run: its solver has
-not solved the problem.
+rho_s(1) is the share of problems on which s is the best; its value at large tau is the share of problems that s solves
+at all. Only problems on which all solvers were run, and which at least one of them solved, are counted. A failed cell
+counts as run: its solver has not solved the problem.
 
-Two quantities are compared: an error that is left, and the cost of coming near the lowest training loss that any
-method reached (there a method that never comes near has solved nothing).
+Two quantities are compared: the remaining error, and the cost of coming near the lowest training loss that any method
+reached (a method that never comes near has not solved the problem).
 
 References:
     E. D. Dolan, J. J. More. Benchmarking optimization software with performance profiles. Math. Program. 91, 2002,
@@ -39,7 +39,7 @@ _SEARCHING = "solver"  # kind of cells that compete; rows without physics, and o
 
 @dataclass(frozen=True, eq=False)
 class PerformanceProfile:
-    """How near to the best a method is, over all problems.
+    """Performance profile of a method: how near to the best it is, over all problems.
 
     Attributes:
         label: Name of the method.

@@ -1,4 +1,4 @@
-"""What a row may say: names that are names, metrics within the limits that their meaning sets.
+"""Checks of a row: names must not be empty, and metrics must lie within the limits that their meaning sets.
 
 A mean squared error of coverages lies in [0, 1], a distance is not negative, a drape coefficient is a share of an
 area. A number outside is a fault of a file or of a program, never a score, and would rank first.
@@ -53,7 +53,7 @@ def name_of(what: str, value: Any) -> str:
 
     Args:
         what: What it names, such as `solver`.
-        value: What the file holds.
+        value: Value in the file.
 
     Returns:
         The name.

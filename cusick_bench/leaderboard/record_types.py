@@ -1,4 +1,4 @@
-"""Types of what a run writes beside its numbers: `result.json` and `run.json`, checked before they are used."""
+"""Types of the records of a run, `result.json` and `run.json`, which are checked before they are used."""
 
 from typing import Any
 

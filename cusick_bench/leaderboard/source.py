@@ -1,4 +1,4 @@
-"""The data of a run, found again from its record: whoever reads a results folder need not say where they are."""
+"""The data of a run, found from its record, so that commands on a results folder need no `--data`."""
 
 import os
 from itertools import pairwise
@@ -17,7 +17,7 @@ def data_of(cells: Cells) -> tuple[str, str | None]:
     """The data of the run and its table of areal densities, wherever this is asked from.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
 
     Returns:
         The name or folder of the data, and the table of areal densities, if one was named. Folder and table are those
@@ -59,7 +59,7 @@ def load_data_of(cells: Cells, data: str | None = None, fabrics_csv: str | Path 
     """Loads the data of a run; whether they are those that it used is for the caller to check.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         data: Name or folder; by default what the run was given, or where that is not here, the release in CUSICK_DATA.
         fabrics_csv: Table of areal densities; by default what the run was given.
 

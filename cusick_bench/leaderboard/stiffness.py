@@ -1,4 +1,4 @@
-"""What solvers found of the cloths' stiffness: a row for each solver and cloth, over its seeds, beside the truth.
+"""Table of the stiffness that solvers found: a row for each solver and cloth, over its seeds, with the truth if known.
 
 Stiffnesses are averaged in the logarithm (geometric means). Where the truth is known a row has two scores: the error
 factor exp(mean |log(found / true)|) over directions and seeds, 1 for a perfect answer, and the coverage, the share of
@@ -34,7 +34,7 @@ CELL_COLUMNS = (
 
 @dataclass(frozen=True)
 class StiffnessRow:
-    """What one solver found of one cloth.
+    """Stiffness of one cloth found by one solver.
 
     Attributes:
         solver: Name with options, and what sets it apart from others of that name.
@@ -144,7 +144,7 @@ def stiffness_rows_csv(rows: Iterable[StiffnessRow]) -> str:
 
 
 def cell_records(cells: Cells) -> list[dict[str, Any]]:
-    """What every cell found, a record for each quantity and direction: the lines of `stiffness.csv`.
+    """Stiffness found by every cell, a record for each quantity and direction: the lines of `stiffness.csv`.
 
     Args:
         cells: From `load_cells`.
@@ -233,7 +233,7 @@ def _over_seeds(values: Mapping[tuple[str, int], Quantity], generator: np.random
 
 
 def stiffness_scores(found: Iterable[FoundStiffness]) -> tuple[float, float, float, float]:
-    """How narrow, how right and how honest fits are.
+    """Scores of fits: width of intervals, error and coverage.
 
     Args:
         found: What each fit found.

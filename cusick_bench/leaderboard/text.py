@@ -270,7 +270,7 @@ def typed(command: str | Sequence[object]) -> str:
 
 
 def provenance(board: Leaderboard) -> list[str]:
-    """What it takes to make a leaderboard again, a sentence each.
+    """What is needed to make a leaderboard again, in sentences.
 
     Args:
         board: The leaderboard.

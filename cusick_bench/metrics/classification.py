@@ -1,9 +1,9 @@
-"""Which cloth a drape belongs to, judged by its statistics: what a draw should look like is its own cloth.
+"""Classifies drapes by their statistics: a draw should be assigned to its own cloth.
 
-Diagonal linear discriminant analysis: a drape belongs to the cloth whose mean is nearest, with each statistic in
-units of its spread within cloths (pooled). With a dozen samples a cloth and more statistics than that, correlations
-cannot be estimated, and rules that try do worse. A choice among cloths alone would give a disc to one of them. So a
-drape that lies further from every cloth than 95 % of real samples lie from their own is taken for none.
+Diagonal linear discriminant analysis: a drape belongs to the cloth whose mean is nearest, with each statistic in units
+of its spread within cloths (pooled). With a dozen samples a cloth and more statistics than that, correlations cannot be
+estimated, and rules that try do worse. A choice among cloths alone would assign even a disc to one of them. So a drape
+that is farther from every cloth than 95 % of real samples are from their own is assigned to none.
 
 References:
     S. Dudoit, J. Fridlyand, T. P. Speed. Comparison of discrimination methods for the classification of tumors
@@ -20,13 +20,13 @@ from numpy import ndarray
 
 from cusick_bench.metrics.errors import MetricError
 
-LIKELY = 0.95  # of real samples, or more, lie within the reach of their cloth
-NONE = -1  # index of the cloth of drapes that lie beyond every reach; the last column of a table
+LIKELY = 0.95  # least share of real samples that lie within the reach of their cloth
+NONE = -1  # index for drapes beyond the reach of every cloth; the last column of a table
 
 
 @dataclass(frozen=True, eq=False)
 class Confusion:
-    """What drapes were taken for.
+    """Confusion table: to which cloths drapes were assigned.
 
     Attributes:
         cloths: Names, in the order of rows and columns.
@@ -57,7 +57,7 @@ class Confusion:
 
 @dataclass(frozen=True, eq=False)
 class Classifier:
-    """What cloths look like; made by `learn`.
+    """A classifier of drapes by cloth; made by `learn`.
 
     Attributes:
         cloths: Names.

@@ -1,10 +1,10 @@
 """How well the distribution of a prediction's draws matches unseen samples, whatever the number of draws.
 
-The energy distance is taken between vectors of statistics, each in its unit (see `statistics.py`): 0 for draws from
-the cloth's own distribution, about 0.1 for one shifted by a third of the spread between its samples. Energy score and
-variogram score are of the radius profile as it lies, the CRPS and all that concerns calibration of the drape
-coefficient. Draws made for some samples only (an oracle's for one each, those of one face for samples that lie as they
-do) are scored against these; the comparisons of whole sets, energy distance and fold test, take all together.
+The energy distance is taken between vectors of statistics, each in its unit (see `statistics.py`): 0 for draws from the
+cloth's own distribution, about 0.1 for one shifted by a third of the spread between its samples. Energy score and
+variogram score are those of the radius profile as it lies; the CRPS and the scores of calibration are those of the
+drape coefficient. Draws made for some samples only (an oracle's for one each, those of one face for samples with the
+same face up) are scored against these; the comparisons of whole sets, energy distance and fold test, use all together.
 
 Held-out samples are independent of each other, captures of one are not: where a sample was captured several times, its
 captures are not compared with each other, and the fold test takes the first.
@@ -25,10 +25,10 @@ from cusick_bench.metrics.statistics import LOCKED, PHASE_FREE, STATISTICS, drap
 Groups = Sequence[tuple[Int[ndarray, " draws"], Int[ndarray, " samples"]]]
 """Draws, and the samples that they were made for: places in both lists; each sample is in one group."""
 
-LEVELS = (50, 90)  # [per cent] of the intervals
-_SCORE_STRIDE = 4  # profile samples from one angle of the energy score to the next: 2 deg
-_VARIOGRAM_STRIDE = 10  # 5 deg: seven angles to the narrowest fold
-_SEED = 0  # of the permutations: a score is the same whenever it is taken
+LEVELS = (50, 90)  # levels of the intervals [%]
+_SCORE_STRIDE = 4  # profile samples between two angles of the energy score: 2 deg
+_VARIOGRAM_STRIDE = 10  # the same of the variogram score: 5 deg, seven angles for the narrowest fold
+_SEED = 0  # seed of the permutations, fixed so that a score can be repeated
 
 DISTRIBUTION_METRICS = (
     "test_energy_distance",

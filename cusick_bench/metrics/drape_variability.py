@@ -1,8 +1,8 @@
-"""How much drapes of one cloth differ from each other: what draws must reproduce, beside what samples lie near.
+"""Variability of drapes of one cloth, which draws should reproduce.
 
-Of a set of silhouettes: mean squared error of a pair of them, which is mostly folds in other places; standard
-deviation of the drape coefficient and of the number of folds. Draws whose elements alone are uneven hardly differ; a
-set of real samples does. Each number has its jackknife standard error, as there are a dozen samples.
+For a set of silhouettes: the mean squared error of pairs, which is mostly due to folds in other places, and the
+standard deviations of the drape coefficient and of the number of folds. Draws that differ only in independent elements
+hardly differ; real samples do. Each number has its jackknife standard error, as there are only a dozen samples.
 
 References:
     B. Efron, C. Stein. The jackknife estimate of variance. Annals of Statistics 9 (1981), 586-596.
@@ -34,7 +34,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Variability:
-    """How drapes of one cloth differ.
+    """Variability of drapes of one cloth.
 
     Attributes:
         drapes: Number of drapes that were compared.

@@ -2,12 +2,12 @@
 
     E = 2 mean |x_i - y_k| - mean |x_i - x_j| - mean |y_k - y_l|
 
-is 0 for one distribution and positive for two. With means over pairs of *different clusters* only it is unbiased
-although captures of one sample are alike; pairs within a cluster would make a set look tighter than it is, and every
-gap too large. Without clusters each member is its own.
+is 0 for equal distributions and positive for different ones. With means over pairs of *different clusters* only, it is
+unbiased although captures of one sample are similar; pairs within a cluster would make a set look tighter than it is,
+and every gap too large. Without clusters each member is a cluster of its own.
 
-All that resampling needs of the pairs are their sums between clusters: `ClusterDistances` holds these, and a
-distance of reweighted or relabelled clusters is two small products.
+Resampling needs only the sums over pairs of clusters: `ClusterDistances` holds these, and the distance of reweighted or
+relabelled clusters takes two small products.
 
 References:
     G. J. Szekely, M. L. Rizzo. Energy statistics: a class of statistics based on distances. Journal of Statistical

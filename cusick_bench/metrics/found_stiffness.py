@@ -1,9 +1,9 @@
-"""The stiffness that a solver found, with intervals where it has a posterior, beside the truth where that is known.
+"""The stiffness that a solver found, with intervals if it has a posterior, and with the truth if that is known.
 
 Without a posterior a value is that of the fitted parameters. With one it is the median over cloths drawn from it, and
-the interval holds the middle 90 % of them. Draws are of the cloth: what belongs to one specimen only (the fields of the
-space `field`) is left at its mean. Where every element is drawn by itself (`bdp`), the mean over a cloth of thousands
-of elements hardly differs from draw to draw, so that the interval is narrow; the spread between elements is beside it.
+the interval holds the middle 90 % of them. Draws are of the cloth: properties of one specimen only (the fields of the
+space `field`) have their mean values. Where elements are drawn independently (`bdp`), the mean over thousands of them
+hardly differs from draw to draw, so that the interval is narrow; the spread between elements is given as well.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ Quantities = Mapping[str, Quantity]
 
 @dataclass(frozen=True)
 class FoundStiffness:
-    """What a solver found of a cloth, by direction.
+    """Stiffness of a cloth found by a solver, by direction.
 
     Attributes:
         bending: Bending stiffness of warp, weft and bias [N m].
@@ -142,7 +142,7 @@ def stiffness_document(found: FoundStiffness | None) -> dict[str, Any]:
 
 
 def read_stiffness(result: Mapping[str, Any]) -> FoundStiffness | None:
-    """What the document of a result says of stiffness.
+    """Stiffness in the document of a result.
 
     Args:
         result: Contents of `result.json`.

@@ -5,9 +5,9 @@ integrated over the plane of the plate, divided by the area that an image of the
 size: (256 px / 723 px/m)^2 = (354 mm)^2, times (cloth radius / 0.15 m)^2. That is the plain mean over pixels for the
 release, and for the same drapes the same number at any resolution and field of view.
 
-Images hold the cloth's coverage: 1 = cloth, 0 = background; bytes are read as 0..255. Squares of differences are added
-up pair by pair, a thousand draws against eleven samples in a second: as one matrix product it would be faster, but then
-an image is not quite at distance 0 from itself, and the last digit hangs on the number of threads.
+Images hold the cloth's coverage: 1 = cloth, 0 = background; bytes are read as 0..255. Squares of differences are summed
+pair by pair, which takes a second for a thousand draws against eleven samples. One matrix product would be faster, but
+then an image would not have the distance 0 from itself, and the last digit would depend on the number of threads.
 """
 
 from collections.abc import Callable
@@ -107,7 +107,7 @@ def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
 
 
 def cloth(images: Float[ndarray, "*shape"]) -> Bool[ndarray, "*shape"]:
-    """Where a silhouette shows cloth rather than background.
+    """Pixels of a silhouette that show cloth and not background.
 
     Args:
         images: Silhouettes in [0, 1].

@@ -1,16 +1,16 @@
 """All metrics of one prediction: against its training sample, and against samples it has not seen.
 
-A prediction offers one or many silhouettes (draws) for the unseen samples. Every draw is compared with every
-unseen sample; a `paired` prediction (an oracle's) offers draw i for sample i only, and one that knows both faces offers
-some draws for samples that lie as the training sample does and as many for samples that lie the other way up. Scores of
-many draws come twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that fits it
-best. The latter rewards N whatever the draws are, so it must be read beside random draws of equal number:
-`test_mse_best_of_<n>` is what n draws, picked at random from all draws, reach on average, and
-`test_hausdorff_best_of_<n>_m` the same from fewer tries, since it costs more: n of 20 draws, or ten sets of n.
-Whether draws are distributed as the samples are is told by the scores of `distribution.py`, whatever their number.
+A prediction has one or many silhouettes (draws) for the unseen samples. Every draw is compared with every unseen
+sample, with two exceptions: a `paired` prediction (of an oracle) has draw i for sample i only, and a prediction of both
+faces has some draws for samples with the same face up as the training sample, and as many for the other face. Scores of
+many draws are given twice: as mean over draws and samples, and as best-of-N, the mean over samples of the draw that
+fits each best. Best-of-N improves with N whatever the draws are, so it must be compared with the same number of random
+draws: `test_mse_best_of_<n>` is the expected score of n draws that are picked at random from all draws, and
+`test_hausdorff_best_of_<n>_m` the same from fewer trials, since it costs more: n of 20 draws, or ten sets of n. The
+scores of `distribution.py` tell whether draws are distributed as the samples are, whatever their number.
 
-Draws are scored as they are stored, in 256 levels, the samples' own depth: whoever scores a stored answer again gets
-the very same numbers, however finely a score looks.
+Draws are scored as they are stored, in 256 levels, like the samples. So scoring a stored answer again gives exactly the
+same numbers.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ from cusick_bench.metrics.surface import Surface
 from cusick_bench.solvers.base import Prediction
 
 SUBSETS = (10, 100, 1000)  # numbers of draws for which best-of-n is recorded
-DRAW_LEVELS = 255  # the level that stands for full coverage in stored draws
+DRAW_LEVELS = 255  # level of full coverage in stored draws
 _MEAN_DRAWS = 20  # draws, evenly spaced, that enter means of costly distances; the best is searched among all
 
 _SETS = 10  # of n draws, whose best Hausdorff distances are averaged

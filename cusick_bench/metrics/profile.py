@@ -1,8 +1,8 @@
 """Distances between radius-angle profiles: as they lie, at the best rotation, and free of phase.
 
 A drape's folds appear at angles that differ from sample to sample (they depend on how the cloth was laid
-down), so a distance that keeps the phase mostly scores chance. The phase-free distances compare what a cloth
-does keep.
+down), so a distance that keeps the phase mostly measures chance. The phase-free distances compare properties
+that samples of one cloth have in common.
 """
 
 import numpy as np

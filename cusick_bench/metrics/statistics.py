@@ -1,7 +1,7 @@
-"""What draws and unseen samples are compared by: vectors of the selection `SCORED` of silhouette statistics.
+"""Statistics by which draws and unseen samples are compared: the selection `SCORED` of silhouette statistics.
 
-The phase-free ones say how much a cloth drapes, how many folds it has and how deep they are, which is alike from
-sample to sample; the locked ones, low harmonics in the cloth's frame, show warp and weft (m = 2, 4) and an off-centre
+The phase-free ones say how much a cloth drapes, how many folds it has and how deep they are, which is similar for all
+samples of a cloth; the locked ones, low harmonics in the cloth's frame, show warp and weft (m = 2, 4) and an off-centre
 cloth (m = 1). Each is defined in `cusick_bench.datasets.silhouette_statistics`.
 
 Distances between vectors of such statistics need a unit for each. `SCALES` are constants, since a scale taken from

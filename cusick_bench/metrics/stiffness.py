@@ -1,10 +1,10 @@
-"""Stiffness of a cloth as an engineer asks for it: one number for each direction, from the tables that were fitted.
+"""Engineering values of a cloth's stiffness: one number for each direction, from the fitted tables.
 
 Bending [N m]. The direction is that of the curvature: *warp* is the stiffness of a strip cut along the warp, whose
 warp yarns bend. Hinges that lie along the weft measure it, row 2 of the table; row 0 is the weft, row 1 the bias. One
-number is the geometric mean over the table's five curvatures, 0 to 40 /m. The value at rest alone says little of a
-drape: in those of the five synthetic cloths (1205 vertices) three quarters of the bending energy lie beyond 26 to 68
-/m. A silhouette determines what the five have in common and hardly their differences, which their mean evens out. A
+number is the geometric mean over the table's five curvatures, 0 to 40 /m. The value at rest alone says little about a
+drape: in drapes of the five synthetic cloths (1205 vertices) three quarters of the bending energy lie beyond 26 to 68
+/m. A silhouette determines the mean of the five values, but hardly their differences. A
 Kawabata bending test reads 50 to 150 /m, where the laws keep the value of 40 /m, the last of `curve`. Law `published`
 bends as if it had a quarter of its table, and that quarter is given. Law `plate` has D11 from the warp's row, D22 from
 the weft's, and D33 from the bias' row; its bias here is D11 / 4 + D22 / 4 + D12 / 2 + D33, which is that row again
@@ -75,7 +75,7 @@ class ClothStiffness:
 
 @dataclass(frozen=True)
 class ElementWeights:
-    """How much each element counts in the mean over a cloth.
+    """Weight of each element in the mean over a cloth.
 
     Attributes:
         hinges: Weight of each hinge for each direction of bending, in the order of `BENDING`.

@@ -1,6 +1,6 @@
 """Errors of the outlines of synthetic photographs, and how well confidence tells wrong outlines from right ones.
 
-Segmentation and confidence were tuned on laboratories below number 1000; figures are to be reported on others.
+Segmentation and confidence were tuned on laboratories with numbers below 1000; report figures for others only.
 """
 
 import math
@@ -24,7 +24,7 @@ from cusick_bench.photographs.studio.trouble import TROUBLES, troubled
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
 TOLERANCE_MM = 0.5
-LEVEL_DEG = 3.0  # a camera this close to the plate's axis is as level as the guide asks for
+LEVEL_DEG = 3.0  # largest angle off the plate's axis of a camera that is as level as docs/drape-meter.md asks for
 SHOTS = 5  # photographs of a laboratory
 
 
@@ -180,7 +180,7 @@ def _taken(laboratory: Laboratory, shot: int, trouble: str) -> tuple[ndarray, Pi
 
 
 def document(measured: Iterable[Measured]) -> list[dict[str, Any]]:
-    """What a JSON document says of each photograph.
+    """The photographs' part of the JSON document.
 
     Args:
         measured: Photographs.

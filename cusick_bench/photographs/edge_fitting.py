@@ -86,7 +86,7 @@ def bent(curve: Curve, generator: np.random.Generator) -> Curve:
     """Bends a curve at random, as an outline that was found badly.
 
     Args:
-        curve: Points in order [m].
+        curve: Points of the outline in order [m].
         generator: Source of random numbers.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Reads photographs safely: Pillow looks at the header and turns the picture as the phone was held."""
+"""Reads photographs safely: Pillow reads the header and turns the picture to the orientation that it states."""
 
 import math
 import warnings

@@ -1,13 +1,13 @@
-"""The problem a solver sees: a training silhouette, a simulator, a parameter space, a loss, a running meter.
+"""The problem that a solver sees: a training silhouette, a simulator, a parameter space, a loss and a meter.
 
-Find tau such that the drape of the cloth that tau stands for has the training silhouette:
+Find parameters tau such that the drape of their cloth has the training silhouette:
 
     loss(tau) = d(render(camera(drape(specimen(tau)))), train_image)
 
 Sizes, scale and camera are those of the data's `protocol`.
 
-In equilibrium mode a drape starts from the best one so far and so follows its branch at the price of a few
-Newton steps; `follow=False` starts each one anew.
+In mode `equilibrium` a drape starts from the best one so far. So it follows that branch of equilibria, and takes only a
+few Newton steps; with `follow=False` each drape starts from the cloth as laid down.
 """
 
 import logging
@@ -255,7 +255,7 @@ class DrapeProblem:
         return self._observed("draw", taus)
 
     def at_pace(self, pace: PaceName) -> "DrapeProblem":
-        """The same problem, with the same meter, journal and branch, whose drops get to their end at another pace.
+        """The same problem with another pace of its drops; it shares meter, journal and branch.
 
         Args:
             pace: `steady`: as they are. `brisk`: drops of fewer steps, eight cloths in lockstep, without gradients,

@@ -8,7 +8,7 @@ class ProblemError(CusickError, ValueError):
 
 
 class StaleJournal(ProblemError):
-    """The evaluations that an earlier run has kept are of another solver, machine or problem: they feed nobody."""
+    """Evaluations kept by an earlier run are of another solver, machine or problem, and cannot be used."""
 
 
 class BudgetExceeded(CusickError):

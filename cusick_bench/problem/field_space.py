@@ -1,16 +1,16 @@
-"""Smooth random fields around a homogeneous cloth: of stiffness, of the shape it is laid down in, of its rest shape.
+"""Smooth random fields around a homogeneous cloth: of stiffness, of the laid-down shape and of the rest shape.
 
-Draws of stiffness that are independent from element to element average out over a fold and cannot move it; undulations
-of a millimetre in the shape in which the cloth is laid down, or in its rest shape, can. So tau holds, all with prior
-N(0, 1):
+Stiffness that varies independently from element to element averages out over a fold and cannot move it; undulations of
+a millimetre in the laid-down shape or in the rest shape can. So tau holds, all with prior N(0, 1):
 
     the 39 numbers of the homogeneous space,
-    traits in which cloths differ further: the levels of bending and of stretch stiffness (those numbers, independent of
-    one another, hardly let all rise together), how bending stiffness rises with curvature, and how stiff the bias is,
-    logarithms of amplitude and correlation length of every field, around the medians below,
+    traits, further numbers in which cloths differ: the levels of bending and of stretch stiffness (the 39 numbers are
+    independent, so they hardly ever rise all together), the rise of bending stiffness with curvature, the stiffness of
+    the bias, and others (`TRAITS`),
+    logarithms of amplitude and correlation length of every field, relative to the medians below,
     weights w of every field's modes (see `cusick_bench.sim.cloth.matern`).
 
-The first three belong to the cloth, the weights to the specimen: another one of the same cloth has them drawn anew.
+The first three belong to the cloth. The weights belong to a specimen: another specimen of the same cloth has new ones.
 """
 
 import math
@@ -39,7 +39,7 @@ from cusick_bench.sim.cloth.matern import EXTENSION, DiscModes, disc_modes, mate
 from cusick_bench.sim.cloth.shape import dihedral_angles, fade_in
 
 MODES = 300  # of each field: waves of 3.5 cm and longer
-MOST_POISSON = 0.3  # of bending; woven cloth has less
+MOST_POISSON = 0.3  # largest Poisson's ratio of bending; woven cloth has less
 HOMOGENEOUS = STRETCH_SIZE + BENDING_SIZE
 _CURVATURES = torch.arange(-2.0, 3.0, dtype=torch.float64)  # samples 0 to 40 /m, from the middle one [10 /m]
 _GRAIN_ROW = torch.tensor([[-0.5], [0.0], [0.5]], dtype=torch.float64)
@@ -67,7 +67,7 @@ class FieldPrior:
 
 @dataclass(frozen=True)
 class Trait:
-    """Normal prior of something in which cloths differ.
+    """Normal prior of a trait, a number in which cloths differ.
 
     Attributes:
         mean: Mean over all cloths.
@@ -78,21 +78,22 @@ class Trait:
     sd: float
 
 
-# What `cusick_bench.problem.population` finds by law `plate` at 480 vertices in fabrics of the release that no table
-# predicts, and neither is the fabric of one of them.
+# Found by `cusick_bench.problem.population` with law `plate` at 480 vertices, from fabrics of the release that are not
+# used in any table of results, neither themselves nor as a named set.
 TRAITS = {
-    "bending": Trait(-0.7, 1.5),  # [log] level of all bending stiffnesses, beside the prior of the homogeneous space
-    "stretch": Trait(0.9, 1.2),  # [log] of all stretch stiffnesses, beside that prior
-    "hardening": Trait(0.45, 0.25),  # [log] rise of bending stiffness from one curvature sample to the next, 10 /m on
-    "bias": Trait(-0.1, 0.5),  # [log] bending stiffness at 45 degrees, beside that prior
-    "grain": Trait(-0.7, 0.5),  # [log] bending stiffness of the warp over that of the weft, beside that prior
+    "bending": Trait(-0.7, 1.5),  # [log] level of all bending stiffnesses, relative to the homogeneous space's prior
+    "stretch": Trait(0.9, 1.2),  # [log] level of all stretch stiffnesses, relative to that prior
+    "hardening": Trait(0.45, 0.25),  # [log] rise of bending stiffness per curvature sample, that is per 10 /m
+    "bias": Trait(-0.1, 0.5),  # [log] bending stiffness at 45 degrees, relative to that prior
+    "grain": Trait(-0.7, 0.5),  # [log] bending stiffness of the warp over that of the weft, relative to that prior
     "poisson": Trait(0.0, 1.5),  # log odds of Poisson's ratio within 0 to `MOST_POISSON`, for law `plate`; assumed
     "curl": Trait(0.0, 4.0),  # [1/m] curvature of the rest shape, the same all over; > 0 where it rises to its face
 }
 
-# From there too: the correlation length of the laid shape, and how much samples of one cloth differ in stiffness. The
-# others are assumed: undulations of 1 mm in the laid one (.3 to 3 mm move no statistic that is inferred from by more
-# than a fifth of a specimen's scatter), of a third of that in the rest shape, and stiffness uneven by 15 %.
+# The correlation length of the laid shape, and how much samples of one cloth differ in stiffness, were found in the
+# same way. The others are assumed: undulations of 1 mm in the laid shape (from .3 to 3 mm no statistic used for
+# inference changes by more than a fifth of a specimen's scatter), of a third of that in the rest shape, and 15 % of
+# unevenness of the stiffness.
 FIELDS = {
     "stiffness": FieldPrior(0.15, 0.02, level=0.12),  # [log]
     "laying": FieldPrior(1.0e-3, 0.0135, length_sd=0.5),  # [m]
@@ -100,8 +101,9 @@ FIELDS = {
 }
 CLOTH = HOMOGENEOUS + len(TRAITS) + 2 * len(FIELDS)
 
-# From there again: by how much a fabric's mean statistics (`cusick_bench.problem.statistics`) miss those of the nearest
-# simulated cloth, root mean square over fabrics. A lean towards 45 degrees, which all share, no symmetric cloth has.
+# Found in the same way: distance of a fabric's mean statistics (`cusick_bench.problem.statistics`) from those of the
+# nearest simulated cloth, root mean square over fabrics. All fabrics share a tendency towards 45 degrees, which no
+# symmetric cloth has; hence the large value of `grain_2_imaginary`.
 DISCREPANCY = {
     "area_log_odds": 0.03,
     "fold_depth_log": 0.08,
@@ -114,11 +116,12 @@ DISCREPANCY = {
 
 
 LEADING = ("bending", "bias", "grain", "stretch", "shear", "hardening", "curl", "laying")
-"""What moves the expected statistics of a cloth: logarithms of the bending stiffness of warp and weft (mean over
-curvatures and both), of that of the bias and of the warp over the weft beside it, of the stretch stiffness at rest and
-of the shear stiffness beside it; rise with curvature; curl; logarithm of the laid shape's correlation length."""
+"""Numbers on which the expected statistics of a cloth depend: logarithms of the bending stiffness (mean over
+curvatures, warp and weft), of the ratio of the bias to it, of the ratio of warp to weft, of the stretch stiffness at
+rest, and of the ratio of the shear stiffness to that; rise of bending stiffness with curvature; curl; logarithm of the
+laid shape's correlation length."""
 ALONG_LEVEL = np.isin(LEADING, ("bending", "stretch")).astype(np.float64)
-"""How these move with a specimen's level: its stiffness field multiplies all bending and stretch stiffnesses alike."""
+"""Derivative of these by a specimen's level, which multiplies all bending and stretch stiffnesses by one factor."""
 Levels = Float[np.ndarray, " cloths"] | float
 _AT_REST = {"c11": 0, "c22": 1, "c33": 2}  # entries of the first strain sample among the diagonal ones
 
@@ -128,8 +131,8 @@ class Leading:
     """Leading directions of cloths: x = origin + rows theta, for a cloth of reference weight and size.
 
     Attributes:
-        rows: How theta moves them.
-        origin: Those of the median cloth.
+        rows: Derivatives by theta.
+        origin: Values for the median cloth.
     """
 
     rows: Float[np.ndarray, "leading cloth"]
@@ -150,7 +153,7 @@ class Leading:
         return self.origin + self._moved(cloths, levels)
 
     def rest(self, cloths: Float[np.ndarray, "cloths numbers"]) -> Float[np.ndarray, "cloths numbers"]:
-        """What of cloths moves none of the leading directions.
+        """Properties of cloths that change none of the leading directions.
 
         Args:
             cloths: theta, one a row.
@@ -191,7 +194,7 @@ def _trait(cloths: Float[Tensor, "*batch numbers"], name: str) -> Float[Tensor, 
 
 
 def _trait_levels(cloths: Float[Tensor, "*batch numbers"]) -> tuple[Tensor, Float[Tensor, "*batch 3 5"]]:
-    """What traits add to the logarithms of all stretch stiffnesses, and of each bending stiffness."""
+    """Contributions of traits to the logarithms of all stretch stiffnesses, and of each bending stiffness."""
 
     def of(name: str) -> Float[Tensor, "*batch 1 1"]:
         return _trait(cloths, name)[..., None, None]
@@ -296,7 +299,7 @@ class FieldSpace(ParameterSpace):
 
     @cached_property
     def leading(self) -> Leading:
-        """What moves the expected statistics, `LEADING`.
+        """Leading directions, on which the expected statistics depend (`LEADING`).
 
         A drape depends on stiffness over weight, and on lengths over the cloth's radius: cloths of other weight and
         size are taken for those of `DENSITY_REFERENCE` and the release's radius that drape alike.
@@ -362,7 +365,7 @@ class FieldSpace(ParameterSpace):
         return float(np.linalg.norm(self._level_shares(cloth)))
 
     def _level_shares(self, cloth: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " modes"]:
-        """How each weight of the stiffness field moves the level."""
+        """Derivative of the level by each weight of the stiffness field."""
         return self._overhang_mean * self.root(torch.as_tensor(cloth), "stiffness").numpy()
 
     def turned(self, cloths: Float[np.ndarray, "*batch numbers"]) -> Float[np.ndarray, "*batch numbers"]:

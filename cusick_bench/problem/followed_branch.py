@@ -36,7 +36,7 @@ class FollowedBranch:
             self.vertices = torch.as_tensor(entry.arrays["vertices"])
 
     def start(self, members: int) -> Float[Tensor, "members vertices 3"] | None:
-        """Where drapes start from.
+        """Initial shape of drapes.
 
         Args:
             members: Number of drapes.

@@ -1,9 +1,9 @@
-"""How the cloth is laid down, guessed from the silhouette: it decides which of its many rests the cloth falls into.
+"""Laid-down shape guessed from the silhouette: it decides into which of its many equilibria the cloth falls.
 
-Where folds form depends on undulations of a millimetre in the shape in which the cloth was laid on the plate. Nobody
-measured them, and stiffness cannot stand in for them: without a guess, the best fit of a pixel loss is whatever has
-the fewest folds in the wrong place. So a fit lays the cloth half draped along the folds that the training silhouette
-shows: straight generators from the plate's edge to the rim, which fall by half of what the silhouette implies,
+Where folds form depends on undulations of a millimetre in the shape in which the cloth was laid on the plate. They were
+not measured, and stiffness cannot replace them: without a guess, the best fit of a pixel loss is the cloth with the
+fewest folds in wrong places. So a fit starts from a cloth that is half draped along the folds of the training
+silhouette, with straight generators from plate to rim, which fall by half of what the silhouette implies,
 
     drop(theta) = sqrt(L^2 - (R(theta) - r)^2) / 2,    L = overhang, r = plate radius, R = silhouette.
 
@@ -18,7 +18,7 @@ from torch import Tensor
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.sim.cloth.mesh import Mesh
 
-# Of 0.1 to 1, 0.5 left the five named cloths' folds in place most often.
+# Of values from 0.1 to 1, with 0.5 the folds of the five named cloths stayed in place most often.
 SHARE = 0.5
 MODES = 20  # harmonics of the profile that are kept: folds, not pixels
 

@@ -1,8 +1,8 @@
-"""What the base model leaves out, in a fit: a specimen is put into a `Setup`, and the causes change it.
+"""Simulation of a specimen with effects in a fit: the specimen is put into a `Setup`, which the causes change.
 
-Which mesh and settings the causes ask for is settled once, before the parameter space is laid over them; all else is
-applied at every evaluation, since causes may depend on the cloth. Drapes are handed over in the laboratory's frame,
-as the camera sees it; a cloth that lies face down is simulated as its mirror image, x -> -x.
+The mesh and settings that the causes need are fixed once, before the parameter space is defined on that mesh. All else
+is applied at every evaluation, since causes may depend on the cloth. Drapes are returned in the laboratory's frame, as
+the camera sees them; a cloth that lies face down is simulated as its mirror image, x -> -x.
 """
 
 import time
@@ -132,7 +132,7 @@ class Scene:
         return radii if self.side == "up" else radii[(half - every) % len(radii)]
 
     def seen(self, vertices: Float[Tensor, "vertices 3"]) -> Float[Tensor, "vertices 3"]:
-        """Where points of the laboratory seem to be, for the nominal camera.
+        """Apparent positions of points of the laboratory, for the nominal camera.
 
         Args:
             vertices: Positions in the laboratory [m].

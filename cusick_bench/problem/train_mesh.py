@@ -36,7 +36,7 @@ def with_reference(
 
     Args:
         vertices: Positions [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         known: Flat meshes to compare with. A cloth that was turned over about y has their triangles the other way
             round; it is then returned as its mirror image x -> -x, which hangs from the same forces.
 

@@ -1,4 +1,4 @@
-"""What the report shows of one cell: the prediction, read without trusting the file, and the trace of the search."""
+"""Data of one cell for the report: its prediction, which is checked when it is read, and the trace of the search."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from cusick_bench.metrics import ruled_surface
 from cusick_bench.metrics.stiffness import BENDING
 from cusick_bench.report.prediction_file import check_mesh, read_prediction
 
-_MAXIMUM_DRAWS = 6  # shown
-_SHOWN_MODES = 40  # harmonics of a profile that its picture shows
+_MAXIMUM_DRAWS = 6  # largest number of draws that are shown
+_SHOWN_MODES = 40  # highest harmonic of a profile in its picture
 
 
 @dataclass(frozen=True, eq=False)

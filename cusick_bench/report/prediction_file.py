@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def read_prediction(folder: Path, understand: Callable[[Mapping[str, ndarray]], T]) -> T:
-    """What a cell predicts.
+    """Prediction of a cell.
 
     Args:
         folder: The cell's folder.

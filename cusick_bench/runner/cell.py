@@ -1,4 +1,4 @@
-"""One cell: build the problem, solve, score, write. Whatever goes wrong inside becomes the cell's result."""
+"""One cell: build the problem, solve, score, write. Any error inside becomes the cell's result."""
 
 import logging
 import os
@@ -56,11 +56,11 @@ _log = logging.getLogger(__name__)
 Report = Callable[[float, float, str], None]
 
 
-SIMULATORS_KEPT = 8  # of the cells of a process: meshing and the linear solver's analysis take a second each
+SIMULATORS_KEPT = 8  # simulators that a process reuses; meshing and the linear solver's analysis take a second each
 
 
 def _scene(dataset: DrapeDataset, cell: Cell, simulator: DrapeSimulator) -> Scene | None:
-    """What the base model leaves out, for the picture that is fitted."""
+    """Scene with the effects that act in the picture that is fitted."""
     if not cell.settings.causes:
         return None
     row, table = cell.train[0], dataset.index
@@ -94,10 +94,10 @@ def build_problem(
     """Poses a cell's problem.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cell: What to pose.
         folder: Where the problem keeps what a resumed solver needs; nowhere by default.
-        simulators: Kept from cell to cell; made anew by default.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         The problem, its budget not touched.
@@ -150,11 +150,11 @@ def run_cell(
     """Runs a cell, or goes on with it where an earlier run was killed.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cell: What to run.
         store: Where results lie.
-        report: Called to tell how far the cell is.
-        simulators: Kept from cell to cell; made anew by default.
+        report: Called with the cell's progress.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         The cell's result; `status` is "done" or "failed".
@@ -182,7 +182,7 @@ def run_cell(
 def _attempt(
     dataset: DrapeDataset, cell: Cell, folder: Path, report: Report, simulators: Simulators | None
 ) -> dict[str, Any]:
-    """What comes of a cell that is solved and scored, fed by what an earlier run has kept of it.
+    """Result of a cell that is solved and scored, using what an earlier run has kept.
 
     Raises:
         StaleJournal: What it has kept is of another run.
@@ -231,7 +231,7 @@ def solve_cell(problem: DrapeProblem, dataset: DrapeDataset, cell: Cell, report:
         problem: The cell's problem, from `build_problem`.
         dataset: Data; only oracles are shown what is held out.
         cell: What is asked.
-        report: Called to tell how far the solver is.
+        report: Called with the solver's progress.
 
     Returns:
         The answer.
@@ -255,7 +255,7 @@ def score_cell(dataset: DrapeDataset, cell: Cell, prediction: Prediction) -> dic
     """Scores an answer on the cell's samples.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cell: Whose training and held-out samples are compared with.
         prediction: The answer.
 
@@ -281,7 +281,7 @@ def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
 
 @lru_cache(maxsize=1)
 def true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
-    """What the data say of a cloth's stiffness, which no solver is shown.
+    """True stiffness of a cloth according to the data, which solvers never see.
 
     Args:
         dataset: Data.
@@ -295,7 +295,7 @@ def true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
 
 
 def _failed(error: Exception) -> dict[str, Any]:
-    """What is recorded of a failure; a traceback only where it is a bug rather than an answer."""
+    """Record of a failure, with a traceback only if it is a bug."""
     trace = "" if isinstance(error, CusickError) else traceback.format_exc()
     return {"status": "failed", "failure": f"{type(error).__name__}: {error}", "traceback": trace, "metrics": {}}
 

@@ -1,4 +1,4 @@
-"""What is recorded beside a result and decides nothing: the code's commit, library versions, hardware."""
+"""Environment of a result, for the record only: the code's commit, library versions, hardware."""
 
 import os
 import platform
@@ -39,7 +39,7 @@ def code_state() -> dict[str, Any]:
 
 
 def _git(folder: Path, *words: str) -> str:
-    """What git says of a folder; "" where it is in no checkout, or there is no git."""
+    """Output of git for a folder; "" outside a checkout, or without git."""
     with suppress(OSError, subprocess.SubprocessError):
         done = subprocess.run(
             ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=_GIT_SECONDS, check=True

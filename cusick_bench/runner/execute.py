@@ -46,7 +46,7 @@ def run(
         workers: Processes; 1 runs everything here, with all threads.
         executor: Something else to run on, instead of a pool of `workers` processes: `Submitted`, or any executor of
             `concurrent.futures`. Its workers must see `out`.
-        watcher: Called to tell how the grid gets on.
+        watcher: Told of the grid's progress.
         command: Command line, for the record.
         force: Whether to use silhouettes that no cloth on the plate can show; the record says so.
 
@@ -80,7 +80,7 @@ def run(
 
 
 def _executor(given: Executor | CellExecutor | None, workers: int) -> CellExecutor | None:
-    """What runs the cells; None for this process itself."""
+    """Executor of the cells; None for this process itself."""
     if isinstance(given, Executor):
         return Borrowed(given)
     return Processes(workers) if given is None and workers > 1 else given

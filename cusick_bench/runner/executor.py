@@ -1,4 +1,4 @@
-"""What runs cells: the one interface that the pool of processes, other people's executors and clusters have."""
+"""Interface of what runs cells: the pool of processes, executors of the user, and clusters."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -15,7 +15,7 @@ class CellExecutor(Protocol):
 
     @property
     def death(self) -> str:
-        """What is recorded of a cell whose process ended before it could say why: the likely reason, the remedy."""
+        """Record of a cell whose process ended without a reason: the likely reason and the remedy."""
         ...
 
     def run(self, source: Source, cells: Sequence[Cell], store: Store, watcher: Watcher) -> list[Cell]:
@@ -25,7 +25,7 @@ class CellExecutor(Protocol):
             source: Where the data come from.
             cells: What to run.
             store: Where results lie, as the workers see it, too.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells whose process died before they were finished; an executor that can try them again has done so.

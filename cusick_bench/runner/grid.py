@@ -224,7 +224,7 @@ def plan(
     """Lays out the grid and checks what can be checked before anything is simulated.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         solvers: Registered names, with options; one that means the same as one before it is passed over.
         cloths: Cloths of the data set, all by default.
         seeds: Seeds, only 0 by default.

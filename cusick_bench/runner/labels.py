@@ -1,4 +1,4 @@
-"""How cells and versions are written in a line; reading results does not wait for the simulator."""
+"""Texts for cells and versions; separate, so that reading results does not import the simulator."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,9 +1,9 @@
-"""Versions of the numerics: which code decided a number, part by part, whatever its source looks like.
+"""Versions of the numerics: they identify the code that decided a number, part by part, independently of its source.
 
-Each part of the code states a version where it stands: `NUMERICS_VERSION` in a law's file or a package's `__init__`,
-`version` of a solver. Whoever changes a part's numbers raises its version by 1. What was computed with other versions
-is then computed again; an edit that changes no number, of a comment or a file's name, leaves finished work alone. A
-cell depends only on the versions of the parts that it uses.
+Each part of the code states its own version: `NUMERICS_VERSION` in a law's file or a package's `__init__`, `version` of
+a solver. A change of a part's numbers raises its version by 1. Results with other versions are then computed again; an
+edit that changes no number, such as of a comment or a file's name, leaves finished work valid. A cell depends only on
+the versions of the parts that it uses.
 
 `tests/golden/numerics.json` holds numbers of every part and version, and a test fails where numbers change without a
 new version. After raising a version: `python tests/support/golden.py --write`.
@@ -40,9 +40,9 @@ def drape_numerics(law: str, *, with_contact: bool = False, with_effects: bool =
 
 
 BOTH_FACES = 1
-"""Version of what cells do that train on both faces of a cloth."""
+"""Version of the procedure of cells that train on both faces of a cloth."""
 REPEATS = 1
-"""Version of how held-out samples are scored that were captured several times."""
+"""Version of the scores of held-out samples with several captures."""
 
 
 def cell_numerics(

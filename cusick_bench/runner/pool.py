@@ -1,4 +1,4 @@
-"""Cells on worker processes; a worker that dies costs no cell but its own."""
+"""Cells on worker processes; if a worker dies, only its own cell can be lost."""
 
 import multiprocessing
 import queue
@@ -21,13 +21,13 @@ from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
 POLL_SECONDS = 0.2  # between looks at the workers' messages
-SUBMITTED_AHEAD = 4  # cells a worker that are submitted at a time: workers never wait, and memory stays constant
-MOST_SUBMITTED = 1000  # cells at a time, of an executor whose number of workers nobody knows
+SUBMITTED_AHEAD = 4  # cells submitted at a time for each worker: workers never wait, and memory stays constant
+MOST_SUBMITTED = 1000  # cells submitted at a time to an executor with an unknown number of workers
 
 
 @dataclass(eq=False)
 class _Worker:
-    """What a worker process keeps from cell to cell; no cell's numbers depend on it.
+    """Objects that a worker process reuses from cell to cell; no cell's numbers depend on them.
 
     Attributes:
         messages: Where it tells how far its cell is; None where nobody listens.
@@ -85,7 +85,7 @@ class Processes:
     """A pool of processes on this machine; cells under way when a worker died are run once more, each alone.
 
     Attributes:
-        workers: Processes.
+        workers: Number of processes.
         death: What is recorded of a cell whose worker died twice.
     """
 
@@ -99,7 +99,7 @@ class Processes:
             source: Where the data come from.
             cells: What to run.
             store: Where results lie.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells whose own process died twice.
@@ -149,7 +149,7 @@ class Borrowed:
             source: Where the data come from.
             cells: What to run.
             store: Where results lie.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells lost with a worker that died, and with the executor that it broke.
@@ -164,7 +164,7 @@ class Borrowed:
             source: Where the data come from.
             waiting: What to run; what was not begun stays in it.
             store: Where results lie.
-            watcher: Called to tell how the grid gets on.
+            watcher: Told of the grid's progress.
 
         Returns:
             Cells under way when the worker died.

@@ -1,8 +1,8 @@
-"""The one kind of process pool: fresh processes that share the cores, and where their numbers of threads are set.
+"""Process pools of the project: fresh processes that share the cores, with their numbers of threads.
 
-Compiled code reads its number of threads when it is loaded, and refuses another one once it runs. So the number stands
-in the environment while a process is started, and only then: set for good, it would slow down the process that asks,
-and set in a worker, it would come too late for a library that is already loaded.
+Compiled code reads its number of threads when it is loaded, and refuses another one afterwards. So the number is set in
+the environment only while a process is started: a permanent setting would slow down the present process, and a setting
+within a worker would come too late for a library that is already loaded.
 """
 
 import multiprocessing
@@ -39,7 +39,7 @@ def process_pool(
     This process keeps its own threads and environment.
 
     Args:
-        workers: Processes.
+        workers: Number of processes.
         threads: Threads of each.
         initializer: Called in each process as it starts.
         initargs: What it is given.

@@ -1,4 +1,4 @@
-"""Who is told how a grid gets on."""
+"""Watchers of a grid, which are told of its progress."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable

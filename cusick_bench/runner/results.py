@@ -1,4 +1,4 @@
-"""Results of a grid as a sequence that is read from disk item by item instead of being held."""
+"""Results of a grid as a sequence that is read from disk item by item instead of being kept in memory."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
-"""What cells read of the data: kept for the cells that follow, which are mostly about the same cloth.
+"""Samples that cells read from the data, cached for the next cells, which mostly use the same cloth.
 
-Decoding and checking the silhouettes of a cloth takes longer than scoring a trivial answer. What is kept is bounded in
-bytes, so that memory grows neither with the grid nor with the width of the silhouettes: a cloth of 48 silhouettes of
+Decoding and checking the silhouettes of a cloth takes longer than scoring a trivial answer. The cache is limited in
+bytes, so that memory grows neither with the grid nor with the width of the silhouettes: a cloth with 48 silhouettes of
 512 pixels takes about 50 MB.
 """
 
@@ -36,7 +36,7 @@ class SampleCache:
     """The samples of a data set that were read last, at least one.
 
     Attributes:
-        dataset: Data.
+        dataset: The data set.
         most_bytes: Most memory that they take together, unless one alone takes more [bytes].
     """
 
@@ -79,7 +79,7 @@ def read_sample(dataset: DrapeDataset, row: int) -> DrapeSample:
     """A drape.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         row: Row of its index.
 
     Returns:
@@ -92,7 +92,7 @@ def read_image(dataset: DrapeDataset, row: int) -> Silhouette:
     """A silhouette.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         row: Row of its index.
 
     Returns:
@@ -105,7 +105,7 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
     """First captures of a cloth's training samples, by the face that is up: captures repeat each other.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         train: Rows of its index that train; the first one is fitted.
 
     Returns:
@@ -119,10 +119,10 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
 
 
 def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[int]) -> SeenOfSamples:
-    """What a split shows of its samples.
+    """Faces and captures of the samples of a split.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         train: Rows of its index that train, of one cloth.
         test: Rows that are held out.
 
@@ -138,7 +138,7 @@ def read_repeats(dataset: DrapeDataset, cloth: str) -> list[tuple[Silhouette, Si
     """Pairs of captures of one drape: the floor below which no score of this cloth means anything.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         cloth: Name of a set.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Where a run's data come from, and the data themselves, loaded once a process."""
+"""Source of a run's data, and the data themselves, loaded once in each process."""
 
 import os
 from contextlib import suppress
@@ -11,7 +11,7 @@ from cusick_bench.datasets import REGISTRY, DrapeDataset, load
 
 @dataclass(frozen=True)
 class Source:
-    """Where a data set comes from: what workers are sent instead of the data.
+    """Source of a data set, which is sent to workers instead of the data.
 
     Attributes:
         data: Name or folder.
@@ -22,7 +22,7 @@ class Source:
     fabrics_csv: str | None = None
 
     def places(self, run: Path) -> dict[str, dict[str, str]]:
-        """Where the data are, so that they are found again from any working folder.
+        """Places of the data, by which they are found from any working folder.
 
         Args:
             run: Results folder.

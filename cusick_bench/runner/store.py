@@ -1,14 +1,14 @@
-"""Where results lie: one folder a cell, named by the hash of all that decides its numbers; files appear whole or not.
+"""Results on disk: one folder for each cell, named by the hash of all that decides its numbers; files appear whole.
 
 OUT/run.json                      command line, versions, hardware, dataset
-OUT/cells/<hash>/cell.json        what was asked
-OUT/cells/<hash>/trace.jsonl      one line an evaluation
-OUT/cells/<hash>/state.bin|npz    what a resumed run is fed from
+OUT/cells/<hash>/cell.json        the cell: solver, cloth, seed and settings
+OUT/cells/<hash>/trace.jsonl      one line for each evaluation
+OUT/cells/<hash>/state.bin|npz    arrays of the evaluations, and a solver's state, from which a run resumes
 OUT/cells/<hash>/prediction.npz   the answer
 OUT/cells/<hash>/result.json      cost and metrics
-OUT/cells/<hash>/done             marker, written last, with a hash of each file that it stands for
+OUT/cells/<hash>/done             marker, written last, with a hash of each of the cell's files
 
-A marker whose files are missing, or are not those that it stands for, marks nothing: the cell is run again.
+If files are missing, or do not fit the hashes of the marker, the marker is ignored and the cell is run again.
 """
 
 import errno
@@ -187,7 +187,7 @@ class Store:
         return self.out / "cells" / key
 
     def is_done(self, key: str) -> bool:
-        """Whether a cell has been finished, and its files are those that it was finished with.
+        """Whether a cell is finished and its files are unchanged since.
 
         Args:
             key: Name of the cell.
@@ -198,7 +198,7 @@ class Store:
         return (self.folder(key) / "done").exists() and not self.fault(key)
 
     def fault(self, key: str) -> str:
-        """What is wrong with a cell that is marked as finished.
+        """Fault of a cell that is marked as finished.
 
         Args:
             key: Name of the cell.

@@ -4,8 +4,8 @@ A task is a batch of cells, run one after the other. A task that runs into its t
 the queue again; it passes over the cells that are finished and goes on with the one that was cut off from its journal.
 Where a task ends before its cells do, they are submitted once more, each as a task of its own.
 
-submitit keeps what it submits, and the logs, in OUT/jobs. Nothing is read from there but by the tasks themselves:
-whether a cell is finished, its own folder says.
+submitit keeps the submitted tasks and their logs in OUT/jobs. Only the tasks themselves read from there: whether a cell
+is finished is known from its own folder.
 """
 
 import logging
@@ -88,7 +88,7 @@ def _stopping() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Batch:
-    """What one task does: cells one after the other.
+    """A task: cells that are run one after the other.
 
     Attributes:
         source: Where the data come from.
@@ -127,7 +127,7 @@ class Batch:
                 time.sleep(RUNNING_ELSEWHERE_SECONDS)
 
     def checkpoint(self, *arguments: Any, **options: Any) -> Any:
-        """What submitit puts into the queue again at the time limit: the same, since finished cells are passed over."""
+        """Task that submitit queues again at the time limit: the same one, since finished cells are skipped."""
         from submitit.helpers import DelayedSubmission
 
         return DelayedSubmission(self, *arguments, **options)
@@ -173,7 +173,7 @@ class Submitted:
 
     @property
     def death(self) -> str:
-        """What is recorded of a cell whose task ended before it, twice."""
+        """Record of a cell whose task ended twice before the cell did."""
         what = "ask for more with --job mem=..." if self.cluster == "slurm" else "reduce --workers"
         return f"The cell's task ended before the cell did, probably out of memory; see its log in OUT/jobs, or {what}"
 

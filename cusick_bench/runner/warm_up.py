@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(eq=False)
 class WarmUp:
-    """What one process has compiled already; no cell's numbers depend on it.
+    """Record of what a process has compiled; no cell's numbers depend on it.
 
     Attributes:
         kinds: Kinds of problems that are warm, each with its solver: hashes.
@@ -46,7 +46,7 @@ class WarmUp:
         """Compiles what a cell will call, unless a cell of its kind has run before.
 
         Args:
-            dataset: Data.
+            dataset: The data set.
             cell: What is about to be run.
         """
         solver = make_solver(cell.solver)

@@ -1,4 +1,4 @@
-"""Lists everything in a folder that is not as the layout promises; nothing that is found stops the audit."""
+"""Lists everything in a folder that does not follow the layout; no fault stops the audit."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Audit:
-    """What a folder holds, and every irregularity.
+    """Contents and irregularities of a folder.
 
     Attributes:
         fabrics: Number of different fabrics; of named sets where there are no others.

@@ -14,9 +14,9 @@ from cusick_bench.datasets.irregularity import Irregularity
 from cusick_bench.datasets.named import Twin
 from cusick_bench.datasets.pairing import FIT_LIMIT
 
-_FEWEST = 3  # pictures that tell a protocol's fault from their own
-_OFF_AXIS = 1 / 30  # of the flat radius; the public release's pictures share 1/65
-_TOO_LARGE = 1.08  # flat radii that most silhouettes reach; those of the public release reach up to 1.03
+_FEWEST = 3  # least number of pictures from which a fault of the protocol is told from faults of single pictures
+_OFF_AXIS = 1 / 30  # largest common offset over the flat radius; in the public release it is 1/65
+_TOO_LARGE = 1.08  # largest reach of most silhouettes over the flat radius; in the public release up to 1.03
 _ONLY_IMPOSSIBLE = ("image-grey", "far-off-centre")  # the other kinds are listed below those limits too
 
 

@@ -1,4 +1,4 @@
-"""Silhouettes that no cloth on the plate can show: a result computed from one would look like any other.
+"""Silhouettes that no cloth on the plate can show, and whose results would look like any others.
 
 An audit lists everything irregular; this is the part of it that stops a fit or a diagnosis. The limits lie beyond what
 effects of the laboratory reach (a camera's scale that is off by 20 %, a cloth 30 mm off its place) and beyond every
@@ -13,17 +13,17 @@ from cusick_bench.datasets.files.measure import ImageMeasure
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.irregularity import Irregularity
 
-GREY = 0.02  # of the cloth's size may be grey away from the outline
-HOLE = 0.001  # of the cloth's size may be a hole
-BEYOND = 1.2  # flat radii that a silhouette may reach
-UNCOVERED = 0.75  # of the plate's radius that must fit into the silhouette
-OFF_CENTRE = 0.25  # of the flat radius by which the middle of the cloth may lie off the plate's axis
+GREY = 0.02  # largest grey area away from the outline, over that of the cloth
+HOLE = 0.001  # largest hole, over the area of the cloth
+BEYOND = 1.2  # largest reach of a silhouette over the flat radius
+UNCOVERED = 0.75  # least radius that must fit into the silhouette, over that of the plate
+OFF_CENTRE = 0.25  # largest distance of the middle of the cloth from the plate's axis, over the flat radius
 UNREADABLE = ("empty-image", "full-image", "inverted-image", "two-blobs")
 """Kinds of `BadImage` that say that a picture shows no single cloth; other kinds are faults of the file."""
 
 
 def impossible_faults(path: str, image: ImageMeasure, protocol: Protocol) -> Iterator[Irregularity]:
-    """What makes a silhouette impossible.
+    """Faults that make a silhouette impossible.
 
     Args:
         path: Its path below the data set's root.

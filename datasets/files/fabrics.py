@@ -13,7 +13,7 @@ FILE = "fabrics.csv"
 _MAXIMUM_BYTES = 1 << 20
 _REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
-_THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; beyond them the value is in another unit
+_THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; other values are in another unit
 _DENSITIES = (LIGHTEST_CLOTH, HEAVIEST_CLOTH)
 _NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,9})(_observations)?")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 
 @dataclass(frozen=True)
 class Fabric:
-    """What a table says of one fabric.
+    """Row of a table for one fabric.
 
     Attributes:
         areal_density: [kg/m2], NaN if unknown.

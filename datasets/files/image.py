@@ -1,8 +1,8 @@
 """Reads a silhouette safely and checks that it shows one cloth on a plate.
 
-Pillow reads the header, OpenCV the pixels: OpenCV cannot tell an image's size before it has decoded it, and a file of
-some hundred bytes may claim pixels enough to fill the memory. Over the 450 JPEG files of the public release both decode
-every pixel alike.
+Pillow reads the header, OpenCV the pixels: OpenCV does not report an image's size before it has decoded it, and a file
+of some hundred bytes may claim enough pixels to fill the memory. For the 450 JPEG files of the public release both give
+the same pixels.
 """
 
 import warnings
@@ -200,7 +200,7 @@ def _areas(mask: Bool[ndarray, "height width"]) -> list[int]:
 
 @dataclass(frozen=True)
 class PlateFit:
-    """How a silhouette holds the plate that lies under the cloth.
+    """Fit of the plate, which lies under the cloth, into a silhouette.
 
     Attributes:
         fault: "", "off-centre" or "shrunken-image".
@@ -241,7 +241,7 @@ def fit_plate(image: Float[ndarray, "size size"], protocol: Protocol) -> PlateFi
 
 @dataclass(frozen=True)
 class Blemishes:
-    """What else is odd about a silhouette, measured.
+    """Measures of further irregularities of a silhouette.
 
     Attributes:
         cloth: Size of the cloth [px].

@@ -62,7 +62,7 @@ class Entry:
 
     @property
     def key(self) -> tuple[str, int, int, int]:
-        """What image and mesh of one drape have in common."""
+        """Key that image and mesh of one drape share."""
         return self.cloth, self.sample, self.capture, self.observation
 
     @property
@@ -73,7 +73,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Layout:
-    """What lies in a folder.
+    """Files of a folder.
 
     Attributes:
         root: The folder, resolved.
@@ -245,7 +245,7 @@ def _inside(link: Path, folder: Path) -> bool:
 
 
 def _parse(root: Path, path: Path) -> Entry | None:
-    """What a path says, or None if it is no part of the layout."""
+    """Labels from a path, or None if it is not part of the layout."""
     inside = (root.parent.name, root.name, *path.relative_to(root).parts[:-1])
     lower = [part.lower() for part in inside]
     stem = path.name.lower().removesuffix(".gz").rsplit(".", 1)[0]

@@ -1,4 +1,4 @@
-"""Profiles and content hashes of files, kept in the user's cache by content: a second look costs no measuring."""
+"""Profiles and content hashes of files, cached by content, so that each file is measured only once."""
 
 import hashlib
 import os
@@ -26,7 +26,7 @@ _VERSION = 3  # raise it when the meaning of a stored number changes
 
 @dataclass(frozen=True, eq=False)
 class MeshMeasure:
-    """What is known of a mesh without keeping it.
+    """Measures of a mesh that is not kept.
 
     Attributes:
         profile: Outline seen along z.
@@ -40,7 +40,7 @@ class MeshMeasure:
 
 @dataclass(frozen=True, eq=False)
 class ImageMeasure:
-    """What is known of a silhouette without keeping it.
+    """Measures of a silhouette that is not kept.
 
     Attributes:
         profile: About the plate's axis; if the image is off-centre, about the point where the plate fits.

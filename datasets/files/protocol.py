@@ -181,7 +181,7 @@ class Protocol:
 
     @property
     def mse_scale(self) -> float:
-        """What takes a mean squared difference over this protocol's pixels to the benchmark's; 1 for the release's.
+        """Factor from a mean squared difference over this protocol's pixels to the MSE; 1 for the release.
 
         A mean over pixels depends on how much background the image shows. The benchmark integrates the squared
         difference over the plane and divides by the area that an image of the release shows of a cloth of its size,
@@ -200,7 +200,7 @@ class Protocol:
         return values | {"centre_px": list(self.centre_px), "captures": captures}
 
     def unlike_release(self) -> dict[str, Any]:
-        """What decides where a point of the cloth is seen, as far as it is not as in the public release.
+        """Values that decide where a point of the cloth is seen and that differ from the public release.
 
         Returns:
             Value by the field's name; nothing for a protocol that has the release's.

@@ -1,8 +1,8 @@
-"""What is measured on a silhouette, as its protocol says that it was taken; and the camera that sees as it does.
+"""Measurements on a silhouette according to its protocol, and the camera of a protocol.
 
-A pinhole camera sees what hangs below the plate smaller than the plate. Its pictures do not show how deep the rim
-hangs, so radii are read as those of straight generators of the overhang's length L from the plate's edge (radius r, at
-the distance H from the eye) to the rim, as in the ruled surfaces of the release:
+To a pinhole camera whatever hangs below the plate appears smaller. Its pictures do not show how deep the rim hangs, so
+radii are computed as those of straight generators of the overhang's length L from the plate's edge (radius r, at the
+distance H from the eye) to the rim, as in the ruled surfaces of the release:
 
     a = rho H / (H + d),    d^2 + (rho - r)^2 = L^2,
 
@@ -150,7 +150,7 @@ def rim_depth(radii: Float[ndarray, "*shape"], protocol: Protocol) -> Float[ndar
 
 
 def outline_pixels(image: Image, protocol: Protocol) -> tuple[Float[ndarray, " points"], Float[ndarray, " points"]]:
-    """Where the outline of a silhouette lies in its picture, closed.
+    """Closed outline of a silhouette in its picture.
 
     Args:
         image: Coverage, cloth = 1.

@@ -21,10 +21,10 @@ the mean radius, and f its folds, the harmonics from m = 3 on:
     slope_envelope_K_*  the same of the squared slope f' of these folds: where they are steep
     cubed_K_*           the same of their cube, 2 mean(f^3 exp(i K theta)) / mean(f^2)^(3/2): where crests are narrow
 
-What hangs beside the plate, of which a camera's scale or place moves crests and valleys alike, an off-centre or larger
-cloth moves the crests more, and a plate's radius the valleys. With g = r - plate the gap to the plate, w the overhang's
-width, s the root mean square of the folds f, m = 3 to 24, and <.>+ or <.>- means over the angles with the smooth
-weights exp(+1.5 f / s), the crests', or exp(-1.5 f / s), the valleys':
+The following describe crests and valleys separately: a camera's scale or place moves both by the same amount, an
+off-centre or larger cloth moves the crests more, and another radius of the plate the valleys. With g = r - plate the
+gap to the plate, w the overhang's width, s the root mean square of the folds f, m = 3 to 24, and <.>+ and <.>- means
+over the angles with the smooth weights exp(+1.5 f / s) of the crests and exp(-1.5 f / s) of the valleys:
 
     crest_radius        C_0 of the envelope C_0 + sum_K Re(C_K exp(-i K theta)), K = 1, 2, that least squares with the
                         crests' weights put through the radii [m]
@@ -37,10 +37,11 @@ weights exp(+1.5 f / s), the crests', or exp(-1.5 f / s), the valleys':
     crest_K_*, valley_K_*   C_K of the crests' envelope, and of that with the valleys' weights [m]
     nearness_K_*        harmonics 2 mean(exp(-g / u) exp(i K theta)): on which side cloth hangs beside the plate
 
-and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to 16 and w the overhang's width (0.06 m):
+The following are for the inference of a stiffness, scaled to the order of 1, with the folds m = 3 to 16 and w the
+overhang's width (0.06 m):
 
-    area_log_odds       log(area_dc / (1 - area_dc)): stiffness moves it evenly, the coefficient itself less and less at
-                        both ends
+    area_log_odds       log(area_dc / (1 - area_dc)): nearly linear in log stiffness, whereas the coefficient itself
+                        levels off at both ends
     fold_depth_log      log of the folds' root mean square over w
     crest_number        a tenth of the expected number of crests of a random profile with the folds' power P_m,
                         sqrt(sum m^4 P / sum m^2 P), by Rice's formula; it follows the number counted where the centroid
@@ -49,9 +50,10 @@ and, for the inference of a stiffness, of the size of 1, with the folds m = 3 to
                         other way round
     grain_M_*           10 a_M / w (real) and -10 b_M / w (imaginary): warp against weft
 
-Statistics are phase-free, since where folds come to lie is chance, or locked: the low harmonics and the envelopes, in
-which a cloth shows that is stiffer along its warp (m = 2, 4), off centre (m = 1) or weakened at one place. Ratios are
-softened, and weights are smooth: all are finite and near 0, or near those of the mean, on a profile without folds.
+Statistics are either phase-free, since the places of folds are random, or locked: the low harmonics and the envelopes,
+which show cloth that is stiffer along its warp (m = 2, 4), off centre (m = 1) or weakened at one place. Ratios are
+softened, and weights are smooth, so that on a profile without folds all are finite and near 0, or near those of the
+mean radius.
 
 References:
     Rice. Mathematical analysis of random noise. Bell System Technical Journal 23-24, 1944-45, Sec. 3.6.
@@ -69,11 +71,11 @@ from cusick_bench.datasets.errors import DataError
 from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE, ring_folds
 from cusick_bench.sim.constants import CLOTH_RADIUS
 
-LAST_ORDER = 24  # above lie pixels
+LAST_ORDER = 24  # highest order m; higher ones are dominated by pixels
 FIRST_FOLD, LAST_FOLD = 3, 16  # orders m in which folds are looked for
 SOFTENING = 5e-4  # [m], a third of a pixel: ratios of what is shallower, which is noise, go to 0
 SHALLOW = 1e-4  # [m] a fold below a tenth of a pixel has no depth that an image could show
-LEAST_ODDS = 0.01  # drape coefficient from which on down (or up to 1) the log odds stand still
+LEAST_ODDS = 0.01  # least drape coefficient, and least distance from 1, in the log odds
 GRAIN_SCALE = 20  # makes c_m / w, whose size is a twentieth, one of the size of 1
 CREST_SCALE = 10  # drapes have about ten crests
 

@@ -1,7 +1,7 @@
 """The recipe of the shipped `synthetic` set: five cloths whose stiffness, shapes and meshes are known.
 
-Each cloth is homogeneous in the mean. Each of its 12 samples has its own smooth stiffness field and its own rest shape;
-it is laid down once with each face up, which draws another laid-down shape, and captured twice per face, with a small
+Each cloth is homogeneous on average. Each of its 12 samples has its own smooth stiffness field and its own rest shape.
+It is laid down once with each face up, each time in a new random shape, and captured twice per face, with a small
 change of that shape and of its place on the plate in between. Turned over about y, the cloth's x points to the other
 side and its rest shape is seen from below. The spreads are set so that image distances between repeats, faces and
 samples match those of real cloth (`cusick-bench data stats` prints both).

@@ -1,8 +1,8 @@
-"""Meshes without a ring of vertices on the plate's edge, changed to have one.
+"""Moves a ring of vertices onto the plate's edge, in meshes that have none there.
 
-The ring is the closed path of edges around the plate that costs least: a vertex costs its squared distance from the
-plate's circle in edge lengths, an edge the square of how far it leads outwards or inwards, so that the path does not
-change between rows of vertices without need, and each a little more, so that it takes no detours. Its vertices are
+The ring is the closed path of edges around the plate with the least cost. A vertex costs its squared distance from the
+plate's circle in edge lengths, plus a constant, so that the path makes no detours; an edge costs the square of its
+radial extent, so that the path does not change between rows of vertices without need. The vertices of the path are
 moved onto the circle along their rays; the others follow by a harmonic displacement that vanishes on the rim.
 """
 
@@ -17,11 +17,11 @@ from scipy.sparse.linalg import spsolve
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
 
-_KEPT = 32  # meshes
-_VERTEX_COST = 0.1  # squared edge lengths; of every vertex of the path, wherever it lies
-_STEP_COST = 1.0  # of an edge, times the square of how far it leads away from the plate's axis, in edge lengths
-_SEARCHED = 1.5  # edges on either side of the circle
-_FLATTEST = 0.1  # a face may keep this share of its area at least
+_KEPT = 32  # largest number of cached meshes
+_VERTEX_COST = 0.1  # constant cost of every vertex of the path [squared edge lengths]
+_STEP_COST = 1.0  # factor on the squared radial extent of an edge, in edge lengths
+_SEARCHED = 1.5  # width of the band that is searched on either side of the circle [edge lengths]
+_FLATTEST = 0.1  # least ratio of a face's new area to its old one
 
 
 @lru_cache(maxsize=_KEPT)

@@ -1,14 +1,14 @@
-"""Number of folds of a closed curve: peaks of its low harmonics that stand out far enough.
+"""Number of folds of a closed curve: peaks of its low harmonics with enough prominence.
 
-2.8 mm are far enough for the standard's cloth of 0.15 m radius; for another cloth, give the prominence in proportion to
-its radius, so that drapes of the same shape have the same folds.
+For the standard's cloth of 0.15 m radius the least prominence is 2.8 mm; for another cloth, give one in proportion to
+its radius, so that drapes of the same shape have the same number of folds.
 """
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-FOLD_PROMINENCE = 0.0028  # [m] by which a fold stands out; about 2 px of the release: below it, pixel noise makes peaks
+FOLD_PROMINENCE = 0.0028  # [m] least prominence of a fold, about 2 px of the release; pixel noise makes smaller peaks
 FOLD_HARMONICS = 30  # highest harmonic that is kept before peaks are counted
 
 

@@ -1,6 +1,6 @@
-"""Irregular meshes: the same cloth with its interior vertices moved at random, to see what regular ones hide.
+"""Irregular meshes: the same cloth with its interior vertices moved at random.
 
-A discretisation that is only right where its errors cancel between alike triangles shows it here.
+They reveal discretisations that are only right because errors cancel between triangles of the same shape.
 """
 
 import numpy as np
@@ -10,8 +10,8 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
 
-LARGEST_JITTER = 0.4  # of the spacing: near half of it neighbours meet
-_LEAST_AREA = 0.15  # of a face's area that has to be left: slimmer triangles say more of themselves than of a law
+LARGEST_JITTER = 0.4  # largest displacement over the spacing; near a half neighbours meet
+_LEAST_AREA = 0.15  # least ratio of a face's new area to its old one; slimmer triangles have large errors of their own
 _ON_EDGE = 1e-9  # [m]
 _MOST_ROUNDS = 30
 

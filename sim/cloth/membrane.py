@@ -1,9 +1,9 @@
-"""The membrane that a mesh can bend: of cloth whose folds are narrow for its mesh it is softened.
+"""Softened membranes: the membrane stiffness is reduced where folds are narrow for the mesh.
 
-A surface of finitely many control points cannot fold without being stretched a little. Woven cloth resists stretching
-100,000 times as much as bending on the scale of a mesh, so that the energy of those strains, not that of bending,
+A surface with finitely many control points cannot fold without being stretched a little. Woven cloth resists stretching
+100,000 times as much as bending on the scale of a mesh, so that the energy of these strains, and not that of bending,
 decides how far limp cloth hangs (membrane locking). Yet stretching itself hardly matters to a drape: cloth of 60 N/m
-gives by .2 % under its own weight. The membrane of the whole cloth is therefore multiplied by
+stretches by .2 % under its own weight. The membrane stiffness of the whole cloth is therefore multiplied by
 
     1 / (1 + Y h^2 / (RATIO B)),
 
@@ -11,8 +11,8 @@ with Y its stiffness, the mean of warp and weft at no strain [N/m], B its bendin
 and curvatures [N m], and h the spacing of vertices, of as many equilateral triangles. Its stiffness then tends to
 RATIO B / h^2 on coarse meshes and to its own on fine ones, with the same limit as without.
 
-RATIO was chosen on random cloths of the population (`cusick-bench mesh-error`): what is left of the locking, which
-lets cloth hang too high, and what the softer membrane lets it sink then cancel at all meshes from 480 vertices on.
+RATIO was chosen with random cloths of the population (`cusick-bench mesh-error`): the remaining locking, which holds
+cloth up, and the additional sag by the softer membrane then cancel on all meshes of 480 vertices or more.
 
 References:
     Stolarski, Belytschko. Membrane locking and reduced integration for curved elements. Journal of Applied Mechanics
@@ -35,11 +35,11 @@ RATIO = 28_000.0
 """Membrane stiffness over B / h^2 that a mesh bends without much locking."""
 
 _WARP, _WEFT = 0, 2  # columns of C
-_LEAST_BENDING = 1e-9  # [N m], a hundredth of the limpest silk's: tables that are no cloth's keep a finite factor
+_LEAST_BENDING = 1e-9  # [N m], a hundredth of the limpest silk's; keeps the factor finite for impossible tables
 
 
 def softening(material: Material, mesh: Mesh) -> Float[Tensor, ""]:
-    """By what a cloth's membrane stiffness is multiplied on a mesh.
+    """Factor on a cloth's membrane stiffness on a mesh.
 
     Args:
         material: The cloth.

@@ -1,7 +1,7 @@
 """Triangle meshes in Wavefront OBJ files, plain or gzipped: the one reader, within limits, and the one writer.
 
-The parser is ours, not trimesh's: trimesh 4 drops a face of two corners and takes vertex 0 for the last one without a
-word, reads coordinates that are not numbers of metres, and its other errors name neither file nor line.
+The parser is ours, not trimesh's: trimesh 4 silently drops faces of two corners and takes vertex 0 for the last one,
+accepts coordinates that are not finite, and its errors name neither file nor line.
 """
 
 import gzip

@@ -1,8 +1,8 @@
-"""Which mesh each material law gets: the one place that names it.
+"""The kind of mesh for each material law; nothing else chooses it.
 
-Law `plate` gets rings of vertices (`ring_mesh`), on which its error falls smoothly with the number of vertices; the
-laws of hinges get `disc_mesh`, whose edges run in all directions. How many vertices each purpose gets stands in
-`cusick_bench.sim.constants`, with the errors that they have.
+Law `plate` uses rings of vertices (`ring_mesh`), on which its error falls smoothly with the number of vertices; the
+laws with hinges use `disc_mesh`, whose edges run in all directions. The numbers of vertices for each purpose, and the
+errors that they have, are in `cusick_bench.sim.constants`.
 """
 
 from cusick_bench.sim.cloth.conform import conformed

@@ -16,13 +16,13 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 from cusick_bench.sim.errors import SimulationError
 
 _MINIMUM_VERTICES = 60
-_FEWEST_RINGS = 2  # beyond the plate's edge
-_GRADING = 0.12  # the rings' distance at the clamp is 1 - this, at the rim 1 + this, times the mean
-_PER_RING = 13.0  # vertices of a ring per ring beyond the plate's edge, for the nominal radii
-_INSIDE = 0.5  # vertices inside the plate per vertex of a ring, at least
-_CROWDING = 0.3  # exponent of the radii inside; 0.5 would be even, less crowds the vertices at the plate's edge
-_INSIDE_GAP = 1.2  # distance of the outermost vertices inside from the plate's edge, in edges of the ring there
-_LARGEST_JITTER = 0.4  # of the spacing
+_FEWEST_RINGS = 2  # least number of rings beyond the plate's edge
+_GRADING = 0.12  # the distance of rings is 1 - this at the clamp and 1 + this at the rim, times the mean
+_PER_RING = 13.0  # vertices of a ring over the number of rings beyond the plate's edge, for the nominal radii
+_INSIDE = 0.5  # least number of vertices inside the plate, over that of a ring
+_CROWDING = 0.3  # exponent of the radii inside; 0.5 would be even, smaller ones crowd vertices at the plate's edge
+_INSIDE_GAP = 1.2  # distance of the outermost inner vertices from the plate's edge [edge lengths of the ring there]
+_LARGEST_JITTER = 0.4  # largest displacement over the spacing
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 

@@ -1,4 +1,4 @@
-"""Random smooth shapes: how a cloth was laid down, and how it would lie without load. They decide where folds form.
+"""Random smooth shapes: the laid-down shape of a cloth and its rest shape, which decide where folds form.
 
 A field is a sum of plane waves with random direction, length and phase (random Fourier features), whose covariance
 tends to amplitude^2 exp(-d^2 / (2 length^2)). It is a function of material coordinates, so the same seed gives the

@@ -1,13 +1,13 @@
-"""Meshes of a cloth that lies or is cut otherwise: material points moved between the plate's edge and the rim.
+"""Meshes of a cloth that lies off centre or has another cut: material points are moved between plate's edge and rim.
 
-Vertices on the plate's edge stay on it, so that the clamp stays a circle; beyond it a point's way from the edge to the
-rim, t in [0, 1] along its ray from the plate's axis, says how far it follows the rim. On an annulus this map has no
-folds as long as no part of the rim reaches the plate. The same mesh and numbers give the same `Mesh` object, whose
-analysis is then shared.
+Vertices on the plate's edge stay on it, so that the clamp stays a circle. Beyond it the relative position t in [0, 1]
+of a point between the edge and the rim, along its ray from the plate's axis, says how far it follows the rim. On an
+annulus this map is one-to-one as long as no part of the rim reaches the plate. The same mesh and numbers give the same
+`Mesh` object, whose analysis is then shared.
 
 The triangles are stretched, by 2 % for a millimetre, and hinges on stretched triangles are a little stiffer along the
-stretch: what a larger cloth or a smaller plate does to the sag comes out 7 to 20 % smaller than on a mesh made for it
-(400 to 2400 vertices, 8 mm).
+stretch: the change of sag by a larger cloth or a smaller plate is 7 to 20 % smaller than on a mesh made for it (400 to
+2400 vertices, 8 mm).
 """
 
 import math
@@ -20,7 +20,7 @@ from numpy import ndarray
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
 
-_KEPT = 32  # meshes
+_KEPT = 32  # largest number of cached meshes
 
 
 def cloth_circle(mesh: Mesh) -> tuple[Float[ndarray, "2"], float]:
@@ -99,7 +99,7 @@ def on_plate(mesh: Mesh, held: float, radius: float) -> Mesh:
 
 
 def _way_out(mesh: Mesh, held: float) -> Float[ndarray, "vertices"]:
-    """How far a point lies from the plate's edge (0) to the rim (1), along its ray from the plate's axis."""
+    """Relative position of a point between plate edge (0) and rim (1), along its ray from the plate's axis."""
     centre, radius = cloth_circle(mesh)
     distance = np.hypot(*mesh.material.T)
     along = mesh.material @ centre / np.maximum(distance, 1e-12)

@@ -13,7 +13,7 @@ pairs both carry it: 9 kappa at d^ / 2.
 
 Under law `plate` the vertices here are those of the control net, the shell's unknowns. It lies within kappa h^2 / 8 of
 the surface (here curvature kappa, edges h; exactly so for a cylinder on equilateral triangles), a tenth of a millimetre
-at 50 1/m and 4 mm: layers that rest on each other keep their distance but for that much.
+at 50 1/m and 4 mm: the distance of layers that rest on each other is uncertain by that much.
 
 Distances, their derivatives and the continuous collision test come from the IPC toolkit (`ipctk`, MIT licence), which
 is imported on first use.
@@ -43,7 +43,7 @@ from cusick_bench.sim.errors import SimulationError
 
 THICKNESS = 1e-3  # [m] distance below which contact acts
 STIFFNESS = 100.0  # [Pa] kappa: folds that press with up to 1 kPa keep d^ / 2 apart, a hundred times a cloth's weight
-_KEPT = 0.1  # share of the way to the first touch that no step goes
+_KEPT = 0.1  # share of the way to the first touch that every step leaves
 
 
 def _toolkit() -> Any:
@@ -207,7 +207,7 @@ class SelfContact:
         return ContactForces(self, x, self._pairs(x, reach), np.zeros_like(x), 0.0).couplings()
 
     def free_share(self, x: Float[ndarray, "vertices 3"], step: Float[ndarray, "vertices 3"]) -> float:
-        """How much of a straight step the cloth may take without touching itself, from 0 to 1.
+        """Largest share of a straight step, from 0 to 1, that the cloth can take without touching itself.
 
         Args:
             x: Positions, free of intersections [m].

@@ -2,9 +2,9 @@
 
 The way down is that of `cusick_bench.sim.engine.statics.descent`. With contacts every step is also cut short of the
 first touch (continuous collision detection), so that a cloth laid down without intersections comes to rest without
-any. The path decides where it rests: until the net force is a small part of the weight the steps stay those of a
-falling cloth. `contact_drop` falls with memory of velocity, as `drop` does; a search from its end finds the rest that
-belongs to that fall.
+any. Which equilibrium is found depends on the path: until the net force is a small part of the weight, the steps are
+those of a falling cloth. `contact_drop` falls with inertia, as `drop` does; a search from its end finds the equilibrium
+that belongs to that fall.
 
 At rest the forces of cloth and contacts balance, F(x, p) + F_c(x) = 0. F_c does not depend on the parameters, hence
 dL/dp = lambda . dF/dp with (H + H_c) lambda = dL/dx.

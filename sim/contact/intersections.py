@@ -1,9 +1,9 @@
-"""Does a cloth pass through itself: edges that pierce triangles, counted.
+"""Counts edges of a cloth that pierce its triangles, to find out whether it passes through itself.
 
-An edge pq pierces the triangle abc where the tetrahedra abcp and abcq have volumes of opposite sign and the line
-through p and q passes all three sides of abc on the same side. Edges and triangles that share a vertex are no pair, and
-none in one plane pierce: on a plate that slopes roundings put the ends of an edge on either side of a triangle there.
-This test is independent of how contacts are computed, so that it can judge them.
+An edge pq pierces the triangle abc if the tetrahedra abcp and abcq have volumes of opposite sign and the line through p
+and q passes all three sides of abc on the same side. Edges and triangles that share a vertex are not tested, and those
+in one plane do not count: on a sloping plate rounding may put the ends of an edge on opposite sides of a triangle. The
+test is independent of how contacts are computed, so that it can be used to check them.
 
 References:
     Segura, Feito. Algorithms to test ray-triangle intersection: comparative study. WSCG 2001 (signed volumes).
@@ -17,7 +17,7 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.kernel_cache import numba
 
-_IN_PLANE = 1e-12  # [m] height over a triangle's plane that is rounding
+_IN_PLANE = 1e-12  # [m] height over a triangle's plane that counts as rounding
 
 
 @numba.njit(cache=True)
@@ -101,7 +101,7 @@ def piercing_pairs(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> Int[ndarray, 
 
 
 def intersections(mesh: Mesh, x: Float[ndarray, "vertices 3"]) -> int:
-    """How many pairs of an edge and a triangle intersect; 0 where the cloth nowhere passes through itself.
+    """Number of pairs of an edge and a triangle that intersect; 0 if the cloth nowhere passes through itself.
 
     Args:
         mesh: The cloth.

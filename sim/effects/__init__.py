@@ -1,4 +1,4 @@
-"""What the base model leaves out, one effect a file: physics, units, bounds, typical range with source."""
+"""Effects that the base model leaves out, one in a file: physics, units, bounds, typical range with source."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What an effect is: something that the base model leaves out, as a change of a `Setup`.
+"""Base class of effects: something that the base model leaves out, expressed as a change of a `Setup`.
 
 A new effect is one file with one subclass of `Effect` and one line in `registry.py` (or an entry point in the group
 `cusick_bench.effects`); the contract tests pick it up.

@@ -1,8 +1,8 @@
-"""The mechanical systems that drops, descents and their adjoints take: of laws with hinges, and of law `plate`.
+"""The mechanical systems for drops, descents and their adjoints: of laws with hinges, and of law `plate`.
 
-Both offer the same: `evaluate` a batch's configurations into forces, energy and matrix, `adjoint`, `layout`, `linear`,
-`free`, `fixed`, `spring`. Configurations are arrays over the mesh's vertices; what stands there is the system's
-(vertices, or the control points of a shell, see `plate.unknowns`).
+Both have the same interface: `evaluate` computes forces, energy and matrix of a batch's configurations; `adjoint`,
+`layout`, `linear`, `free`, `fixed`, `spring`. Configurations are arrays over the mesh's vertices, which hold positions
+of the vertices, or of the control points of a shell (see `plate.unknowns`).
 """
 
 from cusick_bench.sim.engine.plate.system import ShellEvaluation, ShellSystem

@@ -1,13 +1,14 @@
-"""How fast a drop gets to its end: in all of its steps, or in two thirds of them with a push towards it.
+"""Pace of a drop: all of its steps (`steady`), or two thirds of them with a push towards the end (`brisk`).
 
-Once the folds have formed, a cloth creeps: each linearly implicit step goes straight ahead, turned cloth resists that,
-and only the next step knows. What then remains to be gone shrinks by a constant factor a step, whatever the step's
-length. A heavy ball (Polyak) creeps faster: to every step the share b of the last displacement is added,
+Once the folds have formed, a cloth approaches its rest slowly: each linearly implicit step is straight, rotated cloth
+resists it, and only the next step accounts for that. The remaining distance shrinks by a constant factor in each step,
+whatever the length of the step. With a heavy ball (Polyak) it shrinks faster: the share b of the last displacement is
+added to every step,
 
     x_(n+1) = x_n + h v_(n+1) + b (x_n - x_(n-1)).
 
-The velocity stays that of the step. At the end come steps without a push, so that what trembles in a drop of all steps
-trembles here, too. A brisk drop begins with the very steps of a steady one, which decide the folds.
+The velocity stays that of the step. The last steps have no push, so that the drop ends in the same motion as a steady
+one. The first steps, which decide the folds, are exactly those of a steady drop.
 
 References:
     Polyak. Some methods of speeding up the convergence of iteration methods. USSR Computational Mathematics and
@@ -66,4 +67,4 @@ def pace_of(name: PaceName, steps: int) -> Pace:
 
 # Of a steady drop's steps; the best of nine ways on 31 random cloths of 1205 vertices. `cusick-bench pace` measures it.
 _SHARE, _FIRST, _LAST = 0.65, 0.3, 0.1
-_PUSH = 0.7  # .8 shakes the cloth, .4 hardly helps
+_PUSH = 0.7  # b; .8 makes the cloth oscillate, .4 hardly helps

@@ -1,4 +1,4 @@
-"""How a drape is simulated: law, way to the rest, support, laid-down and rest shape."""
+"""Settings of a simulated drape: law, mode (drop or equilibrium), support, laid-down shape and rest shape."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_HALVINGS = 2
 
 @dataclass(frozen=True)
 class DrapeSettings:
-    """How a drape is simulated.
+    """Settings of a simulated drape.
 
     Attributes:
         law: `plate` (an orthotropic plate that converges with the mesh), `paper` (hinges; derives from an energy) or
@@ -138,7 +138,7 @@ class DrapeSettings:
 
     @property
     def halvings(self) -> int:
-        """How often a cloth that flies apart in a drop may be dropped again with half the step.
+        """Largest number of times that a cloth which flies apart is dropped again with half the step.
 
         Never by the settings of the published program, whose drops fail then: its law, its springs, or its hinges that
         bend as a whole on the clamp.

@@ -1,4 +1,4 @@
-"""Strains as laws with internal variables see them: of hinges and faces, or of the quadrature points of a shell.
+"""Strains for laws with internal variables: of hinges and faces, or of the quadrature points of a shell.
 
 A cloth's bending is measured as `Parameters.rest_angle` is: the dihedral angles of hinges [rad], or the curvatures
 (k11, k22, 2 k12) of a shell's edge points [1/m], one behind another. Its size at a shell's point is the norm of the
@@ -65,7 +65,7 @@ class Strains(Protocol):
         ...
 
     def convexity(self, bending: Float[ndarray, "bendings"]) -> Float[ndarray, "elements"]:
-        """To which side the elements are bent: 1 where convex seen from the cloth's face, -1 where concave.
+        """Side to which the elements are bent: 1 where convex seen from the cloth's face, -1 where concave.
 
         Args:
             bending: Bending from the rest shape.

@@ -17,7 +17,7 @@ from cusick_bench.sim.laws.vectors import kernel
 NUMERICS_VERSION = 1  # raised when this law's numbers change: see runner/numerics.py
 
 _E2 = STRAIN_SAMPLE**2
-_TINY = 1e-24  # of q: below, every share of samples 1..5 is lost in rounding
+_TINY = 1e-24  # q below which the shares of samples 1..5 vanish in rounding
 
 
 @kernel()

@@ -31,7 +31,7 @@ from cusick_bench.sim.laws.vectors import kernel
 
 NUMERICS_VERSION = 1  # raised when this law's numbers change: see runner/numerics.py
 
-_LEAST = 0.05  # of sqrt(D11 D22): what D33 never falls below
+_LEAST = 0.05  # least D33 over sqrt(D11 D22)
 _TINY = 1e-300
 _PER_STEP2 = 1.0 / CURVATURE_STEP**2
 

@@ -1,4 +1,4 @@
-"""What the tables C (6 x 4) and B (3 x 5) sample, and the names of the two material laws that read them.
+"""Samples of the stiffness tables C (6 x 4) and B (3 x 5), and numbers of the two laws with hinges.
 
 Stretch samples: 0 at rest; 1 to 5 at a largest principal stretch of 1 + 1/6, whose direction is 0, 22.5, 45, 67.5 and
 90 degrees from the warp. Bending samples: curvature 0, 10, 20, 30 and 40 per metre.
@@ -13,4 +13,4 @@ CURVATURE_STEP = 10.0  # [1/m] between bending samples
 
 PUBLISHED = 0
 PAPER = 1
-"""Material laws, as the kernels know them: see `law_published` and `law_paper`."""
+"""Numbers of the laws with hinges in the kernels: see the modules `published` and `paper`."""

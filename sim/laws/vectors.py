@@ -1,4 +1,4 @@
-"""What compiled kernels share: how they are compiled, how elements are shared out, and 3-vectors as tuples."""
+"""Shared parts of compiled kernels: compiler options, the division of elements into chunks, and 3-vectors as tuples."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from cusick_bench.sim.kernel_cache import numba
 
 CHUNKS = 16
-"""Elements are shared out in a fixed number of chunks, so that results do not depend on the number of threads."""
+"""Elements are divided into a fixed number of chunks, so that results do not depend on the number of threads."""
 
 
 def kernel(*, parallel: bool = False) -> Callable[[Callable[..., Any]], Any]:

@@ -1,4 +1,4 @@
-"""Other packages behind the interface of `cusick_bench.sim.linear.interface`: a check, and optional extras."""
+"""Solvers of other packages with the interface of `cusick_bench.sim.linear.interface`: for tests, and as extras."""
 
 import importlib
 import sys

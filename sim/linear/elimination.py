@@ -1,8 +1,8 @@
-"""Symbolic analysis: what every front of a multifrontal factorisation holds, where, and who works on it.
+"""Symbolic analysis of a multifrontal factorisation: contents and places of the fronts, and their schedule.
 
 A front eliminates its `own` vertices. Its rows are these and, below them, its `boundary`: the later
 vertices that they are coupled to, directly or through fill. The front's columns of the factor (its panel)
-are kept; what it leaves on its boundary (its update) is added into its parent's front and then dropped.
+are kept; its Schur complement on the boundary (its update) is added to its parent's front and then dropped.
 
 Everything here depends on the pattern only and is done once.
 """

@@ -274,7 +274,7 @@ class LinearSolver(ABC):
 
 @dataclass(frozen=True)
 class Backend:
-    """Where a backend lives, and the package it needs. Its module is imported when it is first used."""
+    """Module of a backend, which is imported when it is first used, and the package that it needs."""
 
     module: str
     solver: str

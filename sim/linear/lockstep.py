@@ -61,7 +61,7 @@ class TileTree(NamedTuple):
 
 
 def tile_tree(tree: EliminationTree) -> TileTree:
-    """Where tiles lie.
+    """Places of the tiles.
 
     Args:
         tree: The analysis in numbers.

@@ -1,6 +1,6 @@
-"""The drop in plain torch: autograd through every step, sparse direct solves. What the engine is measured against.
+"""The drop in plain torch: autograd through every step, sparse direct solves. The engine is benchmarked against it.
 
-It is what a careful program without an engine of its own does: forces and stiffness by torch, SuperLU of SciPy for
+This is what a careful program without its own engine would do: forces and stiffness by torch, SuperLU of SciPy for
 (M + h^2 K) v' = M v + h F, and autograd through all of it, for which the graph of every step is kept.
 """
 
@@ -22,7 +22,7 @@ from cusick_bench.sim.reference.laws import Reference, TorchParameters
 
 @dataclass(frozen=True, eq=False)
 class _SparsePattern:
-    """Where element matrices add up in the sparse matrix of the free coordinates (compressed columns)."""
+    """Places of element matrices in the sparse matrix of the free coordinates (compressed columns)."""
 
     reference: Reference
     slot: Int[Tensor, "entries"] = field(init=False)

@@ -1,8 +1,8 @@
 """Laws `paper` and `published` in plain torch: readable, any device, differentiated by autograd, slow.
 
-It is written from the formulas, apart from the compiled kernels that it checks; `drop_reference` drops a cloth with
-it, the side that the benchmark measures speed against. Per face with deformation gradient F = Ds D, D = Dm^-1, and
-Green strain G = (F^T F - I) / 2:
+It is written from the formulas, independently of the compiled kernels, which are tested against it; `drop_reference`
+drops a cloth with it, and the benchmark compares speed with that. Per face with deformation gradient F = Ds D,
+D = Dm^-1, and Green strain G = (F^T F - I) / 2:
 
     psi(G) = k0 G00^2 / 2 + k1 G00 G11 + k2 G11^2 / 2 + k3 G01^2,    (k0, k1, k2, k3) = k(G) read from C (6 x 4)
 

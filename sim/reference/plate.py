@@ -1,7 +1,7 @@
 """Law `plate` in plain torch: a Kirchhoff-Love shell whose energy is a sum over points, differentiated by autograd.
 
-It is written from the equations, apart from the compiled kernels and from the law that they read; what is shared are
-the stencils: derivatives of the displacement at every point as sums over control points. With the material derivatives
+It is written from the equations, independently of the compiled kernels and of the law that they use; only the stencils
+are shared: derivatives of the displacement at every point as sums over control points. With the material derivatives
 x_,1 and x_,2, F = [x_,1 | x_,2], G = (F^T F - I) / 2, n = x_,1 x x_,2 / |x_,1 x x_,2| and curvatures
 kappa = (n . x_,11, n . x_,22, 2 n . x_,12) less those at rest,
 
@@ -37,8 +37,8 @@ from cusick_bench.sim.reference.laws import TorchParameters
 from cusick_bench.sim.reference.tables import CURVATURE_STEP, weights_bending_paper, weights_stretch_paper
 
 _GAUSS = 1 / math.sqrt(3)  # nodes of the two-point rule, exact for the cubic pieces of B(t) t
-_LEAST = 0.05  # of sqrt(D11 D22): what D33 never falls below
-_TINY = 1e-20  # [1/m2] squared curvatures below it count as it: a square root has no slope at 0
+_LEAST = 0.05  # least D33 over sqrt(D11 D22)
+_TINY = 1e-20  # [1/m2] least squared curvature, since a square root has no derivative at 0
 
 
 @dataclass(frozen=True)

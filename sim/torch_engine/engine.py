@@ -66,7 +66,7 @@ def torch_device(name: str) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class TorchOutcome:
-    """What became of a batch on the torch engine, beside the positions; see `DrapeBatch`."""
+    """Outcome of a batch on the torch engine, apart from the positions; see `DrapeBatch`."""
 
     failures: list[str | None]
     residual: Float[ndarray, "members"]

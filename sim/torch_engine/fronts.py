@@ -22,7 +22,7 @@ GROUP_COST = 8000
 
 @dataclass(frozen=True, eq=False)
 class Passing:
-    """What fronts of one group pass to fronts of another, at most one to each, as places in flattened arrays.
+    """Updates from fronts of one group to fronts of another, at most one to each, as places in flattened arrays.
 
     Attributes:
         group: The children's group.

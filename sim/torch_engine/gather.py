@@ -26,7 +26,7 @@ def _rounds(target: ndarray, targets: int) -> tuple[ndarray, list[ndarray]]:
 
 
 class GatherSum:
-    """Where the contributions of every target lie, on one device.
+    """Places of the contributions to every target, on one device.
 
     Attributes:
         rounds: Sources of the n-th contribution, for the first targets in rank order.

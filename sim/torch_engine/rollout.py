@@ -60,7 +60,7 @@ class BatchPlan:
 
 @dataclass(frozen=True, eq=False)
 class GroupRecord:
-    """What the adjoint needs of one group, and how its members fared.
+    """Data of one group for the adjoint, and the outcome of its members.
 
     Attributes:
         states: Positions x_0 .. x_n [m]; x_0 alone where there will be no adjoint.

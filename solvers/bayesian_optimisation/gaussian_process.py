@@ -44,10 +44,10 @@ Hyperparameters = dict[str, Tensor]
 SHARED_FROM = 1000
 AFRESH_EVERY = 8  # points
 FIT_ITERATIONS = 100
-FIT_TOLERANCE = 1e-8  # relative; at 1e-6 length scales of idle coordinates stay a tenth of what they become
+FIT_TOLERANCE = 1e-8  # relative; at 1e-6 length scales of irrelevant coordinates end at a tenth of their final values
 MAXIMISE_ITERATIONS = 50
 RESTARTS = 4
-MOST_NUMBERS = 2e7  # of all points that are looked at together: 160 MB
+MOST_NUMBERS = 2e7  # coordinates of all points that are evaluated together: 160 MB
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Surrogate:
 
     @property
     def hyperparameters(self) -> Hyperparameters:
-        """To go on from in the next fit."""
+        """Hyperparameters from which the next fit starts."""
         return {name: value.detach().clone() for name, value in self.model.state_dict().items()}
 
     @property
@@ -101,7 +101,7 @@ def local_torch(seed: int) -> Iterator[None]:
 def same_distances(inputs: Float[Tensor, "points dimension"]) -> Float[Tensor, "points points"]:
     """Points with the same mutual distances in as many coordinates as there are points.
 
-    A process whose coordinates share their length scale sees nothing but distances, so that it is fitted to these.
+    A process whose coordinates share their length scale depends on distances only, so it can be fitted to these points.
 
     Args:
         inputs: Points in many coordinates.
@@ -127,8 +127,8 @@ def fit(
     Args:
         points: Points in the unit cube.
         losses: inf where a point failed.
-        covariance: See above.
-        last: Hyperparameters of the fit before this one.
+        covariance: "scaled" or "local" (see the module).
+        last: Hyperparameters of the previous fit.
 
     Returns:
         The fitted process.

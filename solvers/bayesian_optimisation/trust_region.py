@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from cusick_bench.solvers.bayesian_optimisation.gaussian_process import Hyperparameters
 
 
-FIRST, SHORTEST, LONGEST = 0.8, 0.5**7, 1.6  # side lengths [of the unit cube]
+FIRST, SHORTEST, LONGEST = 0.8, 0.5**7, 1.6  # side lengths of the region [sides of the unit cube]
 SUCCESSES = 3
-IMPROVEMENT = 1e-3  # least relative one that counts
-MOVED = 20  # coordinates, on average
+IMPROVEMENT = 1e-3  # least relative improvement that counts as a success
+MOVED = 20  # average number of coordinates in which candidates differ from the best point
 
 
 @dataclass(frozen=True)
 class TrustRegion:
-    """Side length, and what has happened since it last changed.
+    """Side length of the region, and successes and failures since it last changed.
 
     Attributes:
         tolerance: Failures in a row that halve it.

@@ -1,4 +1,4 @@
 """Gradient-free search in a box.
 
-box: what such a method is; sobol, cmaes, nlopt_family: methods.
+box: base class of these methods; sobol, cmaes, nlopt_family: methods.
 """

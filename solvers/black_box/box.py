@@ -1,4 +1,4 @@
-"""Gradient-free minimisation in the box [-1, 1]^D, apart from what is minimised.
+"""Gradient-free minimisation in the box [-1, 1]^D, independent of the function that is minimised.
 
 A search is a generator: it yields a point and is sent that point's loss, inf where the point failed. So the same
 code minimises the misfit of a drape (`BoxSolver.solve`) and a test function (`run_search`).
@@ -28,7 +28,7 @@ Point = Float[np.ndarray, " dimension"]
 Points = Float[np.ndarray, "points dimension"]
 Search = Generator[Point, float, None]
 
-# What a method is told of a budget that is given in seconds, if it plans ahead by the number of evaluations.
+# Number of evaluations that a method may plan with where the budget is given in seconds only.
 DEFAULT_EVALUATIONS = 500
 
 
@@ -59,7 +59,7 @@ def run_search(search: Search, function: Callable[[Point], float], evaluations: 
 
 
 def digestible(losses: Sequence[float]) -> Float[np.ndarray, " evaluations"]:
-    """Losses with failures set to the worst success: bad enough to stay away, and no outlier that flattens the rest.
+    """Losses with failures set to the worst success: bad enough to be avoided, but no outlier that hides the others.
 
     Args:
         losses: Losses, inf where a point failed.

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
 
 
-# The nine of the benchmark; any other algorithm of NLopt that needs no second optimiser works as well.
+# The nine algorithms of the benchmark; any other one of NLopt that needs no second optimiser works as well.
 BENCHMARKED = (
     "LD_LBFGS",
     "LD_MMA",
@@ -51,7 +51,7 @@ BENCHMARKED = (
     "GN_ESCH",
 )
 _NEEDS_ANOTHER = ("AUGLAG", "MLSL")
-# Keep a quadratic model, a simplex or a population that grows with the dimension.
+# Algorithms that keep a quadratic model, a simplex or a population whose size grows with the dimension.
 _DENSE = ("BOBYQA", "NEWUOA", "COBYLA", "NELDERMEAD", "PRAXIS", "SLSQP", "CRS2", "ISRES")
 _MOST_DENSE = 2000  # numbers: 32 MB a table, and half a minute a step of LD_SLSQP, whose work grows with the cube
 
@@ -92,7 +92,7 @@ class NloptSolver(Solver):
 
     def _optimise(self, incumbent: Incumbent, generator: np.random.Generator) -> bool:
         problem = incumbent.problem
-        nlopt.srand(int(generator.integers(1, 2**31)))  # the library has one generator: seeded anew before each use
+        nlopt.srand(int(generator.integers(1, 2**31)))  # NLopt has one global generator
         optimiser = nlopt.opt(getattr(nlopt, self.algorithm), problem.dimension)
         lower, upper = problem.bounds
         optimiser.set_lower_bounds(lower)

@@ -1,4 +1,4 @@
-"""Stiffness from three-dimensional shapes by convex optimisation.
+"""Stiffness from the three-dimensional shape of a drape by convex optimisation.
 
 equilibrium_gap: the solver; force_balance: its convex problem.
 """

@@ -78,7 +78,7 @@ class EquilibriumGap(Solver):
 
     Attributes:
         position_error: Standard deviation of a mesh coordinate [m]; by default what rounding to 0.01 mm leaves.
-        force_error: What the model leaves out, as a share of each vertex's weight.
+        force_error: Standard deviation of the model's error of forces, as a share of each vertex's weight.
         rest_height: Standard deviation of the rest shape's height, which is not known [m].
         unevenness: Standard deviation of log stiffness over the cloth.
     """
@@ -164,7 +164,7 @@ class EquilibriumGap(Solver):
 
 
 def notes(found: Balance, strain: float) -> dict[str, Any]:
-    """What the fit knows and does not, for the record.
+    """Figures of the fit and of what it leaves undetermined, for the result's JSON.
 
     Args:
         found: The fit.

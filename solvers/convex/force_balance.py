@@ -1,9 +1,9 @@
-"""Stiffness from drapes of known shape: the convex problem behind the equilibrium gap, and what it cannot tell.
+"""Stiffness from drapes of known shape: the convex problem behind the equilibrium gap, and what it leaves undetermined.
 
-At rest elastic forces balance gravity, A(x) theta + b = 0 at every free vertex: linear in the tables theta = (C, B)
-(see `engine.force_basis`), with gravity's b for a scale. Shapes are measured with errors, to which the stiff
-membrane answers with large forces, and no cloth is as uniform as its model. With displacement errors N(0, s_x^2) and
-force errors N(0, D), D the square of a share of each vertex's weight plus the forces of an uneven cloth
+At rest elastic forces balance gravity, A(x) theta + b = 0 at every free vertex. The equation is linear in the tables
+theta = (C, B) (see `engine.triangles.force_basis`), and gravity b sets the scale. Shapes are measured with errors,
+which cause large forces in the stiff membrane, and no cloth is as uniform as its model. With displacement errors
+N(0, s_x^2) and force errors N(0, D), D the square of a share of each vertex's weight plus the forces of an uneven cloth
 (`cusick_bench.sim.engine.triangles.force_modes`), the gap linearised at the corrected shape x_k = x + d_k is
 
     A(x_k) theta + b + H_k d_k ~ N(0, s_x^2 H_k H_k^T + D),    H = -df/dx,
@@ -13,8 +13,8 @@ admissible tables: [[c11, c12], [c12, c22]] positive definite and c33 > 0 at eve
 corrects the shape by the most likely displacement and solves anew: an errors-in-variables form of the reconditioned
 gap, without which noisy shapes look too soft.
 
-What the data say without the prior is in the whitened map's singular values, taken per relative change of theta:
-along a singular vector theta is known to 1 / s.
+How well the data alone determine theta is shown by the singular values s of the whitened map, per relative change of
+theta: along a singular vector theta is known with a relative standard deviation of 1 / s.
 
 References:
     Claire, Hild, Roux, A finite element formulation to identify damage fields: the equilibrium gap method, Int. J.

@@ -30,7 +30,7 @@ Vector = Float[np.ndarray, " unknowns"]
 
 @dataclass(frozen=True)
 class Adjoints:
-    """What evaluations told of the Jacobian.
+    """Information on the Jacobian from evaluations.
 
     Attributes:
         residuals: Latest r_i, oldest first.

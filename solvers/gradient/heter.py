@@ -6,15 +6,17 @@ prior on both (`smooth_field`), whose white coordinates z minimise
 
     J(z) = MODES E(tau(z)) / FLOOR + |z|^2 / 2,
 
-half the misfit of the silhouette's harmonics, each known as well as edges are drawn, plus minus the log prior. Every
-table moves on its own, but neighbours move together over the prior's length, and nothing moves unless the silhouette
-asks for it. E compares blurred silhouettes (`blurred_misfit`), since the pixels' squared error has a kink at every
-place where outlines meet. What the fit answers with is the cloth of the lowest loss on its way, whatever its J.
+the negative log likelihood of the silhouette's harmonics, with an error that corresponds to how accurately edges are
+drawn, plus the negative log prior. Every table can change independently, but the prior makes neighbouring tables change
+together over its correlation length, and keeps tables as they are unless the silhouette requires a change. E compares
+blurred silhouettes (`blurred_misfit`), since the squared error of pixels has a kink wherever outlines meet. The answer
+is the cloth with the lowest loss of all that were draped, whatever its J.
 
-A walk of Gauss-Newton steps (`gauss_newton`) goes down. The ground is rough: where a fold slips in or out, within
-1e-4 of a step in a limp cloth, the drape and J leap, and a search that takes only what is lower soon stands before a
-cliff. So every step is taken, up or down, and only the longest allowed one becomes shorter; from a failed drape the
-walk returns to its lowest point. Every few steps all state is saved, and a killed run goes on from there.
+J is minimised by a walk of Gauss-Newton steps (`gauss_newton`). J is not continuous: where a fold appears or vanishes,
+which in limp cloth may happen within 1e-4 of a step, the drape and J jump, and a search that accepts only lower values
+soon gets stuck at a jump. So every step is accepted, whether J rises or falls, and only the largest allowed step length
+shrinks; after a failed drape the walk returns to its lowest point. All state is saved every few steps, and a killed run
+goes on from there.
 
 References:
     Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024 (the row HETER of Table 1).
@@ -44,11 +46,11 @@ if TYPE_CHECKING:
 
 FLOOR = 1e-4  # E of two drawings of one outline 0.3 px (0.4 mm) apart, at a blur of 2 px of the release
 MODES = 20.0  # independent numbers in a silhouette, halved: harmonics 1 to 20, cosine and sine
-LAST = 0.1  # of the first radius, at the end of the walk
-RECOVERY = 1.25  # of a caution after a step that did not fail
-SAVED = 8  # steps between two savings
+LAST = 0.1  # last radius over the first
+RECOVERY = 1.25  # factor on a reduced radius after a step that did not fail
+SAVED = 8  # number of steps after which the state is saved
 
-PARTS = ("z", "residual", "product")  # of a point, in a saved state
+PARTS = ("z", "residual", "product")  # arrays of a point in a saved state
 
 White = Float[np.ndarray, " white"]
 Residual = Float[np.ndarray, " kept"]
@@ -88,11 +90,11 @@ class Point:
 
 @dataclass(frozen=True)
 class RegularisedFit:
-    """J around a homogeneous cloth.
+    """The objective J around a homogeneous cloth.
 
     Attributes:
-        incumbent: Remembers the cloth of the lowest loss, whatever J.
-        field: How a cloth may deviate.
+        incumbent: Keeps the cloth with the lowest loss, whatever J.
+        field: Smooth deviations from the homogeneous cloth.
         mean: tau_0.
         weight: Weight of the misfit E.
     """
@@ -103,13 +105,13 @@ class RegularisedFit:
     weight: float = MODES / FLOOR
 
     def look(self, z: White) -> Point | None:
-        """The cloth at z, None where its drape fails.
+        """Drapes the cloth at z.
 
         Args:
             z: White coordinates of the cloth.
 
         Returns:
-            What was seen there.
+            The draped cloth; None where its drape fails.
         """
         seen = self.incumbent.residual_and_product(self.mean + self.field.deviation(z))
         return None if seen is None else Point(z, seen[0], self.field.pulled_back(seen[1]))
@@ -139,14 +141,14 @@ class RegularisedFit:
 
 @dataclass(frozen=True)
 class Walk:
-    """Where the walk stands.
+    """State of the walk.
 
     Attributes:
-        here: Where it is.
-        lowest: Where J was lowest.
-        adjoints: What the last points told of the Jacobian.
+        here: Present point.
+        lowest: Point with the lowest J.
+        adjoints: Information on the Jacobian from the last points.
         step: Number of the next step.
-        caution: Share of the radius that is used: less after failed drapes.
+        caution: Share of the radius that is used; smaller after failed drapes.
     """
 
     here: Point
@@ -157,18 +159,18 @@ class Walk:
 
     @classmethod
     def at(cls, point: Point) -> Walk:
-        """A walk that begins.
+        """A new walk.
 
         Args:
-            point: Where it begins.
+            point: Its first point.
 
         Returns:
-            A walk of no steps.
+            The walk before its first step.
         """
         return cls(point, point, Adjoints.of(point.residual, point.product))
 
     def on(self, fit: RegularisedFit, radius: float) -> Walk:
-        """The next step, wherever it leads; where the drape fails, back to the lowest point and shorter from there.
+        """Takes the next step, whether J falls or rises; if the drape fails, returns to the lowest point instead.
 
         Args:
             fit: Objective of the walk.
@@ -179,7 +181,7 @@ class Walk:
         """
         gradient, length = fit.gradient(self.here), self.caution * radius
         there = fit.look(self.here.z + damped_step(gradient, self.adjoints, weight=fit.weight, radius=length))
-        if there is None:  # the last point may stand on the brink: not on from there
+        if there is None:  # the present point may be next to a failing region, so the walk does not go on from there
             return replace(self, here=self.lowest, step=self.step + 1, caution=self.caution / 2)
         lowest = there if fit.value(there) < fit.value(self.lowest) else self.lowest
         adjoints, caution = self.adjoints.and_of(there.residual, there.product), min(1.0, RECOVERY * self.caution)
@@ -238,7 +240,7 @@ class Heter(Solver):
         return True
 
     def _begun(self, incumbent: BlurredIncumbent, field: StiffnessField) -> tuple[RegularisedFit, Walk] | None:
-        """From the bending level that has the drape coefficient; None where no level gives a drape."""
+        """Starts from the bending level with the drape coefficient; None if no level gives a drape."""
         match_bending_level(incumbent, self.search)
         fit, z = RegularisedFit(incumbent, field, incumbent.tau), np.zeros(field.dimension)
         seen = fit.look(z)
@@ -247,7 +249,7 @@ class Heter(Solver):
     def _restored(
         self, problem: DrapeProblem, incumbent: BlurredIncumbent, field: StiffnessField
     ) -> tuple[RegularisedFit, Walk] | None:
-        """What was saved last, None where nothing was."""
+        """The state that was saved last; None without one."""
         state = problem.restore()
         if state is None:
             return None

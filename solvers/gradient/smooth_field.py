@@ -82,7 +82,7 @@ class StiffnessField:
 
     @property
     def dimension(self) -> int:
-        """Length of z: for each table entry the shared number, then one a vertex."""
+        """Length of z: for each table entry one shared number, and one number for each vertex."""
         return FIELDS * (1 + self.mesh.vertices)
 
     @cached_property
@@ -108,7 +108,7 @@ class StiffnessField:
         return (self.amplitude * math.sqrt(4 * math.pi) * self._kappa * root_mass)[:, None]
 
     def deviation(self, z: Float[np.ndarray, " dimension"]) -> Float[np.ndarray, " parameters"]:
-        """The change of tau that z stands for; linear.
+        """The change of tau at white coordinates z, a linear function.
 
         Args:
             z: White coordinates.

@@ -1,8 +1,8 @@
-"""Reference rows without physics: what a number must be read against.
+"""Reference rows without physics, with which all other numbers should be compared.
 
-A pixel MSE scores fold phase above all, so a featureless disc is hard to beat, and a best-of-N score rewards
-N. `null:rotation` and `null:random-phase` offer many draws; their best-of-N rows are assisted by an oracle
-(whoever picks the best draw has seen the held-out image), as is any other best-of-N row.
+A pixel MSE depends most of all on the places of folds, so a featureless disc is hard to beat, and a best-of-N score
+improves with N. `null:rotation` and `null:random-phase` make many draws; like any other best-of-N score, theirs is
+assisted by an oracle (the best draw is chosen by looking at the held-out image).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Image = Float[np.ndarray, "size size"]
 
 @dataclass(frozen=True)
 class Null(Solver):
-    """A predictor that runs no simulation. Where a training sample shows the other face, it predicts that from it."""
+    """A predictor without simulation. If a training sample shows the other face, that face is predicted from it."""
 
     kind: ClassVar[str] = "null"
     learns_both_faces: ClassVar[bool] = True
@@ -45,7 +45,7 @@ class Null(Solver):
     def _silhouettes(
         self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress
     ) -> Images:
-        """What it offers for unseen samples that lie as the one of an image does; as many of either face."""
+        """Predictions for unseen samples with the same face up as a training image; as many for either face."""
 
     def _fit(self, problem: DrapeProblem, offered: Images) -> Image:
         """Its fit of the training image."""
@@ -135,7 +135,7 @@ class NullRandomPhase(Null):
 
 
 _MOST_DRAWS = 100_000
-"""Draws of a row: as many pictures have 26 GB; what is larger has a zero too many."""
+"""Largest number of draws: so many pictures take 26 GB, and a larger number is probably a typing error."""
 
 
 def _positive(draws: int) -> int:

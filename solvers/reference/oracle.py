@@ -1,4 +1,4 @@
-"""Reference rows that see the held-out images: what no method is expected to pass.
+"""Reference rows that see the held-out images; no method is expected to be better.
 
 "Others" of a held-out image are the remaining samples of its cloth, the training one among them (11 of 12).
 """

@@ -11,7 +11,7 @@ from cusick_bench.datasets.files.silhouette import with_perspective
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """Where every pixel's centre lies, seen from the middle: made once for many profiles of as many angles.
+    """Polar coordinates of all pixels, computed once for many profiles with the same number of angles.
 
     Attributes:
         radius: Distance from the middle [m].

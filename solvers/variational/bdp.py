@@ -6,8 +6,9 @@ Negative ELBO (Eq. 6-8), with D the training image and L x L its pixels:
 
 `reduction=sum` takes the sums of the text; `mean` divides the first term by the number of parameters and the second by
 that of pixels, as the published scripts do, which weighs the prior about four times less at the paper's size (241,734
-parameters, 65,536 pixels). Pixels are counted in those of the release, 256 x 256 of 1.4 mm, as the loss `mse` is:
-errors of neighbouring pixels are one error of the outline, and a finer image of it says no more of the cloth.
+parameters, 65,536 pixels). The number of pixels is that of the release, 256 x 256 of 1.4 mm, as for the loss `mse`,
+whatever the image's resolution: errors of neighbouring pixels come from the same error of the outline, and a finer
+image of it tells no more about the cloth.
 Parameters are whitened logarithms of stiffness (see `cusick_bench.problem.priors`), so every draw is admissible, and
 the fixed Gaussian prior is that of measured fabrics. The divergence is exact instead of sampled. As in the published
 scripts one Gaussian serves each of the 39 numbers and every element draws from it alone (`shared=True`); `shared=False`
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
 
 REDUCTIONS = ("sum", "mean")
 PIXELS = RELEASE.image_size_px**2  # that the loss `mse` is a mean of, whatever the image's resolution
-SQUARE_DECAY = 0.95  # of Adam: gradients of few samples are noisy, and their size changes as q narrows
+SQUARE_DECAY = 0.95  # Adam's beta_2; gradients of few samples are noisy, and their size changes as q narrows
 
 _RUNNING, _OUT_OF_BUDGET, _COMPLETE = range(3)
 
@@ -132,7 +133,7 @@ def _tie(problem: DrapeProblem, shared: bool) -> np.ndarray:
 
 @dataclass
 class _Fit:
-    """The inference, and how it goes on after a kill: gradients are too long for the journal, its state is not."""
+    """State of the inference, which is saved so that a killed run goes on; gradients are too long for the journal."""
 
     solver: Bdp
     problem: DrapeProblem
@@ -144,7 +145,7 @@ class _Fit:
 
     @classmethod
     def begun(cls, solver: Bdp, problem: DrapeProblem, seed: int) -> _Fit:
-        """From the bending level that has the training image's drape coefficient."""
+        """Starts from the bending level with the training image's drape coefficient."""
         from cusick_bench.solvers.adam import Adam
 
         incumbent, tie = Incumbent(problem), _tie(problem, solver.shared)

@@ -1,27 +1,29 @@
 """A Bayesian fit whose draws move folds: the posterior of a cloth with smooth random fields, by synthetic likelihood.
 
 The parameters theta of the cloth (39 numbers of stiffness; traits; amplitude and correlation length of the fields of
-stiffness, laid shape and rest shape) have the prior N(0, I). The weights w of the fields belong to the specimen: those
-of the next one are new, and those of the training specimen, whose fold phases say nothing of the next, are integrated
-out. What is left to learn from is what samples of one cloth have in common, the statistics s of
+stiffness, laid shape and rest shape) have the prior N(0, I). The weights w of the fields belong to a specimen: the next
+specimen has new ones, and those of the training specimen, whose fold phases tell nothing about the next one, are
+integrated out. So the cloth is learned from what samples of one cloth have in common, the statistics s of
 `cusick_bench.problem.statistics`, which scatter over specimens about m(theta) = E_w s(theta, w):
 
-    p(theta | s_1 .. s_n) ~ N(theta; 0, I) N(mean of s_i; m(theta), V / n + L + D + doubt of m)
+    p(theta | s_1 .. s_n) ~ N(theta; 0, I) N(mean of s_i; m(theta), V / n + L + D + uncertainty of m)
 
-Rounds of drapes of cloths drawn from what is known so far, each of a specimen of its own, tell by how much m and V
-differ from what is expected (`linear_correction`), and elliptical slices sample the posterior. A Gaussian about a
-linear m, which this solver had before, spread three times too far: statistics are alike along a curved ridge (softer in
-bending and stiffer in stretch, or the other way round), and a straight one leaves it.
+In each round, cloths are drawn from the present posterior and draped, one specimen of each. These drapes show how far m
+and V differ from their expected values (`linear_correction`), and elliptical slice sampling draws from the new
+posterior. A Gaussian about a linear m, which this solver had before, spread three times too far: statistics are nearly
+constant along a curved ridge (softer in bending and stiffer in stretch, or the other way round), which a straight line
+leaves.
 
-Where training samples show both faces, the statistics of one stand beside those of the other: with the other face up a
-cloth curls the other way, and is the same otherwise. Samples have the same level on both faces; what else they differ
-in is taken to be new.
+Where training samples show both faces, the statistics of both faces are used together: with the other face up a cloth
+curls the other way, and is the same otherwise. A sample has the same level of stiffness on both faces; all other
+differences between samples are taken to be independent from face to face.
 
-V, the scatter of specimens, is that of pairs of one cloth and level, and what their level of stiffness adds along the
-slope of m. No noise of measurement is added: fields and level have been given the spread that photographs of samples
-have. L is what the regression misses of cloths near the observation, D the mean square by which fabrics miss the
-nearest simulated cloth. A new sample is predicted by a new cloth with new weights; its drape coefficient has up to 1 +
-1/n times the variance between samples, once for its own, once for what n samples leave unknown of the cloth.
+V, the scatter of specimens, is that of pairs with the same cloth and level, plus what the level of stiffness adds along
+the slope of m. No measurement noise is added, since the fields and the level have the spread that photographs of
+samples show. L is the error of the regression for cloths near the observation, D the mean square distance of fabrics
+from the nearest simulated cloth. A new sample is predicted by a new cloth with new weights; its drape coefficient has
+up to 1 + 1/n times the variance between samples: once for its own scatter, and 1/n for what n samples leave unknown
+about the cloth.
 
 References:
     Wood. Statistical inference for noisy nonlinear ecological dynamic systems. Nature 466, 2010. Ong, Nott, Tran,
@@ -60,7 +62,7 @@ class BdpField(Solver):
         draws: Posterior-predictive drapes, outside the budget; of each face where both are learned from.
         first: Cloths drawn from the prior and draped, once the level of bending has been found.
         rounds: Rounds of the inference after these.
-        cloths: Cloths drawn from what is known and draped in each.
+        cloths: Cloths drawn from the posterior and draped in each round.
         search: Most drapes for the bending level.
         refinement: Gradients for Adam in a round of the fit of the training specimen, 0 for no fit.
         rate: Its first step length [prior standard deviations].
@@ -178,7 +180,7 @@ class BdpField(Solver):
 
 
 def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
-    """Heights that undulate as the training silhouette's folds do, with the laying field's median amplitude [m]."""
+    """Heights with the waves of the training silhouette's folds and the laying field's median amplitude [m]."""
     from cusick_bench.problem import laid_like
     from cusick_bench.problem.field_space import FIELDS
     from cusick_bench.sim.cloth.shape import fade_in

@@ -1,6 +1,6 @@
-"""What drapes of drawn cloths tell of a fabric: draws from the posterior of its parameters, learned in rounds.
+"""State of the inference of `bdp_field`: draws from the posterior of a cloth's parameters, learned in rounds of drapes.
 
-The statistics are those of `bdp_field`, which says why; this is the state of the inference.
+The method is described in `bdp_field`.
 """
 
 import math
@@ -20,25 +20,25 @@ from cusick_bench.solvers.variational.gaussian_posterior import INFERENCE, stand
 from cusick_bench.solvers.variational.predictive import TOGETHER
 from cusick_bench.solvers.variational.slice_sampling import slice_sample
 
-LEVEL_SD = 0.5  # of the level of bending in the first round, when the search has found it [prior standard deviations]
+LEVEL_SD = 0.5  # standard deviation of the bending level after the level search [prior standard deviations]
 CLOTHS = 1024  # draws from the posterior that are kept
-FEW = 128  # of them, where only an interval is asked for
-STEPS = 60  # of the chains that end in them; twice as many change no quantile by more than their number does
+FEW = 128  # draws where only an interval is needed
+STEPS = 60  # steps of each chain; with twice as many, quantiles change by no more than their sampling error
 DISCREPANT = np.array([DISCREPANCY.get(name, 0.0) for name in STATISTICS])
 _CHAINS = 2  # purpose of random numbers, beside those of `gaussian_posterior`
 
 
 @dataclass
 class ClothInference:
-    """What is known of the cloth, and the drapes that it was learned from.
+    """Posterior of the cloth, and the drapes from which it was learned.
 
     Attributes:
         problem: The problem, whose simulator drapes.
         seed: Seed of the run.
         samples: Most training samples that each face is learned from; 0 for all.
-        faces: What is known of each: the fitted one, and the other one where training samples show it.
-        cloths: Draws of the cloth's parameters from what is known of them.
-        seen: The drape that happened to be nearest to the training image.
+        faces: The fitted face, and the other one if training samples show it.
+        cloths: Draws of the cloth's parameters from the present posterior.
+        seen: The drape nearest to the training image so far.
     """
 
     problem: DrapeProblem
@@ -60,7 +60,7 @@ class ClothInference:
         self.cloths = self._prior_draws()
 
     def begin(self, level: float) -> None:
-        """The prior, but for the level of bending, that a search has found.
+        """Starts from the prior, with the bending level that a search has found.
 
         Args:
             level: Log factor on all bending stiffnesses of the prior median.
@@ -73,7 +73,7 @@ class ClothInference:
             self.cloths = self._learned(self.cloths)
 
     def before_drapes(self) -> Float[np.ndarray, "cloths numbers"]:
-        """What is known before the first drape: from what drapes of law `plate` are expected to have, whatever the law.
+        """Posterior before the first drape, from the expected statistics, which are of law `plate` whatever the law.
 
         Returns:
             Draws of the cloth's parameters.
@@ -82,11 +82,11 @@ class ClothInference:
 
     @property
     def middle(self) -> Float[np.ndarray, " numbers"]:
-        """Mean of what is known of the cloth."""
+        """Mean of the present posterior."""
         return self.cloths.mean(0)
 
     def drape(self, count: int) -> None:
-        """Drapes specimens of drawn cloths, and learns from all so far; from some of them where the budget ends.
+        """Drapes specimens of drawn cloths, fewer where the budget ends, and learns from all drapes so far.
 
         Args:
             count: Number of specimens.
@@ -116,7 +116,7 @@ class ClothInference:
         return self._space.turned(cloths) if face else cloths
 
     def take(self, specimens: list[np.ndarray], statistics: list[np.ndarray]) -> None:
-        """Learns from drapes, and from all before.
+        """Adds drapes to those before, and learns from all of them.
 
         Args:
             specimens: Parameter vectors of specimens, as they lie.
@@ -174,8 +174,9 @@ def mean_covariance(
 ) -> Float[np.ndarray, "faces*statistics faces*statistics"]:
     """Covariance of the mean statistics of a cloth's samples, face by face, about what is expected.
 
-    What samples differ in by their level of stiffness is the same on both faces, which are taken to be those of the
-    same samples; what else they differ in, and by how much cloth misses the nearest simulated one, is not.
+    The part that comes from the samples' level of stiffness is common to both faces, which are assumed to be those of
+    the same samples. All other differences between samples, and the distance of real cloth from the nearest simulated
+    one, are independent from face to face.
 
     Args:
         scatters: Scatter of specimens, one a face.

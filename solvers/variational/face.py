@@ -1,4 +1,4 @@
-"""What is known of one face of a cloth: how its samples lie, and by how much drapes near them miss what is expected."""
+"""One face of a cloth: statistics of its samples, and the difference between simulated and expected statistics."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from cusick_bench.problem.field_space import Leading
 from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.solvers.variational.linear_correction import PAIRS, LinearCorrection, linear_correction, nearness
 
-KNOWN = 30.0  # drapes that the scatter known before the first one counts for
-UNSEEN = 4.0  # variance of what is expected before the first drape, in the scatter's: of another law or plate
+KNOWN = 30.0  # number of drapes that the scatter known beforehand counts for
+UNSEEN = 4.0  # variance of the expected statistics before the first drape, for another law or plate [scatter's]
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Drapes:
 
 @dataclass(frozen=True)
 class Scatter:
-    """How specimens lie about what is expected of their cloth.
+    """Scatter of specimens about the expected statistics of their cloth.
 
     Attributes:
         covariance: Of their statistics, beside what their level adds.
@@ -68,7 +68,7 @@ class Face:
         return self.observed.mean(0)
 
     def learn(self, drapes: Drapes, middle: Float[ndarray, " numbers"]) -> Scatter:
-        """Learns by how much drapes near the samples miss what is expected, where there are enough of them.
+        """Learns how far drapes near the samples differ from the expected statistics, if there are enough of them.
 
         Args:
             drapes: All so far.
@@ -93,7 +93,7 @@ class Face:
     def gap(
         self, leading: Leading, cloths: Float[ndarray, "cloths numbers"]
     ) -> tuple[Float[ndarray, "cloths statistics"], Float[ndarray, " cloths"]]:
-        """How far the samples' mean is from that of cloths.
+        """Difference between the samples' mean and that of cloths.
 
         Args:
             leading: Gives leading directions of the cloths.
@@ -113,7 +113,7 @@ class Face:
 def share_of_specimens(
     found: Float[ndarray, "statistics statistics"], known: Float[ndarray, "statistics statistics"]
 ) -> float:
-    """How much of the scatter about a regression is of specimens, and so averages out over samples.
+    """Share of the scatter about a regression that is due to specimens, and so averages out over samples.
 
     The rest is what the regression misses of cloths.
 

@@ -108,7 +108,7 @@ class Gaussian:
 
     @property
     def arrays(self) -> Arrays:
-        """What an optimiser moves, in place."""
+        """Arrays that an optimiser changes in place."""
         return {"mean": self.mean, "raw": self.raw}
 
     def slopes(self, by_mean: Float[ndarray, " pairs"], by_scale: Float[ndarray, " pairs"]) -> Arrays:

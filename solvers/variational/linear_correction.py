@@ -1,12 +1,12 @@
-"""By how much the drapes of one problem differ from what was expected of them, as a linear function of the cloth.
+"""Difference between the drapes of one problem and their expected statistics, as a linear function of the cloth.
 
-What is expected of a cloth (`cusick_bench.problem.population.expected_statistics`) was learned for one law, one mesh
-and the standard's plate, and knows a cloth by a few numbers u. What the drapes of another problem have beyond that,
+The expected statistics of a cloth (`cusick_bench.problem.population.expected_statistics`) were learned for one law, one
+mesh and the standard's plate, and depend on the cloth by a few numbers u. In another problem the difference
 
     s - expected(theta) = B u + b + e,    e ~ N(0, V),
 
-is regressed on pairs (theta, s) simulated there, those near the observation counting most. The slopes of one statistic
-have a common normal prior, whose width maximises the evidence: without need there is no slope.
+is fitted by regression to pairs (theta, s) simulated there, with larger weights near the observation. The slopes of one
+statistic have a common normal prior, whose width maximises the evidence: slopes stay 0 unless the data need them.
 
 References:
     MacKay. Bayesian interpolation. Neural Computation 4(3), 1992. Kennedy, O'Hagan. Predicting the output from a
@@ -19,19 +19,19 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-_WIDTHS = np.geomspace(1e-4, 10, 26)  # variance of slopes that the evidence chooses from, in units of the scatter's
-PAIRS = 4  # for every slope, that tell a correction from chance
+_WIDTHS = np.geomspace(1e-4, 10, 26)  # candidates for the prior variance of slopes, in units of the scatter's
+PAIRS = 4  # number of pairs for every slope that a correction needs
 
 
 @dataclass(frozen=True)
 class LinearCorrection:
-    """What drapes have beyond what is expected: mean + (u - centre) slope + e, e ~ N(0, scatter).
+    """Difference between simulated and expected statistics: mean + (u - centre) slope + e, e ~ N(0, scatter).
 
     Attributes:
         centre: Mean of u over the pairs.
-        mean: What is corrected there.
-        slope: How the correction changes with u.
-        scatter: Covariance of statistics about what is expected then.
+        mean: The correction there.
+        slope: Derivative of the correction by u.
+        scatter: Covariance of statistics about their corrected expectation.
         doubt: Covariance of the slopes, in units of the scatter.
         pairs: Effective number of pairs.
     """
@@ -46,7 +46,7 @@ class LinearCorrection:
     def __call__(
         self, leading: Float[ndarray, "cloths leading"]
     ) -> tuple[Float[ndarray, "cloths statistics"], Float[ndarray, " cloths"]]:
-        """What is corrected for cloths.
+        """Corrections for cloths.
 
         Args:
             leading: u of the cloths.
@@ -66,7 +66,7 @@ def nearness(
     Args:
         gap: Expected less observed statistics of the cloth of every pair.
         scatter: Their covariance.
-        least: Effective number of pairs that is to be left: weights fall more slowly where it would not be.
+        least: Least effective number of pairs; weights fall more slowly if there would be fewer.
 
     Returns:
         A weight for each pair.
@@ -84,7 +84,7 @@ def linear_correction(
     beyond: Float[ndarray, "pairs statistics"],
     weights: Float[ndarray, " pairs"],
 ) -> LinearCorrection:
-    """Regresses what drapes have beyond what is expected.
+    """Fits the difference between simulated and expected statistics by regression.
 
     Args:
         leading: u of every pair.
@@ -111,7 +111,7 @@ def linear_correction(
 
 
 def _effective(weights: Float[ndarray, " pairs"]) -> float:
-    """How many pairs of equal weight tell as much."""
+    """Effective number of pairs: (sum of weights)^2 over the sum of their squares."""
     return float(weights.sum() ** 2 / (weights**2).sum())
 
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem, Observation
 
 
-TOGETHER = 16  # draped at once, eight for each of two threads; also what a kill can lose
-MOST = 2  # draws tried for every one that is wanted
+TOGETHER = 16  # draws draped at once, eight for each of two threads; a kill loses at most these
+MOST = 2  # largest number of draws tried for every one that is wanted
 
 
 def predictive_draws(
@@ -32,10 +32,10 @@ def predictive_draws(
     than `count` come back where more than half fail.
 
     Args:
-        problem: Who drapes; it keeps what is done, so a killed run goes on.
+        problem: The problem, which simulates and keeps finished drapes, so that a killed run goes on.
         tau: Parameters of a draw, always the same for the same number.
         count: Number of draws.
-        progress: Called to tell how far it is.
+        progress: Called with what is being done and the share that is done.
 
     Returns:
         What was seen of each draw that is at rest, by its number.

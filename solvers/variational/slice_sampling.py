@@ -34,8 +34,8 @@ def slice_sample(
     """
     points, height = start.copy(), log_likelihood(start)
     for _ in range(steps):
-        # numbers for all chains at every look, of the step's own stream: what one chain accepts, which may hang on the
-        # last digit of a likelihood, must not change the numbers that others get
+        # Random numbers are drawn for all chains at every trial, from the step's own stream: whether one chain accepts,
+        # which may depend on the last digit of a likelihood, must not change the numbers of the others.
         own = np.random.default_rng(generator.integers(2**63))
         other = own.standard_normal(points.shape)
         level = height + np.log(own.random(len(points)))

@@ -156,7 +156,7 @@ def mesh_spread(
 
 
 def mesh_row(size: int, statistics: Statistics) -> MeshRow:
-    """What the table of meshes shows of one size.
+    """Row of the table of meshes for one size.
 
     Args:
         size: Number of vertices.
@@ -234,7 +234,7 @@ def silhouette_statistics(positions: Float[ndarray, "vertices 3"], faces: ndarra
 
     Args:
         positions: Vertices of the drape [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
 
     Returns:
         Values in the order of `NAMES`.

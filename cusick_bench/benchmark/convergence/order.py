@@ -40,7 +40,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Limit:
-    """What values tend to as meshes get finer.
+    """Limit of values as meshes get finer.
 
     Attributes:
         value: The limit, in the values' unit.

@@ -120,7 +120,7 @@ def population_meshes(
 def with_stretch(
     prior: StiffnessPrior, taus: Float[ndarray, "members dimension"], stretch: float
 ) -> Float[ndarray, "members dimension"]:
-    """The same specimens, but for the level of their membrane stiffness.
+    """The same specimens with another level of membrane stiffness.
 
     Args:
         prior: Law and weight of the cloths.

@@ -56,7 +56,7 @@ class RestRow:
 
 @dataclass(frozen=True)
 class StepChange:
-    """What halving the time step changes, over the same time of fall.
+    """Change by halving the time step, over the same time of fall.
 
     Attributes:
         step_seconds: Step [s].

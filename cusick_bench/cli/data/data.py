@@ -27,9 +27,7 @@ if TYPE_CHECKING:
     from cusick_bench.datasets.stats import ClothStatistics
 
 
-app = typer.Typer(
-    help="What a data set holds, what is irregular in it, what its drapes are like; and data sets from photographs."
-)
+app = typer.Typer(help="Contents, irregularities and statistics of a data set; data sets from photographs.")
 app.command()(synthetic)
 app.command()(prepare)
 app.command()(board)
@@ -47,7 +45,9 @@ NameOrPath = Annotated[
         autocompletion=complete_data,
     ),
 ]
-Uncorrected = Annotated[bool, typer.Option("--uncorrected", help="Take names of mesh files at their word.")]
+Uncorrected = Annotated[
+    bool, typer.Option("--uncorrected", help="Take files as they are named; correct no mesh or face that does not fit.")
+]
 
 
 @app.command("audit")
@@ -57,7 +57,7 @@ def audit_command(
     every: Annotated[bool, typer.Option("--all", help="List every irregularity, not just some of each kind.")] = False,
     json: Json = False,
 ) -> None:
-    """Look at every file and name what is irregular. Faults of the data are no failure of the command."""
+    """Look at every file and list what is irregular; the exit status is 0 even if the data have faults."""
     from cusick_bench.datasets.audit.audit import audit
 
     with progress_bar("measuring files") as bar:
@@ -104,7 +104,7 @@ def info_command(
     uncorrected: Uncorrected = False,
     json: Json = False,
 ) -> None:
-    """Say what a data set holds, cloth by cloth."""
+    """List what a data set holds, cloth by cloth."""
     dataset = _load(name_or_path, fabrics_csv, uncorrected)
     rows = [_contents(dataset, cloth) for cloth in dataset.cloths]
     if json:

@@ -66,8 +66,8 @@ def prepare(
 ) -> None:
     """Make a data set from photographs: calibrate the camera, find every cloth's outline, draw silhouettes.
 
-    Outlines of low confidence are drawn in OUT/check and listed, but not written as silhouettes; exit status 1 then, as
-    where a photograph cannot be read.
+    Outlines of low confidence are drawn in OUT/check and listed, but not written as silhouettes. Exit status 1 if there
+    are any, or if a photograph cannot be read.
     """
     from dataclasses import replace
 
@@ -167,7 +167,7 @@ def photographs(
     ] = 0,
     as_json: Json = False,
 ) -> None:
-    """Draw photographs of simulated drapes, with light, shadow, patterns and lens, to try `data prepare` with."""
+    """Draw photographs of simulated drapes, with light, shadow, patterns and lens, to test `data prepare`."""
     from cusick_bench.photographs.errors import BadPhotograph
     from cusick_bench.photographs.studio.folder import write_photographs
     from cusick_bench.photographs.studio.scene import make_laboratory
@@ -197,11 +197,16 @@ def photograph_errors(
     ] = False,
     minimum_share: Annotated[
         float,
-        running_option(min=0, max=1, help="Share of outlines within .5 mm; with --troubles, of wrong ones recognised."),
+        running_option(
+            min=0, max=1, help="Least share of outlines within .5 mm; with --troubles, of wrong ones recognised."
+        ),
     ] = 0.95,
     as_json: Json = False,
 ) -> None:
-    """Measure errors of outlines on synthetic photographs, and whether confidence knows them; exit status 1 if not."""
+    """Measure errors of outlines in synthetic photographs, and whether low confidence reveals them.
+
+    Exit status 1 if --minimum-share is not reached.
+    """
     from dataclasses import asdict
 
     from cusick_bench.photographs.accuracy import LEVEL_DEG, accuracy, document, measure

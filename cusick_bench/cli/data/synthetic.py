@@ -1,4 +1,4 @@
-"""`cusick-bench data synthetic`: makes the shipped synthetic set again, and says whether it is the same."""
+"""`cusick-bench data synthetic`: makes the shipped synthetic set again, and compares the two."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ def synthetic(
     samples: Annotated[int, typer.Option(min=1, max=12, help="Samples per cloth; fewer make a part.")] = 12,
     as_json: Json = False,
 ) -> None:
-    """Simulates the synthetic set from its recipe and compares every file with the shipped one."""
+    """Simulate the synthetic set from its recipe and compare every file with the shipped one."""
     from cusick_bench.datasets.files.checksums import CHECKSUMS
     from cusick_bench.datasets.synthetic_set import files as synthetic_files
     from cusick_bench.datasets.synthetic_set import recipe as synthetic_recipe

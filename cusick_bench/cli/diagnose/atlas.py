@@ -49,7 +49,7 @@ def _root() -> None:
 def build_atlas(
     out: Annotated[Path, output_option(help="Folder of its points; a build that was stopped goes on there.")],
     points: Annotated[
-        int, _fabrics_option(min=60, max=MOST_CASES, help="Fabrics, all over the base model's parameters.")
+        int, _fabrics_option(min=60, max=MOST_CASES, help="Fabrics, spread over the range of the base model.")
     ] = _PLAN.points,
     stiff_points: Annotated[
         int, _fabrics_option(min=0, max=MOST_CASES, help="Further fabrics that are stiff in shear.")
@@ -79,7 +79,7 @@ def build_atlas(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Drapes fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
+    """Drape fabrics over the base model's range, with and without every effect (about an hour on two cores)."""
     from cusick_bench.diagnosis.atlas.drapes import build
 
     design = Design(
@@ -99,12 +99,12 @@ def build_atlas(
 @app.command("fit")
 @user_errors
 def fit_atlas(
-    folder: Annotated[Path, typer.Argument(help="Folder that `build` filled, also in part.", metavar="FOLDER")],
-    out: Annotated[Path, output_option(help="File to write; never that of the installed package.")],
-    check: Annotated[bool, typer.Option(help="Also measure what fits leave unexplained of other fabrics.")] = False,
+    folder: Annotated[Path, typer.Argument(help="Folder of `build`, complete or not.", metavar="FOLDER")],
+    out: Annotated[Path, output_option(help="File to write, outside the installed package.")],
+    check: Annotated[bool, typer.Option(help="Also measure what fits leave unexplained in fabrics left out.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Fits smooth functions to the points and writes them as one small file, not calibrated yet."""
+    """Fit smooth functions to the points and write them as one small file, not calibrated yet."""
     from cusick_bench.diagnosis.atlas.emulator_fit import fit
     from cusick_bench.diagnosis.atlas.points import read_points
     from cusick_bench.diagnosis.atlas.response_check import THIRDS, error_of_means, unexplained
@@ -148,12 +148,12 @@ def calibrate_atlas(
         typer.Argument(help="Folder of a suite's cases and its labels.json, in turn.", metavar="CASES LABELS"),
     ],
     atlas: Annotated[
-        Path, output_option(help="Fitted atlas; rewritten with its calibration. Never that of the installed package.")
+        Path, output_option(help="Fitted atlas, outside the installed package; rewritten with its calibration.")
     ],
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Learns how much noise there is from suites whose labels are open, and which are never scored again."""
+    """Estimate the noise from suites whose labels are open; answers to these suites must not be scored afterwards."""
     from cusick_bench.diagnosis.atlas.store import load_uncalibrated, save
     from cusick_bench.diagnosis.calibrate import calibrate, looks
 
@@ -182,7 +182,7 @@ def _pairs(suites: list[Path]) -> list[tuple[Path, Path]]:
 
 
 def _open_cases(cases: Path, labels: Path) -> list[tuple[Captures, str]]:
-    """Silhouettes of a suite's cases with what acts there; pairs are left out, they are no one outcome."""
+    """Silhouettes of a suite's cases with the name of what acts there, without pairs, which have no single name."""
     from cusick_bench.withheld.answers.blind import case_captures, case_folders
     from cusick_bench.withheld.format.label import read_label_documents
 

@@ -1,4 +1,4 @@
-"""`cusick-bench diagnose-controls`: whether a diagnosis of real cloth finds what is planted in it, and nothing else."""
+"""`cusick-bench diagnose-controls`: whether a diagnosis of real cloth finds planted effects, and no others."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def diagnose_controls(
         typer.Option(help="Control, such as `shift` or `halves`; repeatable; by default all."),
     ] = None,
     halves: Annotated[
-        int, typer.Option(min=0, max=_MOST_HALVES, help="How often each face is dealt at random into halves.")
+        int, typer.Option(min=0, max=_MOST_HALVES, help="How often each face is divided into random halves.")
     ] = 2,
     without_effect: WithoutEffect = None,
     atlas: Atlas = SHIPPED,
@@ -55,11 +55,11 @@ def diagnose_controls(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Tries the diagnosis on real cloth: plants known effects in its pictures, and looks for what it is known to show.
+    """Test the diagnosis on real cloth by known effects, planted in its pictures or known from the data.
 
     Pictures are shifted, scaled, turned, cut at another grey level, seen by a near camera, mirrored and shuffled, at
-    two strengths; halves of one face are called its two faces. Each is diagnosed with and without (no simulations),
-    some minutes for each fabric. Repeating the command goes on with the fabrics that the table lacks.
+    two strengths; halves of one face are presented as its two faces. Each is diagnosed with and without the change (no
+    simulations; some minutes for each fabric). Repeating the command goes on with the fabrics that the table lacks.
     """
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
@@ -78,7 +78,7 @@ def diagnose_controls(
         dataset = load(data, progress=bar.show)
     chosen = list(dict.fromkeys(fabric or fabrics_to_control(dataset)))
     if not chosen:
-        raise DiagnosisError(f"no fabric of {data} has samples enough to be controlled; name one with --fabric")
+        raise DiagnosisError(f"no fabric of {data} has enough samples to be controlled; name one with --fabric")
     words = ["cusick-bench", "diagnose-controls", data]
     words += [*repeated_option("--fabric", fabric or ()), *repeated_option("--control", control or ())]
     words += ["--halves", str(halves), *repeated_option("--without-effect", options.without)]
@@ -115,7 +115,7 @@ def diagnose_controls(
 
 
 def _facts(command: str, dataset: DrapeDataset, atlas: Path) -> dict[str, Any]:
-    """Where the numbers come from; a table from elsewhere is begun anew."""
+    """Provenance of the numbers; a table with another provenance is not continued."""
     from cusick_bench.runner.environment import version_text
     from cusick_bench.runner.numerics import diagnosis_numerics
 

@@ -52,7 +52,7 @@ def diagnose_data(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Finds what the simulator leaves out of a fabric's drapes, from silhouettes of several samples."""
+    """Find which effects the simulator lacks for a fabric's drapes, from silhouettes of several samples."""
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.data_set import data_set_diagnosis

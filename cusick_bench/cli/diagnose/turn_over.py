@@ -40,10 +40,10 @@ def diagnose_turn_over(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Tells from the silhouettes whether samples were turned over as the protocol says, or pictures are mirrored.
+    """Find out from the silhouettes whether samples were turned over as the protocol says, or pictures are mirrored.
 
     The lower face is read as the protocol says, as if the cloth had been turned over about the other axis, and as
-    mirror images; each is compared with the atlas, half a minute for each fabric. Several fabrics tell more than one.
+    mirror images; each is compared with the atlas (half a minute for each fabric). Several fabrics tell more than one.
     """
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas

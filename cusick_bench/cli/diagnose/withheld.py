@@ -46,11 +46,11 @@ app.command("score")(score)
 @user_errors
 def generate_suite(
     out: Annotated[Path, output_option(help="Folder of the cases and of the commitment to their labels.")],
-    labels: Annotated[Path, output_option(help="Folder of the labels, outside of the cases.")],
+    labels: Annotated[Path, output_option(help="Folder of the labels, outside the folder of the cases.")],
     seed: Annotated[
         int | None,
         running_option(
-            min=0, help="Seed of all random choices: who knows it knows the labels. By default random, kept in LABELS."
+            min=0, help="Seed of all random choices, which reveals the labels. By default random, kept in LABELS."
         ),
     ] = None,
     nulls: Annotated[int, _cases_option(min=0, max=MOST_CASES, help="Cases without any effect.")] = 200,
@@ -69,13 +69,13 @@ def generate_suite(
             "--multiple",
             min=0.05,
             max=20,
-            help="Severity of single effects, in typical or detectable ones; several times for several. "
+            help="Severity of single effects, in typical or detectable ones; repeatable. "
             f"[default: {', '.join(f'{one:g}' for one in MULTIPLES)}]",
         ),
     ] = None,
     detectable: Annotated[
         Path | None,
-        _cases_option(help="Table that `atlas power --out` wrote; by default typical severities count."),
+        _cases_option(help="Table from `atlas power --out`, as unit of severities; by default typical severities."),
     ] = None,
     world: Annotated[
         str,
@@ -94,7 +94,7 @@ def generate_suite(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Makes a suite of cases, or goes on with one; prints nothing of what they hold."""
+    """Make a suite of cases, or go on with one; nothing that is printed reveals what they hold."""
     from cusick_bench.withheld.suite.detectable import read_detectable
     from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, Suite, generate
     from cusick_bench.withheld.world.registry import world_of
@@ -114,7 +114,7 @@ def generate_suite(
 
 
 def _seed(given: int | None, labels: Path) -> int:
-    """The seed that was given, or that of the suite to go on with, or a new one that cannot be guessed."""
+    """The given seed, or else that of the unfinished suite, or else a new one that cannot be guessed."""
     from cusick_bench.withheld.suite.generate import SUITE, read_suite
 
     if given is not None:

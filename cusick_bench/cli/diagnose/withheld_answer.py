@@ -1,6 +1,6 @@
 """`cusick-bench withheld answer`: diagnoses withheld cases blind and freezes the answers.
 
-With `oracle` and `twins`, which say afterwards what the best answers could be.
+Also `oracle` and `twins`, which measure afterwards how good answers could be.
 """
 
 from dataclasses import asdict
@@ -36,7 +36,7 @@ def answer(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Answers every case from its silhouettes alone; answers that are there already are kept."""
+    """Answer every case from its silhouettes alone; answers that are there already are kept."""
     from cusick_bench.sim.effects import effect
     from cusick_bench.withheld.answers.blind import answer_suite, case_folders
 
@@ -61,7 +61,10 @@ def oracle(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """How far the true cause closes the gap of every case, for `score`; after the answers, as it opens the labels."""
+    """Measure how far the true cause closes the gap of every case, for `score`.
+
+    Run it after `answer`, as it opens the labels.
+    """
     from cusick_bench.diagnosis.simulation.closure import Draping
     from cusick_bench.withheld.answers.oracle import oracle_closures
     from cusick_bench.withheld.format.label import PAIR, SINGLE, read_label_documents
@@ -89,7 +92,7 @@ def twins(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Drapes every case again without its effect, to tell how much of it the silhouettes show, for `score`.
+    """Drape every case again without its effect, to measure how much the silhouettes show of it, for `score`.
 
     Run it after `answer`, as it opens the labels. Only for suites of `withheld generate`.
     """

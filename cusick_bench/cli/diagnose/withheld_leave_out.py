@@ -28,10 +28,10 @@ def leave_out(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Answers cases with one effect as if that effect were not on the list, so that `unknown` is the right answer.
+    """Answer cases with one effect as if that effect were not on the list, so that `unknown` is the right answer.
 
-    Run it after `answer`, whose answers are frozen by then: it opens the labels to know what to leave out, and to take
-    only effects strong enough to be seen. Answers that are there already are kept; `score` takes the file as any other.
+    Run it after `answer`, as it opens the labels to know which effect to leave out, and takes only effects that are
+    strong enough to be seen. Answers that are there already are kept; `score` takes the file like any other.
     """
     from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
     from cusick_bench.withheld.format.label import read_labels

@@ -36,17 +36,17 @@ def score(
     ] = None,
     oracle: Annotated[Path | None, typer.Option(help="Closures by the true causes, from `withheld oracle`.")] = None,
     twins: Annotated[
-        Path | None, typer.Option(help="What the cases show, from `withheld twins`: severities are then taken from it.")
+        Path | None, typer.Option(help="How much the cases show, from `withheld twins`; used as their severities.")
     ] = None,
     out: Annotated[Path | None, output_option(help="CSV file for all rows; a page of Markdown goes beside it.")] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Scores answers to withheld cases against their labels, beside chance and the baselines that the answers carry.
+    """Score answers to withheld cases against their labels, beside chance and the baselines within the answers.
 
-    Severities are multiples of the detectable shift where the labels have them, else of the typical severity. With
-    --twins they are multiples of the shift that the silhouettes do show, also for effects outside the list, and cases
-    that no other effect could make are counted apart.
+    Severities are multiples of the detectable shift if the labels have them, otherwise of the typical severity. With
+    --twins they are measured from the silhouettes, as multiples of the detectable shift, also for effects outside the
+    list; cases that no other effect can imitate are then counted separately.
     """
     from cusick_bench.withheld.answers.oracle import read_oracle_closures
     from cusick_bench.withheld.answers.shown_shift import read_shown_shifts
@@ -79,7 +79,7 @@ def score(
 
 
 def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict[str, Any]:
-    """Where the numbers come from."""
+    """Provenance of the numbers."""
     from cusick_bench.runner.environment import version_text
 
     digests = map(file_digest, (answers, labels))

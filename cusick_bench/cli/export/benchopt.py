@@ -28,9 +28,9 @@ def benchopt(
 ) -> None:
     """Write a benchopt benchmark: objective, data sets and solvers, which call this package.
 
-    `benchopt test DIR` and `benchopt run DIR` need benchopt (pip install "benchopt[test]"), this command does not. The
-    shipped set is always in it, since tests run on it; --data adds another one, --solver (by default one of a kind)
-    says who competes. Further solvers are further files in DIR/solvers.
+    `benchopt test DIR` and `benchopt run DIR` need benchopt (pip install "benchopt[test]"); this command does not. The
+    shipped data set is always included, since tests run on it; --data adds another one. --solver chooses the solvers
+    (by default one of each kind); to add one later, put a file into DIR/solvers.
     """
     from cusick_bench.export.benchopt import SOLVERS, write_benchmark
     from cusick_bench.runner import ProblemSettings

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from cusick_bench.runner import Cell
 
 
-MOST_CELLS = 3  # under way that a line names
-ALMOST = 0.99  # of a cell whose work is done, and that is scored
-_INSTANT = 1.0  # work of a cell that drapes nothing, in drapes
+MOST_CELLS = 3  # largest number of running cells that a line names
+ALMOST = 0.99  # share of a cell that is done except for scoring
+_INSTANT = 1.0  # work of a cell without drapes, in units of a drape
 
 
 class GridProgress:
@@ -121,7 +121,7 @@ class GridProgress:
 
 
 def _work(cells: Sequence[Cell]) -> dict[Cell, float]:
-    """What each cell is of the work, in drapes; all alike where one has no budget of drapes."""
+    """Share of each cell in the work, in drapes; equal for all if one has no budget of drapes."""
     from cusick_bench.solvers.registry import make_solver
 
     work: dict[Cell, float] = {}

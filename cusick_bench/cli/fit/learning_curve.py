@@ -1,4 +1,4 @@
-"""`cusick-bench learning-curve`: what more samples of a cloth are worth."""
+"""`cusick-bench learning-curve`: how much better fits of more samples of a cloth are."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def learning_curve_command(
         data_option(min=1, max=MOST_CASES, help="Training samples of a fit; repeatable; by default 1, 2, 4, 8."),
     ] = None,
     unseen: Annotated[
-        int, data_option(min=2, max=MOST_CASES, help="Samples that no fit sees, spread over those of every cloth.")
+        int,
+        data_option(min=2, max=MOST_CASES, help="Samples of every cloth that no fit sees, spread over all samples."),
     ] = 4,
     solver: Solvers = None,
     seeds: Seeds = 1,
@@ -62,7 +63,7 @@ def learning_curve_command(
     workers: Workers = 2,
     as_json: Json = False,
 ) -> None:
-    """Fits one, two, four, ... samples of each cloth, and scores all on the same unseen samples.
+    """Fit one, two, four, ... samples of each cloth, and score all fits on the same unseen samples.
 
     For solvers that learn from several samples, such as bdp-field. Repeating the command goes on where it was stopped.
     Exit status 1 if a cell failed.

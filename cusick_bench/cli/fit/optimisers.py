@@ -28,10 +28,10 @@ app = typer.Typer()
 def optimisers(
     function: Annotated[str, typer.Option(help="Test function: branin or hartmann6.")] = Plan.function,
     dimension: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Coordinates in all; only those of the function matter.")
+        int, typer.Option(min=1, max=100_000, help="Number of coordinates; the function depends on a few of them.")
     ] = Plan.dimension,
     evaluations: Annotated[
-        int, typer.Option(min=0, max=100_000, help="Evaluations of a run; 0 for as many as published.")
+        int, typer.Option(min=0, max=100_000, help="Evaluations of a run; 0 for the published number.")
     ] = Plan.evaluations,
     runs: Annotated[int, typer.Option(min=1, max=10_000, help="Runs of each method.")] = Plan.runs,
     solver: Annotated[
@@ -47,7 +47,7 @@ def optimisers(
     out: Annotated[Path | None, output_option(help="Folder for finished runs, and a table of them.")] = None,
     json: Json = False,
 ) -> None:
-    """Minimises a test function hidden in many dimensions, and compares with published results.
+    """Minimise a test function hidden in many dimensions, and compare with published results.
 
     z is the difference from the published mean in standard errors of that difference; beyond 2 the two are said to
     differ. With --out, repeating the command goes on where it was stopped, and other functions and methods join the
@@ -84,7 +84,7 @@ def _compare(plan: Plan, file: RunFile | None) -> dict[str, Any]:
 
 
 def _provenance() -> str:
-    """What the last runs of a table were made with."""
+    """Provenance of the last runs of a table."""
     from cusick_bench.runner.environment import code_text, environment
 
     command, made = " ".join(["cusick-bench", *sys.argv[1:]]), environment()

@@ -1,4 +1,4 @@
-"""`cusick-bench paper`: the paper's tables, run and set with one command each, beside its published figures."""
+"""`cusick-bench paper`: the paper's tables, made by one command each, beside its published figures."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ Seconds = Annotated[
 
 @dataclass(frozen=True)
 class _Grid:
-    """What a table's cells are run with."""
+    """Settings of a table's cells."""
 
     name: str
     source: Source
@@ -115,10 +115,10 @@ def table_1(
     workers: Workers = 1,
     as_json: Json = False,
 ) -> None:
-    """Unseen samples predicted: HOMO, HETER, BDP and `bdp-field`, beside rows without physics and oracles.
+    """Table 1, prediction of unseen samples: HOMO, HETER, BDP and `bdp-field`, beside null rows and oracles.
 
-    Whether draws vary as samples do goes to table-1-variability. Repeating the command goes on where it was stopped.
-    Exit status 1 if a cell failed.
+    The table table-1-variability compares how much draws and samples vary. Repeating the command goes on where it was
+    stopped. Exit status 1 if a cell failed.
     """
     from cusick_bench.leaderboard import leaderboards
     from cusick_bench.leaderboard.paper import make_table
@@ -161,11 +161,11 @@ def table_2(
     workers: Workers = 1,
     as_json: Json = False,
 ) -> None:
-    """Training silhouette fitted for equal cost: BDP against REMBO, HeSBO, NLopt and later methods.
+    """Table 2, fits of the training silhouette at equal cost: BDP against REMBO, HeSBO, NLopt and later methods.
 
-    Equal in drapes (a gradient counting as two), read at equal wall time as well, and with --seconds also run with wall
-    time as the limit. Anytime curves go to anytime.png and anytime.json. Repeating the command goes on where it was
-    stopped. Exit status 1 if a cell failed.
+    Cost is the number of drapes (a gradient counts as two); losses at equal wall time are listed as well. With
+    --seconds all methods are also run with wall time as the limit. Anytime curves are written to anytime.png and
+    anytime.json. Repeating the command goes on where it was stopped. Exit status 1 if a cell failed.
     """
     from cusick_bench.leaderboard import leaderboards
     from cusick_bench.leaderboard.anytime import loss_at_equal_time
@@ -206,7 +206,7 @@ def _limit(budget: Budget) -> str:
 def _settings(
     vertices: int, mode: Mode, steps: int, budget: Budget, membrane: MembraneName | None, *laws: LawName | None
 ) -> list[ProblemSettings]:
-    """What cells are run with by each of the laws; the membrane is law plate's."""
+    """Settings of the cells for each law; the membrane is for law plate only."""
     from cusick_bench.runner import ProblemSettings
     from cusick_bench.sim.engine.settings import DrapeSettings
 

@@ -49,7 +49,7 @@ def figure_6(
     solver: Solvers = None,
     as_json: Json = False,
 ) -> None:
-    """Training samples and their fits side by side: silhouettes, and the drapes from the side."""
+    """Figure 6, training samples and their fits side by side: silhouettes, and the drapes from the side."""
     from cusick_bench.report.figures.side_by_side import fitted
 
     cells, dataset = _load(run, data, fabrics_csv)
@@ -70,7 +70,7 @@ def figure_7(
     samples: Annotated[int, typer.Option(min=1, help="Most held-out samples of a cloth.")] = SHOWN_SAMPLES,
     as_json: Json = False,
 ) -> None:
-    """Held-out samples beside each solver's draw that fits best; the choice has seen the sample."""
+    """Figure 7, held-out samples beside the best draw of each solver, which is chosen by looking at the sample."""
     from cusick_bench.report.figures.side_by_side import held_out
 
     cells, dataset = _load(run, data, fabrics_csv)
@@ -95,7 +95,7 @@ def figure_8(
     draws: Annotated[int, typer.Option(min=1, help="Most draws of a cell to classify.")] = CLASSIFIED_DRAWS,
     as_json: Json = False,
 ) -> None:
-    """Radius over angle of real samples and draws, and which cloth a draw belongs to."""
+    """Figure 8, radius over angle of real samples and draws, and to which cloth a classifier assigns each draw."""
     from cusick_bench.report.figures.predictions import entrants
     from cusick_bench.report.figures.radius_angle import radius_angle, save_confusion, save_radius_angle
 
@@ -135,7 +135,7 @@ def _cloths(cells: Cells) -> int:
 
 @contextmanager
 def _drawing(out: Path, steps: int) -> Iterator[Bar]:
-    """How far a figure is, in steps of which each is told when it begins."""
+    """Progress of a figure, in steps that are announced when they begin."""
     with progress_bar("reading data", steps) as bar, interruptible(f"pictures that were ready are in {out}"):
         yield bar
 

@@ -25,7 +25,7 @@ def run_planned(source: Source, planned: Sequence[Cell], out: Path, *, workers: 
         source: Where the data are.
         planned: The cells.
         out: Results folder, however many others lie in it.
-        workers: Processes.
+        workers: Number of processes.
         force: Use silhouettes that no cloth on its plate can show.
 
     Returns:

@@ -35,9 +35,9 @@ def population(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Derive the priors of `bdp-field` anew: in what cloths differ, and by how much samples of one cloth do.
+    """Derive the priors of `bdp-field` again: how cloths differ, and how much samples of one cloth differ.
 
-    Some 3500 drapes. The numbers that `bdp-field` uses stand in `cusick_bench.problem.field_space`.
+    Makes some 3500 drapes. The numbers that `bdp-field` uses are in `cusick_bench.problem.field_space`.
     """
     from cusick_bench.problem.population.derivation import (
         PopulationPlan,

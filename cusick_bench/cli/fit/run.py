@@ -69,8 +69,8 @@ def run_command(
     protocol: Annotated[
         str,
         data_option(
-            help="Which silhouettes train: paper (one of one sample; the others' are held out) or leave-one-sample-out "
-            "(each sample in turn is held out, the others train)."
+            help="Which silhouettes are fitted: paper (one of one sample; other samples are held out) or "
+            "leave-one-sample-out (each sample in turn is held out, the others are fitted)."
         ),
     ] = "paper",
     force: Force = False,
@@ -93,7 +93,7 @@ def run_command(
     camera: Annotated[
         CameraName | None,
         simulation_option(
-            help="As the data's protocol says if left out; else parallel, or pinhole as in the published scripts."
+            help="Parallel, or pinhole as in the published scripts; by default as the data's protocol says."
         ),
     ] = None,
     renderer: Annotated[
@@ -122,10 +122,10 @@ def run_command(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Run solvers on cloths, score them on held-out samples, and keep every number with what made it.
+    """Run solvers on cloths, score them on held-out samples, and keep all results with their settings.
 
     A cell is one solver on one cloth with one seed. Repeating the command goes on where it was stopped. The stiffness
-    that was found is printed, and written to OUT/stiffness.csv. Exit status 1 if a cell failed.
+    of each cloth is printed, and written to OUT/stiffness.csv. Exit status 1 if a cell failed.
     """
     from cusick_bench.runner import ProblemSettings, Source, load_once, plan, require_space, run, shard
     from cusick_bench.sim.engine.settings import DrapeSettings
@@ -187,7 +187,7 @@ def run_command(
 
 
 def _executor(name: str, workers: int, job: list[str]) -> "Submitted | None":
-    """What runs the cells; None for this process and its own workers."""
+    """Executor of the cells; None for this process and its own workers."""
     if name not in EXECUTORS:
         raise RunnerError(f"unknown executor {name!r}; use one of {', '.join(EXECUTORS)}, or --shard i/n")
     options: dict[str, str] = {}

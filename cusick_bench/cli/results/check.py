@@ -49,13 +49,13 @@ def check_command(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Says which solvers have become worse than a committed baseline.
+    """Find which solvers have become worse than a committed baseline.
 
-    Exit status 0 if none has, 1 if any has, 2 if an input is bad (a metric that is NaN or no such number, a solver
-    without a name), 3 if nothing could be decided: no cells in common, or too few.
+    Exit status 0 if none has, 1 if any has, 2 if an input is bad (a metric that is NaN or impossible, a solver without
+    a name), 3 if nothing could be decided: no cells in common, or too few.
 
-    Reruns with the same or with other seeds are compared fairly: cells are paired by cloth, and by seed where it is
-    shared. Make a baseline with --write, and commit it.
+    Runs with the same or with other seeds can be compared: cells are paired by cloth, and by seed where both have it.
+    Make a baseline with --write, and commit it.
     """
     from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
     from cusick_bench.leaderboard.gate.check import Gate, check, metrics_of_both

@@ -54,7 +54,7 @@ def leaderboard(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Ranks the solvers of a results folder, and says what stiffness they found."""
+    """Rank the solvers of a results folder, and list the stiffness that they found."""
     from cusick_bench.files.table_file import TABLE_FORMS, require_pyarrow, table_bytes
     from cusick_bench.leaderboard import (
         cell_table,

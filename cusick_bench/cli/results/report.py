@@ -39,7 +39,7 @@ def report(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Writes an HTML page with the leaderboard and every fit in pictures, drapes to be turned among them."""
+    """Write an HTML page with the leaderboard and pictures of every fit, with drapes that can be turned in 3D."""
     from cusick_bench.leaderboard import leaderboards, load_cells, variants
     from cusick_bench.report import write_report
 

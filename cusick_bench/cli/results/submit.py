@@ -1,4 +1,4 @@
-"""`cusick-bench submit`: a run's rows for a committed table, with all that it takes to repeat and to verify them."""
+"""`cusick-bench submit`: a run's rows for a committed table, with everything needed to repeat and to verify them."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,11 +20,11 @@ def submit_command(
     out: Annotated[Path | None, output_option(help="Table to add to; by default leaderboards/TRACK.csv.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Adds a run's rows to a track's table; a row that is there already is brought up to date, never doubled.
+    """Add a run's rows to a track's table; rows that are there already are updated, never added twice.
 
-    Rows of other tracks in the same file stay. A track is for one data set and certain mesh sizes; rows of others are
+    Rows of other tracks in the same file stay. A track is for one data set and certain mesh sizes; other rows are
     refused, and so is a run with damaged cells (exit status 2). Tracks of this project: synthetic, paper-table-1,
-    paper-table-2; another name is your own track, for what its first rows are about.
+    paper-table-2. Any other name is a track of your own, for the data set and mesh of its first rows.
 
     Run `verify` before, or the rows are marked *reported*.
     """

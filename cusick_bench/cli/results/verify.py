@@ -1,4 +1,4 @@
-"""`cusick-bench verify`: cells done again from what they stored; exit status 1 where one does not come out again."""
+"""`cusick-bench verify`: cells repeated from what they stored; exit status 1 if one has another result."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def verify_command(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Drapes the stored parameters of finished cells again and scores them again: *reported* becomes *verified*.
+    """Drape the stored parameters of finished cells again and score them again: *reported* becomes *verified*.
 
-    What was found is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell's scores cannot
+    The outcome is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell's scores cannot
     be reproduced.
     """
     from cusick_bench.leaderboard.cells import load_cells

@@ -46,9 +46,7 @@ def benchmark(
     law: Law = LawName.paper,
     reference: Annotated[
         Path | None,
-        simulation_option(
-            help="Table of reference drapes: also time laws plate and paper where they are as near to it."
-        ),
+        simulation_option(help="Table of reference drapes: also time laws plate and paper at equal error against it."),
     ] = None,
     reference_vertices: Annotated[
         list[int] | None, simulation_option(min=60, max=MOST_VERTICES, help="Mesh size tried for it; repeatable.")
@@ -65,19 +63,17 @@ def benchmark(
     ] = None,
     runner_cells: Annotated[
         int | None,
-        simulation_option(
-            min=40, max=1_000_000, help="Instead: what the runner itself costs in a grid of so many trivial cells."
-        ),
+        simulation_option(min=40, max=1_000_000, help="Measure only the runner, in a grid of this many trivial cells."),
     ] = None,
     out: Annotated[Path, output_option(help="File for the JSON document; Markdown tables go beside it.")] = Path(
         "benchmark.json"
     ),
     as_json: Json = False,
 ) -> None:
-    """Times drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd.
+    """Time drops, gradients, warm equilibria, batches and silhouettes against the bare linear algebra and autograd.
 
-    Takes some minutes on two cores. What is measured is kept in --out as it is measured; `missing` in it names the
-    parts that an interrupted benchmark lacks.
+    Takes some minutes on two cores. Results are written to --out as soon as they are measured; `missing` in that file
+    names the parts that an interrupted benchmark lacks.
     """
     from cusick_bench.benchmark.suite import FULL, Plan, work
     from cusick_bench.benchmark.suite import benchmark as run_benchmark
@@ -141,7 +137,7 @@ def _measure_runner(cells: int, as_json: bool) -> None:
 
 
 class _Kept:
-    """What is measured, on disk as soon as it is.
+    """Document of the benchmark, which is written whenever something has been measured.
 
     Attributes:
         path: The document's file.

@@ -34,7 +34,7 @@ from cusick_bench.cli.progress import Bar, progress_bar
 
 if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.linear_plate import LinearPlate
-    from cusick_bench.benchmark.convergence.mesh_dependence import MeshChange, MeshRow
+    from cusick_bench.benchmark.convergence.mesh_dependence import MeshChange, MeshRow, Statistics
     from cusick_bench.benchmark.convergence.order import Limit, Order
     from cusick_bench.benchmark.convergence.reference import PlateComparison, PlateOrder
     from cusick_bench.benchmark.convergence.time_step import TimeStep
@@ -54,7 +54,7 @@ _MOST_MESHES = 1000
 
 @dataclass(frozen=True)
 class _Common:
-    """What both studies share."""
+    """Settings that both studies share."""
 
     law: LawOfDrape
     clamp: ClampOfDrape | None
@@ -64,20 +64,30 @@ class _Common:
     seed: int
 
     def document(self) -> dict[str, Any]:
-        """What the JSON document says of it."""
+        """Its part of the JSON document."""
         shared = {"law": self.law, "clamp": self.clamp, "membrane": self.membrane}
         return {**shared, "meshes_per_size": self.meshes, "jitter": self.jitter, "seed": self.seed}
 
 
 @dataclass(frozen=True)
 class _Study:
-    """How one cloth is looked at on several meshes."""
+    """Settings for the study of one cloth on several meshes."""
 
     sizes: Sequence[int]
     cloth: Mapping[str, float]
     draws: int
     steps: Sequence[int]
     halvings: int
+
+
+@dataclass(frozen=True)
+class _Drapes:
+    """What is simulated for a study: statistics by mesh size, a row for each size, the stiff plate, the time steps."""
+
+    statistics: dict[int, Statistics]
+    rows: list[MeshRow]
+    plate: LinearPlate
+    time: TimeStep
 
 
 @app.command()
@@ -118,7 +128,7 @@ def convergence(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Drapes one cloth on meshes of several sizes and with shorter time steps: how much drapes still change.
+    """Drape one cloth on meshes of several sizes and with shorter time steps, and measure how much drapes change.
 
     Without --vertices the meshes have 297, 1205, 2699 and 7496, which takes some minutes on two cores. With --reference
     the rows of the table are simulated instead, by default on 297, 1205 and 2699, each on --meshes meshes. Drops are
@@ -135,13 +145,13 @@ def convergence(
     common = _Common(law.value, None if resting.law == "plate" else hinges, used, meshes, jitter, seed)
     if reference is not None:
         sizes = sorted(set(vertices or _REFERENCE_SIZES))
-        document, panels = _compare(reference, sizes, common, show=not as_json)
+        document, panels = _study_reference(reference, sizes, common, show=not as_json)
         title = f"law {law.value} against {reference.name}"
     else:
         sizes = sorted(set(vertices or _SIZES))
         cloth = {"density": checked_density(density), "bending": checked_bending(bending)}
         study = _Study(sizes, cloth, draws, sorted({max(steps // share, 1) for share in _SHARES}), halvings)
-        document, panels = _depend(study, common, show=not as_json)
+        document, panels = _study_meshes(study, common, show=not as_json)
         title = f"law {law.value}, {density:g} kg/m2, {bending:g} N m, {draws} drapes each"
     if picture is not None:
         from cusick_bench.report.figures.convergence import save_convergence
@@ -159,7 +169,7 @@ def _make_room(picture: Path) -> None:
     picture.parent.mkdir(parents=True, exist_ok=True)
 
 
-def _compare(
+def _study_reference(
     reference: Path, sizes: Sequence[int], common: _Common, *, show: bool
 ) -> tuple[dict[str, Any], list[Panel]]:
     """Simulates the rows of a table of reference drapes."""
@@ -190,21 +200,43 @@ def _compare(
     return document, reference_panels(found)
 
 
-def _depend(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, Any], list[Panel]]:
+def _study_meshes(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, Any], list[Panel]]:
     """Drapes one cloth on meshes of several sizes and with several time steps, and a stiff plate beside it."""
     import numpy as np
 
-    from cusick_bench.benchmark.convergence.linear_plate import linear_plate
-    from cusick_bench.benchmark.convergence.mesh_dependence import (
-        NAMES,
-        draw_statistics,
-        mesh_changes,
-        mesh_row,
-        mesh_spread,
-    )
+    from cusick_bench.benchmark.convergence.mesh_dependence import NAMES, mesh_changes
     from cusick_bench.benchmark.convergence.order import extrapolated_limit
-    from cusick_bench.benchmark.convergence.time_step import drapes_of_time_step, time_step
     from cusick_bench.report.figures.convergence import mesh_panels
+
+    made = _drape(study, common)
+    coefficients = np.column_stack([made.statistics[size][:, NAMES.index("area_dc")] for size in study.sizes])
+    limit = extrapolated_limit(study.sizes, coefficients, seed=common.seed)
+    changes = mesh_changes(made.statistics)
+    if show:
+        _print_meshes(made.rows, study, limit)
+        _print_plate(made.plate)
+        _print_changes(changes)
+        _print_time(made.time)
+    document = {
+        **common.document(),
+        **study.cloth,
+        "draws": study.draws,
+        "meshes": [asdict(row) for row in made.rows],
+        "limit": None if limit is None else asdict(limit),
+        "linear_plate": asdict(made.plate),
+        "statistics": [asdict(change) for change in changes],
+        "time_step": asdict(made.time),
+    }
+    return document, mesh_panels(made.rows, limit, made.plate)
+
+
+def _drape(study: _Study, common: _Common) -> _Drapes:
+    """Makes all drapes of a study, with progress."""
+    import numpy as np
+
+    from cusick_bench.benchmark.convergence.linear_plate import linear_plate
+    from cusick_bench.benchmark.convergence.mesh_dependence import draw_statistics, mesh_row, mesh_spread
+    from cusick_bench.benchmark.convergence.time_step import drapes_of_time_step, time_step
     from cusick_bench.sim.cloth.material import uniform_material
     from cusick_bench.sim.engine.settings import DrapeSettings
 
@@ -235,25 +267,7 @@ def _depend(study: _Study, common: _Common, *, show: bool) -> tuple[dict[str, An
             time_size, draws, material, settings, steps=study.steps, halvings=study.halvings,
             done=_weighed(bar, time_size), **moved,
         )  # fmt: skip
-    coefficients = np.column_stack([by_size[size][:, NAMES.index("area_dc")] for size in sizes])
-    limit = extrapolated_limit(sizes, coefficients, seed=common.seed)
-    changes = mesh_changes(by_size)
-    if show:
-        _print_meshes(rows, study, limit)
-        _print_plate(plate)
-        _print_changes(changes)
-        _print_time(time)
-    document = {
-        **common.document(),
-        **study.cloth,
-        "draws": draws,
-        "meshes": [asdict(row) for row in rows],
-        "limit": None if limit is None else asdict(limit),
-        "linear_plate": asdict(plate),
-        "statistics": [asdict(change) for change in changes],
-        "time_step": asdict(time),
-    }
-    return document, mesh_panels(rows, limit, plate)
+    return _Drapes(by_size, rows, plate, time)
 
 
 def _weighed(bar: Bar, weight: float) -> Callable[[int], None]:

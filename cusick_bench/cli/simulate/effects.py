@@ -24,7 +24,8 @@ def effects(
 ) -> None:
     """List the effects that `simulate` and `run` take as --with-effect NAME:param=value,...
 
-    The first parameter of each is its severity, 0 where the effect is absent; it is the typical one if not given.
+    The first parameter of each is its severity, 0 where the effect is absent; if it is not given, the typical one is
+    used.
     """
     from cusick_bench.sim.effects import registered
 

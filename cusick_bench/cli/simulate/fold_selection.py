@@ -71,7 +71,7 @@ def fold_selection(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Drapes one cloth while one factor at a time changes, and says what becomes of its folds.
+    """Drape one cloth while one factor at a time changes, and measure its folds.
 
     Factors are stiffness, mesh, length and height of the shape in which the cloth is laid down, its release, the time
     step, how far off the plate's axis it lies, its rest shape, and its shear stiffness. All together take some minutes

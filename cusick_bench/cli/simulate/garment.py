@@ -99,7 +99,7 @@ def skirt(
     out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes, pictures and summary.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Hangs skirts of a digitised cloth on a waist, moves them if asked, and measures how they hang and differ."""
+    """Simulate skirts of a digitised cloth, at rest and optionally in motion, and measure how they hang and differ."""
     from cusick_bench.garment.output import write_motion, write_rest
     from cusick_bench.garment.wearing import wear
 
@@ -158,10 +158,10 @@ def compare(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Hangs the same skirt of every cloth of a run, moves them alike, and shows them side by side.
+    """Simulate the same skirt, with the same motion, of every cloth of a run, and show them side by side.
 
-    Writes side_by_side.png (at rest, and at three moments of the motion), garments.html (skirts to be turned in three
-    dimensions) and garments.json. Of several seeds the first is taken.
+    Writes side_by_side.png (at rest, and at three moments of the motion), garments.html (skirts that can be turned in
+    3D) and garments.json. If there are several seeds, the first is used.
     """
     from cusick_bench.garment import cloth_of_cell
     from cusick_bench.garment.page import write_page

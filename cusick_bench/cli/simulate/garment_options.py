@@ -1,4 +1,4 @@
-"""What the garment commands are asked: cut, size, motion, draws."""
+"""Options of the garment commands: cut, size, motion, draws."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def wearing_of(
         seed: Seed of pattern, draws and heights.
 
     Returns:
-        It.
+        The wearing.
 
     Raises:
         GarmentError: A value out of range.

@@ -37,16 +37,16 @@ def mesh_error(
     seed: Seed = 3,
     as_json: Json = False,
 ) -> None:
-    """Drapes random cloths, stiff to limp, by law plate on meshes of several sizes, each the very same on all of them.
+    """Drape the same random cloths, stiff to limp, with law plate on meshes of several sizes.
 
-    Says by how much the drape coefficient on each is off that on the finest one, and to what it tends: the error of a
-    fit on that mesh. Some minutes on two cores.
+    Prints how far the drape coefficient on each mesh is from that on the finest one, and its limit: the error of a fit
+    on that mesh. Takes some minutes on two cores.
     """
     from cusick_bench.benchmark.convergence.population_meshes import population_meshes
     from cusick_bench.problem import ProblemError
 
     if len(set(vertices)) < 2:
-        raise ProblemError(f"errors are against a finer mesh, got one size, {vertices[0]}; give two --vertices or more")
+        raise ProblemError(f"errors need a finer mesh to compare with, got one size, {vertices[0]}; add --vertices")
     if stretch is not None and not 1 <= stretch <= 1e5:
         raise ProblemError(f"--stretch must be from 1 to 100000 N/m, got {stretch:g}; woven cloth has some hundred")
     asked = membrane_asked(membrane)

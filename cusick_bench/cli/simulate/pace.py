@@ -26,9 +26,9 @@ def pace(
     seed: Seed = 1,
     as_json: Json = False,
 ) -> None:
-    """Drops random cloths, stiff to limp, at pace brisk and steady, and with a tenth more steps: changes and times.
+    """Compare drops of random cloths, stiff to limp, at the paces brisk and steady, in silhouettes and time.
 
-    Takes some minutes on two cores.
+    Steady drops with a tenth more steps show which differences do not matter. Takes some minutes on two cores.
     """
     from cusick_bench.benchmark.pace import pace_study
 

@@ -26,13 +26,13 @@ def robustness(
             "--minimum-share",
             min=0,
             max=1,
-            help="Share of the cloths that has to come to rest; in mode drop, that has to fall without flying apart.",
+            help="Least share of the cloths that come to rest; in mode drop, that fall without flying apart.",
         ),
     ] = 0.995,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Drapes random cloths over the whole range of measured fabrics; exit status 1 where too few have a drape."""
+    """Drape random cloths over the whole range of measured fabrics; exit status 1 if too few come to rest."""
     from cusick_bench.benchmark.robustness import robustness as run_robustness
     from cusick_bench.sim.cloth.resolution import cloth_mesh
     from cusick_bench.sim.drape import DrapeSimulator

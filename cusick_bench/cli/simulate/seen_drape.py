@@ -92,7 +92,7 @@ class Outcome:
     sight: Sight
 
     def summary(self) -> dict[str, Any]:
-        """What the JSON document says of the drape."""
+        """The drape's part of the JSON document."""
         from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, fold_count
         from cusick_bench.sim.cloth.folds import FOLD_PROMINENCE
 

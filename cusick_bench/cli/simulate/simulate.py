@@ -212,7 +212,7 @@ def simulate(
     out: Annotated[Path | None, output_option(help="Folder for meshes, silhouettes and profiles.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Simulates drapes and prints drape coefficient, folds and convergence.
+    """Simulate drapes and print drape coefficient, folds and convergence.
 
     The bending stiffness is that of the cloth as a plate, whatever the law. Draws with effects are made one by one.
     """
@@ -227,8 +227,8 @@ def simulate(
         raise CusickError(f"effects are simulated on the CPU; leave out --device {device}, or --with-effect")
     if poisson and law is not LawName.plate:
         raise CusickError(
-            f"--poisson is about law plate, and law {law.value} bends with about -1/3 whatever is asked for; leave "
-            "--poisson out, or take --law plate"
+            f"--poisson is about law plate, and law {law.value} always bends with about -1/3; leave --poisson out, or "
+            "take --law plate"
         )
     if mesh is not None and vertices is not None:
         raise CusickError("--vertices is about a disc that is meshed here; leave it out with --mesh")
@@ -274,7 +274,7 @@ def simulate(
 
 
 def _read_mesh(path: Path, law: str) -> Mesh:
-    """A cloth of one's own, as a law takes it; it must cover the plate."""
+    """The user's own mesh, adapted to the law; it must cover the plate."""
     from cusick_bench.sim.cloth.obj import mesh_from_obj
     from cusick_bench.sim.cloth.resolution import fitted_to
 

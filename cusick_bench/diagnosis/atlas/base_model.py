@@ -16,9 +16,9 @@ and a sample of it is a draw of its level of stiffness and of smooth fields: of 
 keeps when it is turned over, and of the shape in which each face is laid down. These are what scatters the folds of
 real samples; without them a diagnosis would blame natural variability on an effect.
 
-What theta leaves open is fixed, or drawn for each fabric: a nearly inextensible cloth of constant membrane stiffness, a
-Poisson's ratio of 0 to .3, lengths of the other fields. `other_laws` draws the fixed ones too, over what woven cloth
-shows, to learn how much that matters.
+Everything else is fixed (the cloth is nearly inextensible, its membrane stiffness does not depend on strain) or drawn
+once for each fabric (Poisson's ratio from 0 to .3, the correlation length of the rest shape). With `other_laws` the
+fixed quantities are drawn at random too, over the range that woven cloth shows, to learn how much they matter.
 
 Its law is `plate` on a mesh where the error of discretisation is small (`sim/constants.py`). An atlas is made of many
 drapes by a cheaper model (`COARSE`) and of fewer by this one.
@@ -55,7 +55,7 @@ HIGH = np.array([-4.5, 1.1, 0.6, 0.7, 7.2, 1.6, 1.1, 0.8, 1.2])
 
 LAYING_HEIGHT = 1e-3  # [m]
 LAYING_LENGTH = 0.02  # [m]
-STEEPEST = 0.3  # slope of the laid shape, which its height over its length tends to where that is larger
+STEEPEST = 0.3  # upper limit of the laid shape's height over its correlation length, approached smoothly
 REST_HEIGHT = 3e-4  # [m]
 BETWEEN = 0.1  # sd of ln B between samples
 STIFFNESS_SPREAD = 0.08  # sd of log stiffness within a sample: natural unevenness of weight and stiffness
@@ -81,7 +81,7 @@ class BaseModel:
         settings: How cloths are draped.
         meshes: Number of meshes that are used in turn.
         first_mesh: Number of the first one.
-        other_laws: Draw what theta leaves open.
+        other_laws: Whether membrane stiffness, bending curve and correlation lengths are drawn at random as well.
     """
 
     vertices: int = VERTICES_OF_TRUTH
@@ -144,12 +144,12 @@ class BaseModel:
 
 
 def _not_too_steep(height: float, length: float) -> float:
-    """The laid shape's height [m], less where it would be steeper than a cloth can be laid."""
+    """Height of the laid shape [m], reduced so that height over length stays below `STEEPEST`."""
     return height / (1 + height / (STEEPEST * length))
 
 
 def _even(value: float) -> Field:
-    """A field of one value."""
+    """A field that has the same value everywhere."""
     return lambda points: torch.full((len(points),), value, dtype=torch.float64)
 
 
@@ -172,12 +172,16 @@ def cloth(theta: Float[ndarray, "parameters"]) -> Material:
 
 
 def _of_another_law(material: Material, generator: np.random.Generator) -> Material:
-    """The same cloth, as stiff in bending at rest and in shear, but extensible, hardening, and bending otherwise."""
+    """The cloth with a random membrane and bending curve; shear, bending at rest and bending at 40 /m stay the same.
+
+    The membrane stretches more easily and hardens with strain.
+    """
     warp, weft = np.exp(generator.uniform(*np.log(_OTHER_STRETCH), size=2)) / 2
     at_rest = np.array([warp, generator.uniform(0, 0.2) * min(warp, weft), weft, float(material.stretch[0, 3])])
     strained = float(generator.uniform(*_OTHER_HARDENING)) + generator.uniform(-0.2, 0.2, 5)
     stretch = at_rest * np.append(1.0, strained)[:, None]
-    # as much softer or stiffer at 40 /m, but most of it at small curvatures, as friction between yarns makes it
+    # The ratio of bending stiffness at 40 /m to that at 0 stays, but most of the change may come at small curvatures,
+    # as it does with friction between yarns.
     early = (1 - np.exp(-np.arange(5) / 1.5)) / (1 - np.exp(-4 / 1.5))
     table = material.bending.numpy()
     share = generator.uniform()

@@ -13,21 +13,22 @@ BASE = "base"
 FINE = "fine"
 """The same fabrics under the base model's own law and mesh, `plate`: what the cheaper model gets wrong."""
 FINEST = "finest"
-"""Limp ones of them on a still finer mesh, whose folds the base model's own mesh is too coarse for."""
+"""The limp fabrics among them on a still finer mesh: the base model's own mesh is too coarse for their folds."""
 LAWS = "other-laws"
-"""The cheaper model again, with shorter steps, and membrane, bending curve and lengths that theta leaves open drawn at
-random."""
+"""The cheaper model again, with shorter steps and with a random membrane, bending curve and correlation lengths, which
+theta does not describe."""
 ONE_MESH = "one-mesh"
-"""The cheaper model again, all samples of a fabric on one mesh: what an asymmetry that they share does."""
+"""The cheaper model again, with all samples of a fabric on one mesh: the effect of an asymmetry that they share."""
 FINEST_VERTICES = VERTICES_OF_PAPER
 FINEST_SAMPLES = 2
 LIMP = -7.0
 """theta's bending below which fabrics are draped on the finest mesh."""
 NOT_SIMULATED = ("grain-skew", "density-bias", "self-contact")
-"""Turned statistics, another weight, and drapes too costly for an atlas: see `emulator`."""
+"""Effects without drapes of their own: a skewed grain only turns the statistics, a wrong density only rescales the
+stiffness, and drapes with self-contact are too costly for an atlas."""
 SEED = 71
 """Seed of the draws of fabrics, samples and effects."""
-_STIFF_IN_SHEAR = 5.8  # of theta's shear
+_STIFF_IN_SHEAR = 5.8  # theta's shear above which fabrics belong to `stiff_points`
 
 
 def at_fine(effect: str) -> str:
@@ -44,19 +45,19 @@ def at_fine(effect: str) -> str:
 
 @dataclass(frozen=True)
 class Design:
-    """What an atlas is made of.
+    """Design of an atlas: its fabrics and drapes.
 
     Attributes:
-        points: Fabrics.
-        stiff_points: More of them that are stiff in shear, where little changes; of these the same shares as of the
-            others have what follows.
-        effect_points: How many of them, the first ones, have every effect too.
-        fine_points: How many of them have drapes under the base model's own law and mesh.
-        finest_points: How many of them have drapes on a still finer mesh, if they are limp.
-        fine_effect_points: How many of them have every effect under the base model's own law and mesh.
-        law_points: How many of them have drapes under other laws.
-        one_mesh_points: How many of them have all samples on one mesh.
-        samples: Samples of each, draped on both sides.
+        points: Number of fabrics.
+        stiff_points: Number of further fabrics that are stiff in shear, where drapes hardly depend on shear. The
+            numbers below are out of the first `points`; the same shares of the stiff ones are draped in the same ways.
+        effect_points: How many fabrics, counted from the first, are also draped with every effect.
+        fine_points: How many are also draped under the base model's own law and mesh.
+        finest_points: How many are also draped on a still finer mesh, if they are limp.
+        fine_effect_points: How many are also draped with every effect under the base model's own law and mesh.
+        law_points: How many are also draped under other laws.
+        one_mesh_points: How many are also draped with all samples on one mesh.
+        samples: Samples of each fabric, draped on both sides.
         vertices: Mesh size of the cheaper model, whose law is `paper`.
     """
 
@@ -83,21 +84,21 @@ class Design:
         )
 
     def has(self, point: int, count: int) -> bool:
-        """Whether a point is among the first `count`, or as large a share of the stiff ones.
+        """Whether a fabric is among the first `count`, or among as large a share of the stiff ones.
 
         Args:
             point: Number of the fabric.
             count: Number of fabrics out of the first `points`.
 
         Returns:
-            Whether it is.
+            True if it is.
         """
         if point < self.points:
             return point < count
         return (point - self.points) * self.points < count * self.stiff_points
 
     def tasks(self) -> list[tuple[int, str]]:
-        """(point, what to simulate of it), in an order of which any beginning is a smaller atlas."""
+        """Pairs (fabric, what to simulate of it); the first so many of them always make a smaller atlas."""
         effects = [name for name in registered() if name not in NOT_SIMULATED]
         limp = self.theta()[:, 0] < LIMP
         return [

@@ -55,8 +55,8 @@ def build(
     Args:
         folder: Where the atlas is made; created.
         design: What it is made of; must be that of the points that are there.
-        workers: Processes.
-        progress: Called to tell how many of how many tasks are done.
+        workers: Number of processes.
+        progress: Called with the number of tasks that are done and the number of all tasks.
 
     Raises:
         DiagnosisError: The folder holds an atlas of another design.
@@ -83,10 +83,10 @@ def make_points(
         design: What it is made of.
         point: Number of the fabric.
         names: Effects, or `BASE` and the like.
-        simulators: Kept from fabric to fabric.
+        simulators: Simulators that are reused from fabric to fabric.
 
     Returns:
-        How many were made.
+        Number of points that were made.
     """
     kept = simulators or Simulators(most=_MOST_SIMULATORS)
     theta = design.theta()[point]
@@ -99,7 +99,7 @@ def make_points(
         if not wanted:
             continue
         setups = model.samples(theta, design.samples, (SEED, point))
-        positions: list[torch.Tensor | None] = []  # of the base drapes, which imaging effects only see otherwise
+        positions: list[torch.Tensor | None] = []  # of the base drapes: imaging effects only change the picture
         if any(name == base or effects[named[name]].kind == "imaging" for name in wanted):
             with torch.no_grad():
                 positions = drape_setups(setups, kept)
@@ -167,7 +167,7 @@ def _make_all(folder: Path, design: Design, fabrics: list[tuple[int, list[str]]]
 
 
 def _other_model(design: Design, point: int, name: str) -> BaseModel:
-    """The model that drapes the same samples otherwise: their fields are functions of the cloth's points."""
+    """Another model of the same samples, whose random fields, as functions of place, do not depend on the mesh."""
     if name == FINEST:
         return BaseModel(FINEST_VERTICES, meshes=1, first_mesh=point)
     if name == LAWS:
@@ -190,5 +190,5 @@ def _with_effect(
 
 
 def _as_later(effect: Effect, setups: list[Setup]) -> list[Setup]:
-    """History is seen in the later captures."""
+    """Setups of the captures that show an effect: the later ones if it acts with time."""
     return [replace(setup, later=True) for setup in setups] if effect.kind == "history" else setups

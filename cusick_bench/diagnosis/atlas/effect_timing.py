@@ -1,4 +1,4 @@
-"""How an effect acts, as far as a diagnosis has to know: when it is seen, and whose direction it keeps to."""
+"""How an effect acts: whether only later captures show it, and whether its direction is the cloth's or the camera's."""
 
 from functools import lru_cache
 

@@ -4,8 +4,8 @@ With z = theta scaled to [-1, 1], every statistic k has
 
     base     m_k(z)      = polynomial in z;                    sd_k(z) = exp(polynomial), scatter between samples
 
-and every effect a response (`response`). Polynomials for cheap drapes and for what dearer ones change are added;
-`emulator_fit` says how all are fitted to the points of the atlas.
+and every effect has a response (`response`). The polynomials fitted to the many cheap drapes and those fitted to the
+corrections by fewer, more accurate drapes are added; `emulator_fit` says how all are fitted to the points of the atlas.
 """
 
 from collections.abc import Mapping
@@ -37,8 +37,8 @@ class Emulator:
         base_spread: Fitted function of `Features.spread`.
         log_sd: ln of the standard deviation between samples of every statistic.
         correlation: Correlation of all statistics of both faces, between samples.
-        discrepancy: Covariance of what the base model gets wrong, in sd, the same on both faces, at the limp and at the
-            stiff end of the atlas.
+        discrepancy: Covariance of the base model's error [sd], the same on both faces, at the limp and at the stiff end
+            of the atlas.
         responses: Response of each effect, by its name.
         outlines: Outlines of the fabric that is diagnosed, on which effects that act on the outline alone are undone
             instead of being emulated; None to emulate all.
@@ -90,8 +90,8 @@ class Emulator:
     def wrong(self, theta: Float[ndarray, "parameters"]) -> Float[ndarray, "statistics statistics"]:
         """Discrepancy of the base model's means.
 
-        Beside what is unexplained in the atlas, another simulator or a real cloth may differ from the base model in
-        each direction in which the atlas' cheaper law and coarser meshes did, by as much.
+        It is what the fit leaves unexplained in the atlas, and in addition the directions in which the atlas' cheaper
+        law and coarser meshes differed from the base model: another simulator or a real cloth may differ as much.
 
         Args:
             theta: Base parameters.

@@ -4,10 +4,10 @@ Base, scatter and responses (see `emulator`) are fitted to the points of the atl
 forbids is not fitted: without an effect a fabric has no harmonics of odd order and none that are not symmetric about
 warp and weft; exchanging warp and weft turns a drape by 90 degrees.
 
-Most drapes are a cheaper model's. What it gets wrong is the difference to fewer drapes of the same samples under the
-base model's own law and mesh, and for limp cloth that of these to drapes on a still finer mesh: smooth functions of z
-with fewer terms, which are added. What these leave unexplained counts as the model's error, with what other laws
-change, and with the corrections themselves as one direction each: the model's discrepancy.
+Most drapes are made by a cheaper model. Its error is known from fewer drapes of the same samples under the base model's
+own law and mesh, and for limp cloth also on a still finer mesh. Each of these two differences is fitted by a smooth
+function of z with fewer terms, a correction, and added. The model's discrepancy is what the corrections leave
+unexplained, what other laws change, and each correction itself as one direction of error.
 
 References:
     Kennedy, O'Hagan. Predicting the output from a complex computer code when fast approximations are available.
@@ -51,10 +51,10 @@ from cusick_bench.sim.effects import registered
 
 _COUNT = len(NAMES)
 _LEAST_POINTS = 60
-_LEAST_FINE = 8  # fabrics for a correction to be fitted
+_LEAST_FINE = 8  # number of fabrics that a correction needs
 _EXCHANGED = np.array([-1 if name == "anisotropy" else 1 for name in PARAMETERS])
-_SHRINK = 0.1  # of correlations towards none
-_CHEAP_FREEDOM = 60.0  # degrees of freedom that correlations of the cheaper drapes count for
+_SHRINK = 0.1  # share by which correlations are shrunk towards 0
+_CHEAP_FREEDOM = 60.0  # degrees of freedom that the correlations of the cheaper drapes count for
 
 
 def _log_variance(points: Mapping[int, Point], numbers: list[int]) -> Float[ndarray, "points statistics"]:
@@ -72,9 +72,10 @@ def _log_variance(points: Mapping[int, Point], numbers: list[int]) -> Float[ndar
 def _correlation(
     points: Mapping[int, Point], sd: Mapping[int, ndarray]
 ) -> tuple[Float[ndarray, "faces_statistics faces_statistics"], int]:
-    """Between all statistics of both faces of a sample, pooled over fabrics, and degrees of freedom.
+    """Correlation of all statistics of both faces of a sample, pooled over fabrics, and its degrees of freedom.
 
-    Faces are exchangeable. Every fabric is in units of its own model's scatter: some would weigh most otherwise.
+    Faces are exchangeable. Statistics are divided by the scatter of their own fabric and model; otherwise the fabrics
+    that scatter most would decide.
     """
     total, freedom = np.zeros((2 * _COUNT, 2 * _COUNT)), 0
     for number, scale in sd.items():
@@ -92,7 +93,10 @@ def _correlation(
 def _shrunk_correlation(
     points: Mapping[str, Mapping[int, Point]], base_sd: Mapping[int, ndarray], sd: Float[ndarray, "points statistics"]
 ) -> Float[ndarray, "faces_statistics faces_statistics"]:
-    """Of the base model's own drapes, with the cheaper ones as what is expected: in these, meshes scatter faces too."""
+    """Correlation of the base model's own drapes, with that of the cheaper drapes as its prior mean.
+
+    The cheaper drapes alone will not do: their coarse meshes add scatter between the faces of a sample.
+    """
     correlation, _ = _correlation(points[BASE], base_sd)
     fine = {n: sd[n] for n, point in points.get(FINE, {}).items() if _usable(point)}
     if len(fine) >= _LEAST_FINE:
@@ -107,17 +111,20 @@ def _discrepancy(
     sd: ndarray,
     known: Mapping[str, Mapping[int, ndarray]],
 ) -> ndarray:
-    """What the base model gets wrong in the mean, in sd, for limp and for stiff cloth; what is `known` is not wrong."""
+    """Covariance of the error of the base model's means [sd], for limp and for stiff cloth.
+
+    The corrections, which are `known`, are subtracted before.
+    """
     total = np.zeros((2, _COUNT, _COUNT))
     for name, beside in ((FINE, BASE), (FINEST, FINE), (LAWS, BASE)):
         other = points.get(name, {})
         for end, weight in enumerate(nearness_to_ends(theta[:, 0])):
-            total[end] += _changed(points.get(beside, {}), other, weight, sd, known.get(name, {}))
+            total[end] += _second_moment_of_changes(points.get(beside, {}), other, weight, sd, known.get(name, {}))
     return total + np.diag(_shared_asymmetry(points.get(ONE_MESH, {}), sd))
 
 
 def _lack_of_fit(points: Mapping[int, Point], theta: ndarray, sd: ndarray, fit: Fit, terms: ndarray) -> ndarray:
-    """Second moment of what the functions leave of the fabrics that they are fitted to, less what few samples make."""
+    """Second moment of the fit's residuals over the fabrics that it is fitted to, less the noise of few samples."""
     total, freedom = np.zeros((2, _COUNT, _COUNT)), 1 - fit.weights.shape[0] / (2 * len(points))
     predicted = fit(terms[:, : len(fit.weights)])
     for end, weight in enumerate(nearness_to_ends(theta[:, 0])):
@@ -130,14 +137,14 @@ def _lack_of_fit(points: Mapping[int, Point], theta: ndarray, sd: ndarray, fit: 
             scatter = np.cov((values / sd[number]).T) / len(values)
             total[end] += weight[number] * (np.outer(left, left) / freedom - scatter)
             mass += weight[number]
-        total[end] = _positive(_symmetric_only(total[end] / mass))
+        total[end] = _nearest_covariance(_symmetric_only(total[end] / mass))
     return total
 
 
-def _changed(
+def _second_moment_of_changes(
     base: Mapping[int, Point], other: Mapping[int, Point], weight: ndarray, sd: ndarray, known: Mapping[int, ndarray]
 ) -> ndarray:
-    """Second moment over fabrics of what another model changes beyond what is known, less what few samples make."""
+    """Second moment over fabrics of what another model changes beyond the known part, less the noise of few samples."""
     total, mass = np.zeros((_COUNT, _COUNT)), 0.0
     for number in sorted(other.keys() & base.keys()):
         change = _difference(base[number], other[number])
@@ -149,17 +156,17 @@ def _changed(
         mass += weight[number]
     if not mass:
         return total
-    return _positive(_symmetric_only(total / mass))
+    return _nearest_covariance(_symmetric_only(total / mass))
 
 
-def _positive(covariance: ndarray) -> ndarray:
-    """The nearest covariance: noise that was taken off can leave negative variances."""
+def _nearest_covariance(covariance: ndarray) -> ndarray:
+    """The nearest positive semidefinite matrix: subtracting noise can leave negative variances."""
     value, vector = np.linalg.eigh((covariance + covariance.T) / 2)
     return (vector * np.maximum(value, 0)) @ vector.T
 
 
 def _difference(base: Point, other: Point) -> Float[ndarray, "samples 2 statistics"]:
-    """Change of the samples that both models have draped on both sides."""
+    """Change of statistics from one model to another, of the samples that both have draped on both sides."""
     change = other.statistics - base.statistics[: len(other.statistics)]
     return change[np.isfinite(change).all((1, 2))]
 
@@ -167,8 +174,8 @@ def _difference(base: Point, other: Point) -> Float[ndarray, "samples 2 statisti
 def _shared_asymmetry(points: Mapping[int, Point], sd: ndarray) -> Float[ndarray, "statistics"]:
     """Variance of the locked statistics of fabrics all of whose samples share a mesh, less sampling noise, in sd.
 
-    A mesh decides a little where folds lie, and so does whatever else the samples of a fabric share; without this any
-    such asymmetry would be taken for a patch. Real and imaginary parts count together.
+    A mesh has a small influence on where folds lie, and so has anything else that the samples of a fabric share;
+    without this variance such an asymmetry would be taken for a patch. Real and imaginary parts are pooled.
     """
     excess = []
     for number, point in points.items():
@@ -181,13 +188,13 @@ def _shared_asymmetry(points: Mapping[int, Point], sd: ndarray) -> Float[ndarray
     if excess:
         mean = np.mean(excess, axis=0)
         for (real, imaginary), order in zip(LOCKED_PAIRS, LOCKED_ORDERS, strict=True):
-            # the real parts of even order are the base model's own
+            # Real parts of even order are left out: they differ from 0 in the base model, too.
             found[[real, imaginary]] = max(0.0, mean[imaginary] if order % 2 == 0 else mean[[real, imaginary]].mean())
     return found
 
 
 def _symmetric_only(covariance: ndarray) -> ndarray:
-    """Without what symmetry forbids: no discrepancy of the model can make a drape prefer one side."""
+    """The covariance without statistics that symmetry forbids: an error of the model prefers no side of the cloth."""
     kept = np.zeros(_COUNT, dtype=bool)
     kept[[*FREE, *EVEN]] = True
     return np.where(np.outer(kept, kept), covariance, 0.0)
@@ -217,16 +224,16 @@ def fit(
     if len(numbers) < _LEAST_POINTS:
         raise DiagnosisError(f"an atlas needs at least {_LEAST_POINTS} fabrics, got {len(numbers)}; go on building it")
     at, of_fabrics = theta[numbers], [features(base[n].statistics) for n in numbers]
-    level, corrections = level_of(theta, points)
+    level, corrections = fit_base_means(theta, points)
     scatter = spread_terms(theta)
     variance = _log_variances(base)
-    log_sd = _summed(
+    log_sd = _summed_fit(
         ridge(scatter[list(variance)], np.stack(list(variance.values())) / 2, 2),
-        [_scatter_correction(scatter, _half(variance), _half(_log_variances(points.get(FINE, {}))))],
+        [_scatter_correction(scatter, _halved(variance), _halved(_log_variances(points.get(FINE, {}))))],
     )
     spreads = {n: one.spread for n, one in zip(numbers, of_fabrics, strict=True)}
     fine_spreads = {n: features(p.statistics).spread for n, p in points.get(FINE, {}).items() if _usable(p)}
-    spread = _summed(
+    spread = _summed_fit(
         ridge(spread_terms(at), np.stack(list(spreads.values())), 2),
         [_scatter_correction(scatter, spreads, fine_spreads)],
     )
@@ -258,7 +265,7 @@ def fit(
 _Correction = tuple[Fit, Int[ndarray, " chosen"]]
 
 
-def level_of(
+def fit_base_means(
     theta: Float[ndarray, "points parameters"], points: Mapping[str, Mapping[int, Point]]
 ) -> tuple[SummedFit, dict[str, _Correction]]:
     """Fits the mean of every statistic without an effect.
@@ -274,13 +281,13 @@ def level_of(
     base, free = points[BASE], 1 + theta.shape[1]
     numbers = [n for n, point in base.items() if _usable(point)]
     mean = np.stack([features(base[n].statistics).mean.mean(0) for n in numbers])
-    terms, values = _and_exchanged(theta[numbers], mean)
+    terms, values = _with_exchanged_directions(theta[numbers], mean)
     found = {
         FINE: _correction(theta, points, FINE, BASE, CORRECTED, free),
         FINEST: _correction(theta, points, FINEST, FINE, LIMP, 1),
     }
     corrections = {name: one for name, one in found.items() if one is not None}
-    return _summed(ridge(terms, values, free), list(corrections.values())), corrections
+    return _summed_fit(ridge(terms, values, free), list(corrections.values())), corrections
 
 
 def _usable(point: Point) -> bool:
@@ -288,7 +295,7 @@ def _usable(point: Point) -> bool:
 
 
 def _compared(*drapes: Mapping[int, Point]) -> list[int]:
-    """Fabrics all of whose drapes came out, under both models, with an effect and without."""
+    """Numbers of the fabrics of which no drape failed, in any of several groups of drapes."""
     shared = set.intersection(*(set(one) for one in drapes))
     return [n for n in sorted(shared) if all(np.isfinite(one[n].statistics).all() for one in drapes)]
 
@@ -299,19 +306,19 @@ def _log_variances(points: Mapping[int, Point]) -> dict[int, ndarray]:
     return dict(zip(numbers, _log_variance(points, numbers), strict=True)) if numbers else {}
 
 
-def _half(values: Mapping[int, ndarray]) -> dict[int, ndarray]:
+def _halved(values: Mapping[int, ndarray]) -> dict[int, ndarray]:
     return {number: value / 2 for number, value in values.items()}
 
 
-def _and_exchanged(
+def _with_exchanged_directions(
     theta: Float[ndarray, "rows parameters"], mean: Float[ndarray, "rows statistics"]
 ) -> tuple[Float[ndarray, "twice_rows terms"], Float[ndarray, "twice_rows statistics"]]:
     """Terms and means of fabrics, and of the same fabrics with warp and weft exchanged."""
     terms = base_terms(np.concatenate([theta, theta * _EXCHANGED]))
-    return terms, np.concatenate([_only_even(mean), _only_even(rotated(mean, np.pi / 2))])
+    return terms, np.concatenate([_symmetric_means(mean), _symmetric_means(rotated(mean, np.pi / 2))])
 
 
-def _summed(fit: Fit, corrections: Sequence[_Correction | None]) -> SummedFit:
+def _summed_fit(fit: Fit, corrections: Sequence[_Correction | None]) -> SummedFit:
     known = [one for one in corrections if one is not None]
     return SummedFit(
         (fit, *(one for one, _ in known)), (np.arange(len(fit.weights)), *(columns for _, columns in known))
@@ -321,21 +328,21 @@ def _summed(fit: Fit, corrections: Sequence[_Correction | None]) -> SummedFit:
 def _correction(
     theta: ndarray, points: Mapping[str, Mapping[int, Point]], name: str, beside: str, columns: ndarray, free: int
 ) -> _Correction | None:
-    """Mean difference of the drapes `name` to those `beside` them; None where there are too few."""
+    """Fit to the mean difference between the drapes `name` and the drapes `beside`; None where there are too few."""
     base, other = points.get(beside, {}), points.get(name, {})
     found = {n: _difference(base[n], other[n]) for n in sorted(other.keys() & base.keys())}
     found = {n: change for n, change in found.items() if len(change) >= min(LEAST_SAMPLES, len(other[n].statistics))}
     if len(found) < max(_LEAST_FINE, 2 * free):
         return None
     mean = np.stack([change.mean((0, 1)) for change in found.values()])
-    terms, values = _and_exchanged(theta[list(found)], mean)
+    terms, values = _with_exchanged_directions(theta[list(found)], mean)
     return ridge(terms[:, columns], values, free), columns
 
 
 def _scatter_correction(
     terms: Float[ndarray, "points terms"], base: Mapping[int, ndarray], fine: Mapping[int, ndarray]
 ) -> _Correction | None:
-    """Mean difference of logarithms of scatter."""
+    """Fit to the mean difference of the logarithms of scatter; None where there are too few fabrics."""
     both = sorted(base.keys() & fine.keys())
     if len(both) < _LEAST_FINE:
         return None
@@ -343,8 +350,8 @@ def _scatter_correction(
     return ridge(terms[both][:, SPREAD_CORRECTED], difference, 1), SPREAD_CORRECTED
 
 
-def _only_even(mean: ndarray) -> ndarray:
-    """Without the statistics that are 0 by symmetry."""
+def _symmetric_means(mean: ndarray) -> ndarray:
+    """Means in which the statistics that vanish by symmetry are set to 0."""
     kept, columns = np.zeros_like(mean), [*FREE, *EVEN]
     kept[:, columns] = mean[:, columns]
     return kept

@@ -18,7 +18,7 @@ def drape_and_observe(setups: list[Setup], simulators: Simulators | None = None)
 
     Args:
         setups: The drapes to make.
-        simulators: Kept from call to call.
+        simulators: Simulators that are reused from call to call.
 
     Returns:
         Radii in the cloth's frame [m]; NaN where a drape failed.

@@ -32,7 +32,7 @@ class Point:
 
 
 def point_file(folder: Path, point: int, name: str) -> Path:
-    """Where a point is kept.
+    """Path of a point's file.
 
     Args:
         folder: Folder of the atlas.

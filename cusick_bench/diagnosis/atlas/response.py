@@ -4,10 +4,10 @@ With z = theta scaled to [-1, 1] and s the severity in typical ones, statistic k
 
     D_k(z, s) = sd_k(z) g(z, s) times a polynomial in s, without constant, times one in z
 
-with its scatter between samples sd_k and the effect's gain g, the exponential of a polynomial in z and ln(1 + |s| / 2):
-how far it moves all statistics together. Limp cloth hardly answers to what bends it and stiff cloth twenty times as
-much; fitted without the gain, the polynomials follow the stiff end and are wrong by more than the whole answer at the
-limp one.
+with the statistic's scatter between samples sd_k and the effect's gain g, the exponential of a polynomial in z and
+ln(1 + |s| / 2): how far the effect moves all statistics together. The response of stiff cloth can be twenty times that
+of limp cloth; fitted without the gain, the polynomials follow the stiff end and are wrong at the limp end by more than
+the whole response.
 
 What symmetry forbids is not fitted: an effect with a direction is fitted in the frame of that direction, in which it is
 symmetric; an effect that the cloth carries on one face acts with the opposite sign when the cloth is turned over.
@@ -32,18 +32,18 @@ from cusick_bench.sim.effects import Effect
 LEAST_SAMPLES = 2
 """Samples that a simulated fabric needs for its response to count."""
 _OWN_ERROR = 1 / 3
-"""Square of the polynomials' own error over a shift's size: what weighs a point beside its samples' scatter."""
-_MISMATCHED = 0.3  # typical difference of an effect's shift between two laws, as a share of it
+"""Square of the polynomials' own relative error of a shift: added to the scatter of a point's samples in its weight."""
+_MISMATCHED = 0.3  # typical difference of an effect's shift between two laws, as a share of the shift
 _LEAST_MISMATCH = 0.1
-_TYPICAL = 4.0  # fabrics that the typical mismatch counts for
-_RATIOS = (0.3, 3.0)  # of a fine shift to a cheap one, at most
+_TYPICAL = 4.0  # number of fabrics that the typical mismatch counts for
+_RATIOS = (0.3, 3.0)  # least and largest ratio of a shift under the base model to that under the cheaper model
 _SHRUNK = (4.0, 12.0)  # precision of the prior that the gain needs no correction: its level, its slope
-_VISIBLE = 0.3  # a shift's square is taken for at least so much of its noise's, in the logarithm of the gain
+_VISIBLE = 0.3  # least square of a shift, as a share of its noise's, so that the logarithm of the gain is finite
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """How much one effect moves a fabric's features.
+    """Response of a fabric's features to one effect.
 
     Attributes:
         effect: Name of the effect.
@@ -116,7 +116,7 @@ def scaled_place(effect: Effect, value: Mapping[str, ndarray]) -> Float[ndarray,
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """What one effect does to the atlas' fabrics, in the frame of its direction.
+    """Changes of the atlas' fabrics by one effect, in the frame of its direction.
 
     Attributes:
         theta: Base parameters.
@@ -138,7 +138,7 @@ class Changes:
         """Changes of some of the fabrics.
 
         Args:
-            rows: Indices of the fabrics, or which they are.
+            rows: Indices of the fabrics, or a mask.
 
         Returns:
             Their changes.
@@ -213,9 +213,9 @@ def response(effect: Effect, measured: Changes) -> Response:
 def corrected(fitted: Response, cheap: Changes, fine: Changes) -> Response:
     """A response whose gain is that under the base model's own law and mesh, and how far shifts differ then.
 
-    The gain is corrected by a function of the bending level, shrunk towards none. How the factor scatters about it, and
-    how far the fine shifts point in other directions than the cheap ones, is how much an effect's shift depends on the
-    law of the cloth.
+    The gain is corrected by a function of the bending level, shrunk towards no correction. The scatter of the ratio of
+    fine to cheap shifts about it, and how far fine shifts point in other directions than cheap ones, tell how much the
+    effect's shift depends on the material law.
 
     Args:
         fitted: The response under the cheaper model.
@@ -249,7 +249,7 @@ def corrected(fitted: Response, cheap: Changes, fine: Changes) -> Response:
 
 
 def _scatter_terms(theta: Float[ndarray, "rows parameters"], severity: ndarray) -> Float[ndarray, "rows terms"]:
-    """What moves the spreads: it vanishes with the severity, and its sign does not matter."""
+    """Terms of the shift of the spreads; they vanish with the severity and do not depend on its sign."""
     return np.abs(severity)[:, None] * spread_terms(theta)
 
 
@@ -260,13 +260,13 @@ def _gain(
 
 
 def _fitted_gain(theta: ndarray, severity: ndarray, place: ndarray, square: ndarray, noise: ndarray) -> Fit:
-    """ln of a shift's size for one typical severity; points that do not rise above their noise count less."""
+    """Fit of ln of a shift's size over the severity; points that do not rise above their noise have less weight."""
     size = 0.5 * np.log(np.maximum(square - noise, _VISIBLE * noise)) - np.log(np.abs(severity))
     return ridge(gain_terms(theta, severity, place), size[:, None], 1, square / (square + 3 * noise))
 
 
 def _difference(effect: Effect, base: Point, changed: Point) -> tuple[ndarray, ndarray, ndarray] | None:
-    """By face: mean difference under common random numbers and its variance; and that of the spreads."""
+    """For each face the mean difference under common random numbers and its variance; and the difference of spreads."""
     acted, plain = _in_own_frame(effect, changed), _in_own_frame(effect, Point(changed.value, base.statistics))
     good = np.isfinite(acted).all((1, 2)) & np.isfinite(plain).all((1, 2))
     if good.sum() < LEAST_SAMPLES:
@@ -288,5 +288,5 @@ def _in_own_frame(effect: Effect, point: Point) -> ndarray:
 
 
 def _allowed(effect: Effect) -> list[int]:
-    """Statistics that symmetry lets it move, in its own frame."""
+    """Columns of the statistics that an effect can move without breaking its symmetry, in the effect's own frame."""
     return [*FREE, *(REAL if effect.located in ("direction", "patch") else EVEN)]

@@ -1,10 +1,10 @@
 """What an atlas' responses leave unexplained of fabrics that they were not fitted to.
 
-For every effect the fabrics are dealt into ten parts, each predicted by a fit to the other nine. Of the squared shifts
-of all statistics, in sd, the scatter of a fabric's few samples is taken off, on both sides: the share that is left is
-the responses' own error, 0 at best, 1 as bad as to expect no shift at all. The means without effect are checked
-likewise, on fabrics draped by the base model's own law: the root mean square of their error, in standard deviations
-between samples.
+For every effect the fabrics are divided into ten parts, each predicted by a fit to the other nine. The squared errors
+and the squared shifts of all statistics, in sd, are summed, and the scatter of a fabric's few samples is subtracted
+from both sums. Their ratio is the share of the shifts that is not explained: 0 at best, 1 where the response is no
+better than expecting no shift. The means without effect are checked in the same way on fabrics draped by the base
+model's own law, by the root mean square of their error in standard deviations between samples.
 
 References:
     Stone. Cross-validatory choice and assessment of statistical predictions. JRSS B 36(2), 1974.
@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.atlas.design import BASE, FINE, FINEST, Design
 from cusick_bench.diagnosis.atlas.emulator import Emulator
-from cusick_bench.diagnosis.atlas.emulator_fit import level_of
+from cusick_bench.diagnosis.atlas.emulator_fit import fit_base_means
 from cusick_bench.diagnosis.atlas.points import Point
 from cusick_bench.diagnosis.atlas.regression_terms import base_terms
 from cusick_bench.diagnosis.atlas.response import LEAST_SAMPLES, Changes, changes, response
@@ -75,9 +75,9 @@ def error_of_means(
         others = {
             name: {n: p for n, p in one.items() if n not in held}
             for name, one in points.items()
-            if name != FINEST  # which tells what the drapes themselves get wrong
+            if name != FINEST  # corrects errors of the base model's mesh, which the predicted drapes have
         }
-        level, _ = level_of(theta, others)
+        level, _ = fit_base_means(theta, others)
         for row in np.flatnonzero(parts == part):
             at = theta[numbers[row]]
             values = fine[numbers[row]].statistics

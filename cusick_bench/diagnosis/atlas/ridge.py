@@ -36,7 +36,7 @@ class Fit:
         """Variance of the predictions, from the finite number of points.
 
         Args:
-            terms: Regressors.
+            terms: Terms of the regression, one a column.
 
         Returns:
             Variances.
@@ -63,7 +63,7 @@ class SummedFit:
         """Variance of the predictions, from the finite number of points.
 
         Args:
-            terms: Regressors.
+            terms: Terms of the regression, one a column.
 
         Returns:
             Variances.
@@ -81,10 +81,10 @@ def ridge(
     """Ridge regression, its strength by generalised cross-validation for each quantity.
 
     Args:
-        terms: Regressors.
+        terms: Terms of the regression, one a column.
         values: What to predict.
-        free: The first so many terms are not shrunk.
-        precision: One over the variance of every row, up to a common factor; all alike by default.
+        free: Number of leading terms that are not shrunk.
+        precision: Inverse variance of every row, up to a common factor; equal by default.
 
     Returns:
         The regressions.

@@ -27,12 +27,12 @@ from cusick_bench.sim.effects import registered
 _LARGEST = 1 << 26  # [bytes]
 _PARTS = ("gain", "mean", "spread")
 _SUMS = ("base", "base_spread", "log_sd")
-_MOST_FITS = 9  # that one function is the sum of
-_MOST = 1000  # of inflation
+_MOST_FITS = 9  # largest number of fits whose sum is one function
+_MOST = 1000  # largest inflation
 
 
 LAW_MISMATCH = (0.3, 0.15)
-"""Along an effect's shift and across it, as shares of its size, where nothing was learned."""
+"""Mismatch of laws along an effect's shift and across it, as shares of its size, where nothing was learned."""
 PLATE_MISMATCH = (0.15, 0.08)
 """The same for effects of the plate: geometry has one law, only the drape that it is applied to is another."""
 OUTLINE_MISMATCH = (0.15, 0.06)
@@ -94,7 +94,7 @@ class Calibration:
 
 
 def _shares(name: str, given: Any) -> tuple[float, float]:
-    """Two shares that are no error, or one."""
+    """Two shares, along and across, or an error that names the effect."""
     known = isinstance(given, list | tuple) and len(given) == 2
     if not known or not all(isinstance(one, int | float) and 0 <= one <= _MOST for one in given):
         raise ValueError(f"law_mismatch of {name} must be two numbers >= 0, along and across, got {given!r}")

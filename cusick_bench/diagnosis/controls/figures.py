@@ -23,11 +23,11 @@ class ControlFigure:
 
     Attributes:
         name: What is counted.
-        level: Strength or level of the controls that it is taken over; "" for all.
-        count: Number of judgements that count.
-        cases: Number of judgements that it is a share of.
+        level: Strength or level of the controls that are counted; "" for all.
+        count: Number of judgements that are hits or false alarms: the numerator.
+        cases: Number of judgements in all: the denominator.
         value, low, high: The share and the bounds of its 95 % interval; NaN without cases.
-        goal: What it should be, in words; "" for no goal.
+        goal: The goal in words; "" for no goal.
         reached: `yes`, `no`, or "" without goal or cases.
     """
 
@@ -53,7 +53,7 @@ def figures(judgements: Sequence[Judgement]) -> list[ControlFigure]:
         judgements: Verdict on every control of every fabric.
 
     Returns:
-        First those that goals are about, then a line for each control and strength, then false alarms.
+        First the shares that have goals, then one for each control and strength, then false alarms.
     """
     planted = [one for one in judgements if one.kind == "planted"]
     larger = [one for one in planted if one.strength == "larger"]

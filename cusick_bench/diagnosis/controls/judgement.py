@@ -1,23 +1,25 @@
-"""What is a hit, and what a false alarm.
+"""Rules for what is a hit and what is a false alarm.
 
-An effect counts as *shown* by a diagnosis that names it, or one that silhouettes do not tell from it, or gives them
-together a probability of .6.
+A diagnosis *shows* an effect if it names the effect or another one that silhouettes do not tell from it, or if it gives
+them together a probability of at least .6.
 
-    planted  not shown before: a hit if shown afterwards. Shown before: a hit if the strength that is estimated for the
-             planted effect changes by what was planted, to half of it (with a direction: as a vector), since the fabric
-             may have the effect already, or its opposite.
-             False alarm: another effect is named that was not named before.
-    real     a hit if shown.
-    absent   right if none of the effects is shown that cannot be there; else a false alarm.
-    outside  right if nothing is named that was not named before; else a false alarm.
-    null     rejected, which is a false alarm, if an effect that turns over with the cloth is shown by the halves and
-             not by the face as a whole.
-    slip     a hit if the picture was left out, for the right reason.
+    planted  If it was not shown before, a hit if it is shown afterwards. If it was shown before, a hit if its estimated
+             strength changes by what was planted, with a tolerance of half of it (as a vector where it has a
+             direction), since the fabric may already have the effect, or its opposite.
+             A false alarm if another effect is named that was not named before.
+    real     A hit if shown.
+    absent   A false alarm if an effect is shown that cannot be there.
+    outside  A false alarm if an effect is named that was not named before.
+    null     A false alarm (the halves are *rejected*) if the halves show an effect that turns over with the cloth, and
+             the face as a whole does not.
+    slip     A hit if the picture was left out for the right reason.
 
-A diagnosis that is refused shows nothing; it is judged where something had to be shown, and passed over elsewhere.
+A diagnosis that is refused shows nothing: it counts as a miss where something had to be shown, and is not judged
+elsewhere.
 
-How much of what was planted the silhouettes show is measured without any model: the largest change of a statistic's
-mean over its standard error between samples. A fabric that is equally stiff along warp and weft shows no turn.
+How much of what was planted is visible in the silhouettes is measured without any model, by the largest change of a
+statistic's mean over its standard error between samples. For instance, a turn of cloth that is equally stiff along warp
+and weft is not visible.
 """
 
 from collections.abc import Set
@@ -34,7 +36,7 @@ from cusick_bench.diagnosis.inference.single_effects.equivalents import EQUIVALE
 from cusick_bench.diagnosis.measure.statistics import RESOLUTION
 
 SHOWN = 0.6  # probability from which on an effect counts as shown although it is not named
-_TOLERANCE = 0.5  # share of what was planted by which its estimate may be off
+_TOLERANCE = 0.5  # largest error of an estimate, as a share of what was planted
 
 
 @dataclass(frozen=True)
@@ -43,17 +45,17 @@ class Judgement:
 
     Attributes:
         fabric, control, level, strength, kind: As in `Control`.
-        effects: Right answers; of kinds `absent` and `null` wrong ones.
+        effects: Right answers; for kinds `absent` and `null` the wrong ones.
         hit: `yes`, `no`, or "" where nothing can be judged.
         false_alarm: Whether something was named that is not there.
         verdict_before, verdict: Without and with what was planted; "" where there is nothing without.
         named_before, named: Effects that are named.
         newly_named: Effects that were not named before and are no right answer.
-        probability_before, probability: Of `effects`, any of them; NaN where refused.
+        probability_before, probability: Probability that any of `effects` acts; NaN where refused.
         planted: Severity of what was planted, in the unit of the effect's parameter; NaN for none.
         estimated: Change of its estimate along what was planted; NaN where there is no estimate.
-        estimate_right: `yes` if the estimate changes by what was planted, to half of it, whether the effect is named or
-            not; "" where there is no estimate.
+        estimate_right: `yes` if the estimate changes by what was planted, with a tolerance of half of it, whether the
+            effect is named or not; "" where there is no estimate.
         largest_shift: Largest change of a statistic's mean [standard errors]; NaN where nothing was planted.
         p: p-value of the base model with what was planted; NaN where refused.
         note: Why the fabric was refused.
@@ -87,8 +89,8 @@ def judge(control: Control, before: Reading, after: Reading, largest_shift: floa
 
     Args:
         control: The control.
-        before: What the diagnosis says without what was planted; for known answers of the data as they are, of these.
-        after: What it says with it.
+        before: Reading of the diagnosis without what was planted; where nothing was planted, of the data as they are.
+        after: Reading of the diagnosis with it.
         largest_shift: From `largest_shift`.
 
     Returns:
@@ -153,7 +155,7 @@ def _shown(reading: Reading, effects: Set[str]) -> bool:
 
 
 def _newly_named(control: Control, before: Reading, after: Reading) -> frozenset[str]:
-    """Effects that are named afterwards, though neither they nor what looks like them was named or planted."""
+    """Effects that are named afterwards, without those that were named or planted and those that look like them."""
     expected = before.named | (control.effects if control.kind in ("planted", "real") else frozenset())
     for group in EQUIVALENTS:
         expected |= group.effects if group.effects & expected else frozenset()

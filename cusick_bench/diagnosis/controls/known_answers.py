@@ -9,22 +9,22 @@ Planted, at two strengths. The larger is the one that a goal is about; the small
     blur-cut    blurred by 2 px and cut at another grey level: `threshold`
     pinhole     the shipped meshes through an eye 1.4 and 0.7 m over the plate, as in the published scripts, against
                 the same meshes in parallel projection: `perspective`. The scale in the plate's plane stays.
-    mirror      pictures of the lower face right for left, for every second sample and for all. No listed effect does
-                that, so none may be named for it.
-    shuffle     order of the pictures within each face, and order and face together, dealt out at random. Then nothing
+    mirror      pictures of the lower face mirrored left to right, for every second sample and for all. No listed effect
+                does that, so none may be named for it.
+    shuffle     order of the pictures within each face permuted at random, or order and face together. Then nothing
                 depends on order (`creep`), or on order and face.
-    halves      one face alone, its samples dealt at random into two halves that are called its faces: nothing may be
-                named that turns over with the cloth.
+    halves      one face alone, its samples divided at random into two halves that are called its faces: no effect that
+                turns over with the cloth may be named.
 
-Known of the real data, by paired tests of the drape coefficient over samples, which know nothing of the diagnosis:
+Known from the real data, by paired tests of the drape coefficient over samples, which do not use the diagnosis:
 
-    faces       they differ (p <= .01): an effect that turns over with the cloth; alike (p >= .2): none
-    drift       from the first capture to the last: `creep`; no drift: not creep
+    faces       if they differ (p <= .01), an effect that turns over with the cloth; if they agree (p >= .2), none
+    drift       if the drape changes from the first capture to the last, `creep`; without drift, not creep
     observations  1 against 2, and 1 against the last of a series over time, in which a drape sinks: `creep`
-    slip        two pictures of the release that are no drape of their fabric and must be left out
+    slip        two pictures of the release that do not show a drape of their fabric and must be left out
 
-What silhouettes cannot tell from an effect (`inference.equivalents`) is as right as the effect itself. Order and face
-that are dealt out at random can be no effect's doing, but its equivalents may well be there.
+What silhouettes cannot tell from an effect (`single_effects.equivalents`) is as right as the effect itself. A permuted
+order or face is not caused by any effect, but equivalents of `creep` may act in the fabric all the same.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -70,9 +70,9 @@ SHIFT_DIRECTION = 30.0  # [deg]
 SHIFTS, SCALES, TURNS, CUTS = (1.5, 3.0), (0.015, 0.03), (2.5, 5.0), (1.0, 2.0)  # [px], [1], [deg], [px]
 INVERSE_HEIGHTS = (1 / 1.4, 1 / 0.7)  # [1/m], the second that of the published scripts
 LEAST_SAMPLES = 6  # of a fabric under control: a half still has the three that its scatter needs
-DIFFERENT, ALIKE = 0.01, 0.2  # p-values from which on a contrast is known; between them it is not
+DIFFERENT, ALIKE = 0.01, 0.2  # p-values up to which faces or captures differ, and from which they agree
 _STRENGTHS: Final = ("smaller", "larger")
-_SERIES_SHARE = 0.8  # of the samples that an observation must have to end a series
+_SERIES_SHARE = 0.8  # share of the samples that the last observation of a series must have
 
 AS_IT_IS: Final = "as it is"
 _PARALLEL: Final = "meshes in parallel projection"
@@ -80,12 +80,12 @@ _PARALLEL: Final = "meshes in parallel projection"
 
 @dataclass(frozen=True)
 class Amount:
-    """What was planted, in the terms of the effect's parameters.
+    """Planted amount of an effect, as its parameters.
 
     Attributes:
         effect: Name of the effect.
-        severity: Value of its severity, in the unit of its parameter and, as its estimates, in the lengths of the
-            atlas' cloth.
+        severity: Value of its severity, in the unit of its parameter; lengths, like those of the estimates, are scaled
+            to the atlas' cloth.
         direction: Its direction [deg]; None for an effect without one.
     """
 
@@ -138,8 +138,8 @@ class FabricUnderControl:
     Attributes:
         data: Its pictures alone.
         captures: The same, read.
-        halves: How often each of its faces is dealt into halves.
-        seed: Seed of what is dealt out at random.
+        halves: How often each of its faces is divided into random halves.
+        seed: Seed of permutations and halves.
     """
 
     data: DrapeDataset
@@ -166,7 +166,7 @@ class FabricUnderControl:
 
     @cached_property
     def faces(self) -> list[str]:
-        """Faces with samples enough to be dealt into halves."""
+        """Faces with enough samples to be divided into halves."""
         sides, samples = (self.data.table[name].to_numpy() for name in ("side", "sample"))
         return [side for side in ("up", "down") if len(np.unique(samples[sides == side])) >= LEAST_SAMPLES]
 
@@ -177,7 +177,7 @@ class FabricUnderControl:
 
     @cached_property
     def repeated(self) -> bool:
-        """Whether any face of a sample was taken twice."""
+        """Whether any face of a sample was photographed more than once."""
         return bool(self.data.table.duplicated(["sample", "side"]).any())
 
 
@@ -223,7 +223,7 @@ def _face(side: str) -> str:
     return f"face {side} alone"
 
 
-def _planted(
+def _planted_controls(
     fabric: FabricUnderControl, name: str, levels: Mapping[str, tuple[PictureChange, Amount]]
 ) -> Iterator[Control]:
     for strength, (level, (change, amount)) in zip(_STRENGTHS, levels.items(), strict=True):
@@ -240,7 +240,7 @@ def _pixels_per_metre(protocol: Protocol) -> float:
 
 def _shift(fabric: FabricUnderControl) -> Iterator[Control]:
     per_metre = _pixels_per_metre(fabric.data.protocol)
-    yield from _planted(
+    yield from _planted_controls(
         fabric,
         "shift",
         {
@@ -255,18 +255,18 @@ def _shift(fabric: FabricUnderControl) -> Iterator[Control]:
 
 def _scale(fabric: FabricUnderControl) -> Iterator[Control]:
     levels = {f"{100 * error:g} %": (Magnification(error), Amount("camera-scale", error)) for error in SCALES}
-    yield from _planted(fabric, "scale", levels)
+    yield from _planted_controls(fabric, "scale", levels)
 
 
 def _turn(fabric: FabricUnderControl) -> Iterator[Control]:
     levels = {f"{angle:g} deg": (GrainTurn(angle), Amount("grain-skew", angle)) for angle in TURNS}
-    yield from _planted(fabric, "turn", levels)
+    yield from _planted_controls(fabric, "turn", levels)
 
 
 def _blur_cut(fabric: FabricUnderControl) -> Iterator[Control]:
     per_metre = _pixels_per_metre(fabric.data.protocol)
     levels = {f"{out:g} px outwards": (OtherCut(out), Amount("threshold", out / per_metre)) for out in CUTS}
-    yield from _planted(fabric, "blur-cut", levels)
+    yield from _planted_controls(fabric, "blur-cut", levels)
 
 
 def _pinhole(fabric: FabricUnderControl) -> Iterator[Control]:
@@ -309,7 +309,7 @@ def _halves(fabric: FabricUnderControl) -> Iterator[Control]:
 
 @dataclass(frozen=True)
 class _Contrast:
-    """What a contrast of the data says.
+    """A contrast of the data, and which effects are right or wrong answers after its test.
 
     Attributes:
         name: Name of the control.
@@ -324,7 +324,7 @@ class _Contrast:
     wrong: frozenset[str]
 
 
-def _contrasted(
+def _contrast_control(
     fabric: FabricUnderControl, contrast: _Contrast, values: Float[ndarray, "samples statistics"]
 ) -> Iterator[Control]:
     """A control of the data as they are, if a paired test of the drape coefficient says what is right."""
@@ -341,13 +341,13 @@ def _contrasted(
 
 def _faces(fabric: FabricUnderControl) -> Iterator[Control]:
     odd, contrasts = turning_over(), specimen_statistics(fabric.captures).face_odd
-    yield from _contrasted(fabric, _Contrast("faces", "down minus up", odd, odd), 2 * contrasts)
+    yield from _contrast_control(fabric, _Contrast("faces", "down minus up", odd, odd), 2 * contrasts)
 
 
 def _drift(fabric: FabricUnderControl) -> Iterator[Control]:
     contrasts = specimen_statistics(fabric.captures).order_odd
     creep = _Contrast("drift", "last minus first", alike("creep"), frozenset({"creep"}))
-    yield from _contrasted(fabric, creep, contrasts)
+    yield from _contrast_control(fabric, creep, contrasts)
 
 
 def _observations(fabric: FabricUnderControl) -> Iterator[Control]:

@@ -1,7 +1,7 @@
-"""Changes of a silhouette as its camera, or who handles the picture, may make them.
+"""Changes of a silhouette that a camera, or somebody who handles the pictures, may cause.
 
-Pictures are moved, scaled and turned by cubic splines, so that an outline comes to lie where it should to a few
-hundredths of a pixel. Points are counted from the plate's axis, x to the right, y up in the picture of the protocol.
+Pictures are moved, scaled and turned with cubic splines, which place an outline correctly to a few hundredths of a
+pixel. The origin is the plate's axis; x points to the right, y up as the protocol defines it.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from numpy import ndarray
 from cusick_bench.datasets.files.protocol import Protocol
 
 Picture = Float[ndarray, "size size"]
-_LEAST_SHARE = 1e-9  # of a blurred edge's grey, where its distance is still a number
+_LEAST_SHARE = 1e-9  # least grey of a blurred edge, so that the distance to the edge stays finite
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class View:
 
 
 class PictureChange(Interface):
-    """Something that is done to a picture."""
+    """A function that changes a picture."""
 
     def __call__(self, picture: Picture, view: View) -> Picture:
         """The changed picture.
@@ -69,14 +69,14 @@ def mapped(
     to_rows = np.array([[0.0, -up], [1.0, 0.0]])  # (x, y) -> (row, column)
     middle = np.array(protocol.centre_px)[::-1]
     back = np.linalg.inv(to_rows @ matrix @ np.linalg.inv(to_rows))
-    offset: Any = middle - back @ (middle + to_rows @ np.array(shift))  # typed as one number, but one an axis is right
+    offset: Any = middle - back @ (middle + to_rows @ np.array(shift))  # Any: SciPy's stubs allow one number only
     seen = affine_transform(picture, back, offset, order=3)
     return np.clip(seen, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Shift:
-    """The whole picture lies beside its place.
+    """The whole picture is shifted.
 
     Attributes:
         distance: Length of the shift [px].

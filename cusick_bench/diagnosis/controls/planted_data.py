@@ -1,4 +1,4 @@
-"""A data set whose pictures are seen through a change, drawn from its meshes, or labelled anew; files stay."""
+"""Data sets with changed pictures, pictures drawn from meshes, or permuted labels; the files stay as they are."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class RenderedData(DrapeDataset):
 
 
 def planted(dataset: DrapeDataset, change: PictureChange) -> PlantedData:
-    """A data set seen through a change.
+    """A data set with changed pictures.
 
     Args:
         dataset: The data.
@@ -81,7 +81,7 @@ def planted(dataset: DrapeDataset, change: PictureChange) -> PlantedData:
 def rendered(dataset: DrapeDataset, inverse_height: float) -> RenderedData:
     """A data set drawn from its meshes, without the rows that have none.
 
-    The pictures are still read as the protocol says, so that another camera than the protocol's is an effect.
+    The protocol stays as it is, so that a camera which differs from it acts as an effect.
 
     Args:
         dataset: The data; at least one row has a mesh.
@@ -95,12 +95,12 @@ def rendered(dataset: DrapeDataset, inverse_height: float) -> RenderedData:
 
 
 def captures_shuffled(dataset: DrapeDataset, generator: np.random.Generator, *, across_faces: bool) -> DrapeDataset:
-    """Deals out at random which picture of a sample was taken when.
+    """Permutes at random in which order the pictures of each sample were taken.
 
     Args:
         dataset: Data of one fabric.
         generator: Random generator.
-        across_faces: Whether faces are dealt out as well; else every picture keeps its own.
+        across_faces: Whether faces are permuted as well; otherwise every picture keeps its own.
 
     Returns:
         The same pictures of the same samples; the labels of each sample (and face) permuted.
@@ -128,7 +128,7 @@ def one_face(dataset: DrapeDataset, side: str) -> DrapeDataset:
 
 
 def halves_as_faces(dataset: DrapeDataset, side: str, generator: np.random.Generator) -> DrapeDataset:
-    """One face, whose samples are dealt at random into two halves that are called its faces.
+    """One face, whose samples are divided at random into two halves that are called its faces.
 
     Args:
         dataset: Data of one fabric that has this face.

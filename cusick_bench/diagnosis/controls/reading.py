@@ -1,4 +1,4 @@
-"""What a diagnosis says, in the terms of the controls' rules: the one place that knows a `Diagnosis`' fields."""
+"""What a diagnosis says, as the rules of the controls need it; no other module of the controls reads a `Diagnosis`."""
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
@@ -30,9 +30,9 @@ class Reading:
         verdict: Its verdict, or `refused`.
         p: p-value of the base model; None where refused.
         named: The effects that it names, and look-alikes of which one acts.
-        posterior: Probability of every set of listed effects; that none acts is the empty set.
-        estimates: The strength that it gives every effect, named or not.
-        notes: What it left out or doubts; where refused, why.
+        posterior: Probability of every set of listed effects; the empty set stands for no effect.
+        estimates: Estimated strength of every effect, named or not.
+        notes: What was left out or is in doubt; the reason where it is refused.
     """
 
     verdict: str

@@ -23,7 +23,7 @@ from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.statistics import specimen_statistics
 from cusick_bench.diagnosis.options import Options
 
-_MOSTLY = 0.5  # share of a set's pictures that are another set's, from which on it is no fabric of its own
+_MOSTLY = 0.5  # a set with at least this share of another set's pictures is not a fabric of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class _Diagnosed:
 
 
 def fabrics_to_control(dataset: DrapeDataset) -> list[str]:
-    """Fabrics with samples enough, without the named sets that show other fabrics' pictures again.
+    """Fabrics with enough samples, without the named sets that repeat other fabrics' pictures.
 
     Args:
         dataset: The data.
@@ -59,8 +59,8 @@ def fabric_under_control(
     Args:
         dataset: The data.
         fabric: Name of the fabric.
-        halves: How often each of its faces is dealt into halves.
-        seed: Seed of what is dealt out at random.
+        halves: How often each of its faces is divided into random halves.
+        seed: Seed of permutations and halves.
         force: Whether to use silhouettes that no cloth on the plate can show.
 
     Returns:
@@ -92,8 +92,8 @@ def controlled(
         calibration: Calibration of the probabilities.
         options: How to diagnose; nothing is simulated.
         names: Which controls; by default all.
-        workers: Processes.
-        progress: Called to tell what is being done, and the share that is over.
+        workers: Number of processes.
+        progress: Called with what is being done and the share that is done.
 
     Returns:
         A judgement for each control.
@@ -103,7 +103,7 @@ def controlled(
     own = {
         number: control
         for number, control in enumerate(controls)
-        if control.data is not references.get(control.reference)  # else the reference's diagnosis is its own
+        if control.data is not references.get(control.reference)  # otherwise it has the diagnosis of its reference
     }
     data = [*references.values(), *(control.data for control in own.values())]
     words = [*references, *(f"{control.name}, {control.level}" for control in own.values())]
@@ -130,7 +130,7 @@ def _judged(control: Control, references: dict[str, _Diagnosed], own: _Diagnosed
 def _diagnosed(
     data: DrapeDataset, *, fabric: str, emulator: Emulator, calibration: Calibration, options: Options
 ) -> _Diagnosed:
-    """One diagnosis; pictures that were planted in are taken as they come."""
+    """One diagnosis; changed pictures are not checked for whether a cloth can show them."""
     try:
         captures = read_captures(data, fabric, force=True)
         statistics = specimen_statistics(captures).mean

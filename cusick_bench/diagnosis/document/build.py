@@ -27,7 +27,7 @@ from cusick_bench.sim.effects import registered
 STAGES: tuple[str, ...] = ("material", "history", "boundary", "contact", "imaging", NONE, UNKNOWN)
 _LEAST = 0.005  # probability from which a cause, or a set, is listed
 _LEAST_ACTING = 0.02  # probability that it acts, likewise
-_MOST_OF_BASELINE = 5  # causes that a simpler method's answer lists
+_MOST_OF_BASELINE = 5  # largest number of causes in a simpler method's answer
 
 
 def document(
@@ -92,7 +92,7 @@ def refused_document(fabric: str, reason: str, *, command: str, version: str) ->
 
     Args:
         fabric: Its name.
-        reason: Why.
+        reason: Why nothing can be said.
         command: Command that made it.
         version: Version of the code.
 
@@ -217,9 +217,9 @@ def with_effect(one: Candidate, scale: float) -> str:
     """Argument of `--with-effect` that adds a cause to simulations of the laboratory's cloth.
 
     Args:
-        one: The cause, in the lengths of the atlas' cloth; captures in the other order are no effect of the cloth, so a
-            loss counts as it is.
-        scale: Radius of the laboratory's cloth, in those of the atlas'.
+        one: The cause, in lengths of the atlas' cloth. A negative loss, which stands for captures in reverse order,
+            loses its sign: simulations take captures in their order.
+        scale: Radius of the laboratory's cloth over that of the atlas' cloth.
 
     Returns:
         Such as "camera-offset:shift=0.0027,direction=120", in the laboratory's lengths and within the effect's bounds.
@@ -286,7 +286,7 @@ def _stage(name: str) -> str:
 
 
 def _baseline(probability: Mapping[str, float]) -> stated.Baseline:
-    """In the form of an answer, which names one effect or none."""
+    """Probabilities of a simpler method in the form of an answer that names one effect or none."""
     causes = tuple(
         stated.StatedCause(effect=name, stage=_stage(name), probability=round(p, 4), parameters={})
         for name, p in list(probability.items())[:_MOST_OF_BASELINE]

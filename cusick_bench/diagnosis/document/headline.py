@@ -19,10 +19,10 @@ def headline(diagnosis: Diagnosis) -> str:
     """
     if diagnosis.verdict == NONE:
         return "No unmodelled effect shows: the drapes differ from the base model no more than it may be wrong."
-    return f"{_found(diagnosis)}{_left(diagnosis)}"
+    return f"{_verdict_sentence(diagnosis)}{_unexplained_sentence(diagnosis)}"
 
 
-def _found(diagnosis: Diagnosis) -> str:
+def _verdict_sentence(diagnosis: Diagnosis) -> str:
     acting = diagnosis.acting
     names = list(diagnosis.effects)
     alike = "".join(f", and one of {', '.join(group)}" for group in diagnosis.groups)
@@ -43,7 +43,7 @@ def _found(diagnosis: Diagnosis) -> str:
     return f"Something shows that these drapes alone cannot tell apart: {', or '.join([f'one of {some}', *beside])}."
 
 
-def _left(diagnosis: Diagnosis) -> str:
+def _unexplained_sentence(diagnosis: Diagnosis) -> str:
     """The unexplained share, where there is a gap to share."""
     if diagnosis.budget is None or not diagnosis.causes:
         return ""

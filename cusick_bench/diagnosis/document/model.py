@@ -70,7 +70,7 @@ class Cause(Part):
 
     @property
     def likelihood_of_acting(self) -> float:
-        """That it acts; of `none`, `unknown` and files that lack it, that it accounts for most."""
+        """Probability that it acts; for `none`, `unknown` and older files, that it accounts for most."""
         return self.probability if self.acting is None else self.acting
 
 
@@ -111,7 +111,7 @@ class EffectSet(Part):
 
 
 class Fit(Part):
-    """How well base model and effects fit, in units of noise.
+    """Goodness of fit of base model and effects, in units of noise.
 
     Attributes:
         base: Mean square of the whitened difference between data and base model; 1 where the base model holds.
@@ -244,7 +244,7 @@ class Indistinguishable(Part):
 
 
 class Provenance(Part):
-    """What made the document.
+    """Version, command and atlas that made the document.
 
     Attributes:
         version: Version of the code.

@@ -59,7 +59,7 @@ class Part(BaseModel):
 
 
 def _described(place: tuple[str | int, ...], rule: str, value: Any) -> str:
-    """What is wrong with a value, after its place in the document, such as `causes[0].probability`."""
+    """Message on a wrong value, with its place in the document, such as `causes[0].probability`."""
     path = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place).lstrip(".")
     shown = repr(value)
     return f"{path or 'document'}: {rule}, got {shown if len(shown) <= 60 else shown[:57] + '...'}"

@@ -1,4 +1,4 @@
-"""What a fabric's silhouettes say of every set of causes, without any simulation.
+"""Evidence of a fabric's silhouettes for every set of causes, without any simulation.
 
     Captures -> SampleStatistics -> Features -> Residual -> detection, posterior over sets -> named set, novelty, budget
 
@@ -39,13 +39,13 @@ from cusick_bench.diagnosis.measure.features import Features
 
 @dataclass(frozen=True, eq=False)
 class FabricEvidence:
-    """A fabric and what follows from its silhouettes without any simulation.
+    """Everything that follows from a fabric's silhouettes without any simulation.
 
     Attributes:
         samples: Statistics of its samples.
-        data: Its features, and how they are weighed.
-        plain: What the best base model without effects leaves.
-        p: p-value of that model: that so much evidence for anything arises where no effect acts.
+        data: Its features, with the atlas and its calibration.
+        plain: Residual of the best base model without effects.
+        p: p-value of that model: probability of at least so much evidence for any effect where none acts.
         sets: Posterior over sets of effects.
         novelty: Whether the likeliest set is all that acts.
         finding: Verdict and named set.
@@ -79,7 +79,7 @@ class FabricEvidence:
         return self.finding.leading
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices so small, threads only wait for each other
+@threadpool_limits.wrap(limits=1, user_api="blas")  # more threads are slower for such small matrices
 def fabric_evidence(
     captures: Captures,
     emulator: Emulator,
@@ -90,7 +90,7 @@ def fabric_evidence(
     shared: tuple[Candidate, ...] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> FabricEvidence:
-    """Weighs every set of causes for one fabric.
+    """Computes the evidence for every set of causes in one fabric.
 
     Args:
         captures: Its silhouettes.
@@ -99,7 +99,7 @@ def fabric_evidence(
         generator: Generator of bootstraps and samplers.
         without: Effects that are not to be considered.
         shared: Effects of the laboratory that all its fabrics show.
-        progress: Called with the share that is over.
+        progress: Called with the share that is done.
 
     Returns:
         The evidence.

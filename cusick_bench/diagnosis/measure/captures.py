@@ -24,9 +24,9 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.diagnosis.errors import DiagnosisError
 
-ANGLES = 360  # a radius per degree: twelve to the narrowest fold
+ANGLES = 360  # a radius per degree: twelve for the narrowest fold
 SIDES = ("up", "down", "")
-_SLIP = 4.0  # robust standard deviations from the fabric's median; what lies nearer belongs to its spread
+_SLIP = 4.0  # least distance of a slip from the fabric's median [robust standard deviations]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Captures:
         """Some of the captures.
 
         Args:
-            rows: Indices of the captures, or which they are.
+            rows: Indices of the captures, or a mask.
 
         Returns:
             These.
@@ -157,7 +157,7 @@ def read_captures(dataset: DrapeDataset, fabric: str, *, force: bool = False) ->
     cloths laid off centre), and it stays.
 
     Args:
-        dataset: Data.
+        dataset: The data set.
         fabric: One of its `cloths`.
         force: Whether to use silhouettes that no cloth on the plate can show; a note says so.
 
@@ -237,7 +237,7 @@ def _read(dataset: DrapeDataset, row: int) -> _Read:
 
 
 def _slips(rows: Sequence[_Read], pixel: float) -> list[bool]:
-    """Which images do not hold the plate and lie apart from the others by place (first harmonic) or size.
+    """Which images do not show the plate inside the cloth and differ from the others in place (first harmonic) or size.
 
     Args:
         rows: The images.

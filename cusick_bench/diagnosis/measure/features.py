@@ -1,12 +1,12 @@
-"""What a diagnosis looks at in a fabric: means, scatter and drift of its drapes' statistics.
+"""Features of a fabric, from which it is diagnosed: means, scatter and drift of its drapes' statistics.
 
     contrast  even = (up + down)/2 and odd = (down - up)/2 of every statistic in the cloth's frame, mean over samples
-    spread    ln of the standard deviation between samples, of what natural variability moves least alike
-    order     how much the last capture of a face differs from the first
+    spread    ln of the standard deviation between samples, of the groups of statistics in `SPREADS`
+    order     last capture of a face minus the first, of the statistics in `ORDERS`
 
 Samples are the independent units: captures of a face are averaged before anything is compared, and faces are compared
 within samples. With e and o the even and odd parts of a sample, its face up shows e - o, its face down e + o. Samples
-of which only one face is known count for the even mean, with the odd mean of the others.
+of which only one face is known contribute to the even mean, corrected by the odd mean of the others.
 """
 
 from dataclasses import dataclass
@@ -38,9 +38,9 @@ ORDERS = columns(
     "crest_radius",
     "valley_gap",
 )
-"""Statistics whose drift is looked at."""
-_PAIRS = 2  # samples with both faces, from which on they alone tell the odd part
-_SHARED = 0.75  # faces of one sample are partly alike, and count for less than two
+"""Statistics whose drift is a feature."""
+_PAIRS = 2  # least number of samples with both faces from which the odd part is computed from these alone
+_SHARED = 0.75  # degrees of freedom of a face over those of a sample: the two faces of a sample are correlated
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +49,12 @@ class Features:
 
     Attributes:
         mean: Mean by face (up, down) and statistic; NaN where a face is missing.
-        samples: How many samples each face's mean is over.
-        both: How many samples have both faces.
-        contrast: Mean even and odd part of every statistic. Where one face only is known the even one is that face's,
-            and the odd one is NaN.
-        share: Covariance of `contrast` is that of a sample's even parts times `share[0]` plus that of its odd parts
-            times `share[1]`, each a matrix of even and odd.
+        samples: Number of samples with each face.
+        both: Number of samples with both faces.
+        contrast: Mean even and odd part of every statistic. Where only one face is known, the even part is the mean of
+            that face, and the odd part is NaN.
+        share: The covariance of `contrast` is that of a sample's even parts times `share[0]` plus that of its odd parts
+            times `share[1]`, each a matrix over even and odd.
         spread: Entries as in `SPREADS`; NaN below three samples a face.
         spread_variance: Their sampling variance.
         order: Entries as in `ORDERS`; NaN without repeats.
@@ -113,7 +113,7 @@ def features(
 
 
 def contrast_weights(known: Bool[ndarray, "samples 2"]) -> Float[ndarray, "2 samples 2"]:
-    """Weights of every sample's faces in the mean even and the mean odd part; without bias, whatever is missing.
+    """Weights of every sample's faces in the mean even and the mean odd part, unbiased whatever faces are missing.
 
     Args:
         known: Which faces of each sample are known.
@@ -158,5 +158,5 @@ def _order(drift: ndarray | None) -> tuple[ndarray, ndarray, int]:
     if len(known) < 3:
         return np.full(count, np.nan), np.diag(np.full(count, np.inf)), 0
     freedom = len(known) - 1
-    wider = freedom / (freedom - 2) if freedom > 2 else 3.0  # Student's t has this variance
+    wider = freedom / (freedom - 2) if freedom > 2 else 3.0  # variance of Student's t
     return known.mean(0), wider * np.cov(known.T) / len(known), freedom

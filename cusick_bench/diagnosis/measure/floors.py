@@ -1,7 +1,7 @@
 """The floor of a gap: how far a fabric's own drapes lie from each other.
 
-Two halves of a fabric's samples have an energy distance that is 0 on average, but not in one split: its spread over
-splits says below what a gap between simulation and data means nothing.
+The energy distance of two random halves of a fabric's samples is 0 in expectation, but not in a single split. Its
+spread over splits shows how large a gap between simulation and data must be to mean anything.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def split_half_floor(
     number = len(labels)
     if number < 4:
         raise DiagnosisError(f"split halves need at least 4 samples, got {number}; use another fabric's floor")
-    part = row < number // 2  # any two parts do: every split draws on the nodes of both
+    part = row < number // 2  # any two parts will do: every random split takes samples from both
     pooled = cluster_distances(values[part], values[~part], row[part], row[~part])
     first = halves_by_cluster(number, generator, splits)
     between = pooled.distance(first, 1 - first)

@@ -1,13 +1,14 @@
 """The gap between data and model, against its floor, and how far a cause closes it on samples that it has not seen.
 
-G is the unbiased squared energy distance between the statistics of the data's samples and those of as many simulated
-ones; a sample's statistics are those of its faces side by side, so that contrasts of faces count. Its floor is that of
-two halves of the data. The samples are dealt into two folds: base and cause are fitted to one and scored on the other,
+G is the unbiased squared energy distance between the statistics of the data's samples and those of simulated samples.
+The statistics of a sample are those of its faces side by side, so that contrasts of faces are compared, too. The floor
+is the distance between two halves of the data. The samples are divided into two folds: base model and cause are fitted
+to one and scored on the other,
 
     closure = (G_base - G_cause) / (G_base - floor),
 
-with an interval from a bootstrap over the scored and the simulated samples, the same draws for both models, whose
-samples are made from the same random numbers.
+with an interval from a bootstrap over the scored and the simulated samples. Both models share the random numbers of
+their samples and the bootstrap draws.
 
 References:
     Szekely, Rizzo. Energy statistics: a class of statistics based on distances. Journal of Statistical Planning and
@@ -28,7 +29,7 @@ from cusick_bench.diagnosis.measure.statistics import GROUPS
 from cusick_bench.metrics.energy import ClusterDistances, cluster_distances
 
 _DRAWS = 400
-_LEAST = 4  # samples
+_LEAST = 4  # least number of samples for a floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,8 @@ class Gap:
     """How far a model is from the data.
 
     Attributes:
-        base: Energy distance of the base model, held out.
-        floor: Energy distance of two halves of the data, as many samples.
+        base: Squared energy distance of the base model to held-out samples.
+        floor: Squared energy distance between two halves of the data.
         groups: Energy distance of the base model by group of statistics.
         groups_floor: Their floors.
         closure: Share of the gap that the cause closes; NaN where there is no cause or no gap.
@@ -72,7 +73,9 @@ class Fold:
 def side_by_side(
     specimens: Float[ndarray, "samples 2 statistics"], sd: Float[ndarray, "statistics"], faces: Sequence[int]
 ) -> Float[ndarray, "samples numbers"]:
-    """Samples with all of these faces, their statistics in sd over the root of their number: distances compare.
+    """Statistics of the samples that have all of these faces.
+
+    They are in units of sd, divided by the root of the number of columns so that distances of groups are comparable.
 
     Args:
         specimens: Statistics of every sample and face.
@@ -88,7 +91,7 @@ def side_by_side(
 
 
 def faces_of(specimens: Float[ndarray, "samples 2 statistics"]) -> tuple[int, ...]:
-    """The faces to compare: both where most samples have both, else the commoner.
+    """The faces to compare: both if most samples have both, otherwise the more frequent one.
 
     Args:
         specimens: Statistics of every sample and face; NaN where there is none.
@@ -181,7 +184,7 @@ def _observed(distances: Sequence[ClusterDistances]) -> float:
 
 
 def _floor(values: Float[ndarray, "samples numbers"], generator: np.random.Generator) -> float:
-    """Mean over random halves; 0 in expectation."""
+    """Mean distance of random halves; 0 in expectation."""
     if len(values) < _LEAST:
         return 0.0
     return float(np.mean(split_half_floor(values, np.arange(len(values)), generator, 199)))
@@ -194,7 +197,7 @@ def _closure(
     before, after = np.zeros(_DRAWS), np.zeros(_DRAWS)
     for base, effect in zip(plain, changed, strict=True):
         data, simulated = (bootstrap_weights(count, generator, _DRAWS) for count in _counts(base))
-        paired = _counts(effect) == _counts(base)  # else a drape failed
+        paired = _counts(effect) == _counts(base)  # otherwise a drape failed in one of them
         others = simulated if paired else bootstrap_weights(_counts(effect)[1], generator, _DRAWS)
         before += _weighted(base, data, simulated) / len(plain)
         after += _weighted(effect, data, others) / len(plain)

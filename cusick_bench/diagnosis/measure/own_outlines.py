@@ -1,21 +1,21 @@
-"""What a camera's error does to a fabric's own outlines: the shift of its statistics, without any model of the cloth.
+"""Shift of a fabric's statistics by an error of the camera, from its own outlines and without a model of the cloth.
 
-Where the picture's centre, its scale or its grey level are wrong, every outline is moved by a known map. Undone on the
-outlines that were seen, the map gives the statistics as they would be without it; what they lack is the effect's shift.
-It holds for whatever folds the cloth has, where an atlas knows the shift of a typical cloth only.
+Where the picture's centre, its scale or its grey level is wrong, every outline is moved by a known map. Undoing the map
+on the observed outlines gives the statistics without the error; the difference is the shift by the effect. It is right
+for the actual folds of the cloth, whereas the atlas knows only the shift of a typical cloth.
 
     centre    p -> p - shift u(direction)
     scale     p -> p / (1 + error)
     level     p -> p - shift n,   n the normal of the smoothed outline, e_r - (r'/r) e_phi over its length
 
-Two more hang on how deep the rim lies below the plate, which its reach tells well enough (`silhouette.rim_depth`). With
-the depth h at the true radius |q| of a point that is seen at p,
+Two more effects depend on how deep the rim lies below the plate, which is estimated well enough from its radius
+(`silhouette.rim_depth`). With the depth h at the true radius |q| of a point that is seen at p,
 
     near eye  p = q / (1 + k h)
     tilt      p = q - u(direction) ((1 - cos a) u.q + sin a h)
 
-which is solved for q. Where the plate's edge is seen the rim lies behind it, by more the farther it is to
-where the rim comes into sight.
+which is solved for q. Where the plate's edge is seen, the rim is hidden behind it, the more the farther away the rim
+comes into sight.
 """
 
 from dataclasses import dataclass, field
@@ -34,20 +34,20 @@ from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 UNDONE: Final = ("camera-offset", "camera-scale", "threshold", "perspective", "camera-tilt")
 """Effects that act on the outline alone."""
 DEPTH_MISMATCH: Final = {"perspective": (0.18, 0.45)}
-"""How far such a shift is from what the effect does, along it and across it as shares of its size, where depth counts:
-root mean squares over the shipped cloths, which two of three of them stay far below."""
-_ROUNDS = 10  # of the iteration for the true outline, which is halved for stiff cloth, whose depth is steep
-_EDGE = 0.0007  # [m] half a pixel of the release: what is seen nearer to the plate's edge is the plate
-_HIDING = 5.0  # [deg] from where the rim comes into sight, over which it sinks back to the plate's edge
-_HARMONICS = 24  # of the outline whose normals are taken; finer detail is the pixels'
+"""Relative error of such a shift along and across it, for the effects that depend on the rim's depth: root mean squares
+over the three shipped cloths; two of them stay far below."""
+_ROUNDS = 10  # iterations for the true outline; steps are halved, as the depth of stiff cloth is steep in the radius
+_EDGE = 0.0007  # [m] half a pixel of the release; points nearer to the plate's edge count as the plate
+_HIDING = 5.0  # [deg] distance from where the rim comes into sight, over which it recedes to the plate's edge
+_HARMONICS = 24  # harmonics of the outline from which normals are taken; finer detail is due to pixels
 _ANGLE = 2 * np.pi * np.arange(ANGLES) / ANGLES
 _NODES = 2 * np.pi * np.arange(8) / 8
-"""Directions between which shifts are interpolated: they are nearly linear in the offset, whose square has order 2."""
+"""Directions between which shifts are interpolated; shifts are nearly linear in the offset, so a few are enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineChange:
-    """How much the features of a fabric are shifted by an effect of given strengths.
+    """Shift of a fabric's features by an effect of given strengths.
 
     Attributes:
         contrast: Shift of the even and odd parts of every statistic; 0 where they are unknown [its unit].
@@ -112,7 +112,7 @@ class OwnOutlines:
     def _statistics(
         self, effect: str, size: float, angle: Float[ndarray, "values captures"]
     ) -> Float[ndarray, "values captures statistics"]:
-        """Statistics without the effect; of many directions, by trigonometric interpolation between a few."""
+        """Statistics without the effect; many directions are interpolated trigonometrically between a few."""
         if len(angle) <= len(_NODES):
             return self._directly(effect, size, angle)
         if (effect, size) not in self._at_nodes:  # the same in both frames
@@ -184,7 +184,7 @@ def _lean(seen: Captures, lean: float, angle: Float[ndarray, "values captures"])
 
 
 def _in_sight(seen: Captures) -> Float[ndarray, "captures angles"]:
-    """1 where the rim is seen; where the plate's edge is, less the farther away the rim comes into sight."""
+    """1 where the rim is seen; where the plate's edge is seen, it falls with the distance to where the rim is seen."""
     rim = seen.radii > seen.protocol.plate_radius_m + _EDGE
     away = np.stack([np.asarray(distance_transform_edt(~np.tile(one, 3))) for one in rim])[:, ANGLES : 2 * ANGLES]
     return np.exp(-away * (360 / ANGLES) / _HIDING)

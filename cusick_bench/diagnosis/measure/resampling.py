@@ -1,7 +1,7 @@
-"""Tests and intervals for captures that come in samples: the sample is what is drawn, flipped and permuted.
+"""Tests and intervals for captures that come in samples: whole samples are drawn, flipped and permuted.
 
-Captures of one sample repeat each other's folds. A test that shuffles captures takes such repeats for evidence and
-rejects equal halves of one face far more often than it says; one that moves whole samples holds its level.
+Captures of one sample repeat each other's folds. A test that permutes captures takes such repeats for evidence and
+rejects equal halves of one face far more often than its level; a test that permutes whole samples holds its level.
 
 References:
     P. H. Westfall, S. S. Young. Resampling-Based Multiple Testing (1993): family-wise error by the maximum over tests.
@@ -19,7 +19,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.errors import DiagnosisError
 
-_ROUNDING = 1e-12  # relative: a permutation that gives the data back is as extreme as they are
+_ROUNDING = 1e-12  # relative tolerance: a permutation that reproduces the data counts as equally extreme
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +27,11 @@ class ContrastTest:
     """A test of paired contrasts against 0.
 
     Attributes:
-        p: Probability, if no contrast differs from 0, of a largest contrast as extreme as the data's.
-        each: Likewise of a largest one as extreme as each statistic's: family-wise p-values.
+        p: Probability of a largest contrast at least as extreme as the data's, if all contrasts are symmetric about 0.
+        each: Family-wise p-values: the same probability for the contrast of each statistic.
         t: Student's t of each statistic; 0 where all its contrasts are 0.
         mean: Mean contrast.
-        samples: How many contrasts there were.
+        samples: Number of contrasts.
     """
 
     p: float
@@ -51,7 +51,7 @@ def sign_flip_test(
     Args:
         contrasts: As `face_odd` or `order_odd`; rows with NaN are left out.
         generator: Random generator of the flips.
-        flips: How many at most.
+        flips: Largest number of flips.
 
     Returns:
         The test. scipy's `permutation_test` flips signs too, but gives no family-wise p-values.

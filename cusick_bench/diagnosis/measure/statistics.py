@@ -1,9 +1,9 @@
 """Statistics of silhouettes for a diagnosis: one vector a capture, and its contrasts between faces and captures.
 
 The vectors hold the selection `DIAGNOSED` of the vocabulary in `cusick_bench.datasets.silhouette_statistics`, where
-each statistic is defined: phase-free ones, and complex ones c_m that are locked to the frame of the angles. Where folds
-come to lie is chance, so the phase of a high harmonic says nothing; but a cloth that is stiffer along its warp, laid
-off centre or weakened at one place shows in the locked ones, averaged over samples.
+each statistic is defined: phase-free ones, and complex ones c_m that are locked to the frame of the angles. The places
+of folds are random, so the phase of a high harmonic is meaningless; but a cloth that is stiffer along its warp, laid
+off centre or weakened at one place shows in the locked statistics, averaged over samples.
 
 A turn of the cloth by phi multiplies c_m by exp(i m phi); a mirror image theta -> pi - theta (the cloth turned over
 about y) makes it (-1)^m conj(c_m). The phase-free statistics don't change.
@@ -80,8 +80,8 @@ def _resolution(name: str) -> float:
 
 
 RESOLUTION = np.array([_resolution(name) for name in NAMES], dtype=np.float64)
-"""What images of 723 px/m of a 30 cm cloth resolve: above the errors of pixels (a tenth of this, so that images of a
-third of their pixels do as well), below any spread of real drapes; in the lengths of that cloth, as the atlas has them.
+"""Resolution of images of 723 px/m of a 30 cm cloth: ten times the errors of pixels, so that images with a third of the
+pixels will do as well, and below any spread of real drapes. Lengths are those of that cloth, as in the atlas.
 """
 
 

@@ -1,4 +1,4 @@
 """Diagnosis by simulation, beyond the atlas.
 
-samples: statistics of simulated samples; closure: how far a cause closes the gap on samples it has not seen.
+samples: statistics of simulated samples; closure: how far causes close the gap on samples that they were not fitted to.
 """

@@ -1,12 +1,12 @@
-"""Base model and cause fitted to some samples by simulation, and held against the others: gap and closure.
+"""Gap and closure: base model and cause are fitted to some samples by simulation, and compared with the others.
 
-The atlas' regressions are near enough to tell causes apart, but a drape at the parameters that they find best is not
-quite the drape that they promise. So the fit is repeated with the promise mended,
+The atlas' regressions are accurate enough to tell causes apart, but a drape at the best parameters is not exactly the
+drape that they predict. So the fit is repeated with a corrected prediction,
 
     y(theta, cause) ~ emulated(theta, cause) + [ simulated - emulated ](last theta, last cause),
 
-the simulations of all rounds under common random numbers. What the base model alone can reach is then no worse for the
-regressions' errors, and they are not taken for an effect's share of the gap.
+with common random numbers in the simulations of all rounds. Errors of the regressions then neither make the base model
+worse than it is nor count as an effect's share of the gap.
 
 References:
     Bandler, Biernacki, Chen, Grobelny, Hemmers. Space mapping technique for electromagnetic optimization. IEEE
@@ -38,11 +38,11 @@ from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
 from cusick_bench.sim.setup import Simulators
 
 ROUNDS = 1
-"""Of mending; the nearest of all rounds to the fitted samples counts."""
-_LEAST = 4  # samples that make two folds
+"""Number of corrections; of all rounds the one nearest to the fitted samples is used."""
+_LEAST = 4  # least number of samples for two folds
 _SEED = 20
-_SWEEPS = 3  # of cause and base parameters in turn, in one round
-_POLISH = 120  # evaluations of the emulated misfit for a cause's parameters between the grid's points
+_SWEEPS = 3  # alternating fits of causes and base parameters in one round
+_POLISH = 120  # largest number of evaluations for a cause's parameters between the points of its grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Draping:
     Attributes:
         samples: Simulated samples of each model and fold.
         seed: Same seed, same samples.
-        simulators: Kept from fabric to fabric.
+        simulators: Simulators that are reused from fabric to fabric.
     """
 
     samples: int
@@ -87,17 +87,17 @@ def closures(
 ) -> list[Closure]:
     """Gap and closure over two folds: each is fitted to one half of the samples and scored on the other.
 
-    Fewer than four samples make no folds: models are then fitted to all of them, and there is no gap on unseen ones.
+    With fewer than four samples there are no folds: models are fitted to all samples, and there is no gap.
 
     Args:
         emulator: The atlas, which knows how the cloth was turned over.
         samples: Statistics of a fabric's samples.
         residual: What the best base model leaves of all of them.
-        alternatives: What is taken to act, together; nothing for the base model alone. Creep is left out: the gap
-            compares drapes, not their drift from picture to picture, which is what tells of it.
+        alternatives: Sets of causes that act together; an empty set is the base model alone. Creep is left out: the gap
+            compares drapes and not their drift from picture to picture, by which creep shows.
         draping: How models are simulated.
-        refit: Fit the causes' parameters to each fold too, instead of keeping them.
-        progress: Called to tell the share that is over.
+        refit: Whether to fit the causes' parameters to each fold, too, instead of keeping them.
+        progress: Called with the share that is done.
 
     Returns:
         One for each alternative.
@@ -125,7 +125,7 @@ def closures(
 
 
 def closure_by(captures: Captures, emulator: Emulator, causes: tuple[Candidate, ...], draping: Draping) -> Gap | None:
-    """Gap and closure by causes whose parameters are known: what a perfect diagnosis would reach.
+    """Gap and closure by causes whose parameters are known: the result of a perfect diagnosis.
 
     Args:
         captures: Silhouettes of a fabric.
@@ -158,7 +158,7 @@ def _closure(
 
 
 class _Model:
-    """Base model, emulated and simulated, against some of a fabric's samples.
+    """The base model, emulated and simulated, compared with some of a fabric's samples.
 
     Args:
         emulator: The atlas.
@@ -181,7 +181,7 @@ class _Model:
         self.nothing = np.zeros(len(residual.kept))
 
     def against(self, theta: ndarray, shift: ndarray, *, fixed: bool = False, exact: bool = True) -> Residual:
-        """What is left at theta or, unless it is fixed, at the best theta from there on."""
+        """Residual at theta, or unless it is fixed at the best parameters that are found from there."""
         return against_base(
             self.emulator, self.features, scatter=self.scatter, drift=self.drift, start=theta, shift=shift,
             fixed=fixed, exact=exact,
@@ -209,19 +209,19 @@ class _Model:
 
 
 def _simulated(model: _Model, causes: Sequence[Candidate], refit: bool) -> Simulated:
-    """Samples of the base model with causes, the nearest of several rounds to what it is fitted to."""
-    theta, mended = model.start, model.nothing
-    fitted = _on_grids(model, causes) if refit else list(causes)
+    """Samples of the base model with causes: of several rounds, those nearest to the fitted samples."""
+    theta, correction = model.start, model.nothing
+    fitted = _at_grid_points(model, causes) if refit else list(causes)
     rounds: list[Simulated] = []
     while True:
-        theta, fitted = _fit(model, theta, fitted, mended, refit)
+        theta, fitted = _fit(model, theta, fitted, correction, refit)
         rounds.append(model.drape(theta, fitted))
         if len(rounds) > ROUNDS:
             return min(rounds, key=model.distance)
-        mended = _mended(model, theta, fitted, rounds[-1])
+        correction = _correction(model, theta, fitted, rounds[-1])
 
 
-def _on_grids(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
+def _at_grid_points(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
     """Causes at the likeliest points of their grids for these samples, one after the other."""
     placed, total = [], model.nothing
     for one in causes:
@@ -233,22 +233,22 @@ def _on_grids(model: _Model, causes: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _fit(
-    model: _Model, theta: ndarray, causes: Sequence[Candidate], mended: ndarray, refit: bool
+    model: _Model, theta: ndarray, causes: Sequence[Candidate], correction: ndarray, refit: bool
 ) -> tuple[ndarray, list[Candidate]]:
-    """Base parameters, and those of the causes, in turn."""
+    """Fits base parameters and those of the causes in turn."""
     fitted = list(causes)
     for _ in range(_SWEEPS if causes else 1):
-        at = model.against(theta, mended, fixed=True)
+        at = model.against(theta, correction, fixed=True)
         for index in range(len(fitted) if refit else 0):
             others = fitted[:index] + fitted[index + 1 :]
-            without = model.against(theta, mended + model.shift(at, others), fixed=True)
-            fitted[index] = _polished(model, without, fitted[index])
-        theta = model.against(theta, mended + model.shift(at, fitted)).theta
+            without = model.against(theta, correction + model.shift(at, others), fixed=True)
+            fitted[index] = _refined(model, without, fitted[index])
+        theta = model.against(theta, correction + model.shift(at, fitted)).theta
     return theta, fitted
 
 
-def _polished(model: _Model, at: Residual, one: Candidate) -> Candidate:
-    """A cause whose parameters leave least, between the points of its grid."""
+def _refined(model: _Model, at: Residual, one: Candidate) -> Candidate:
+    """A cause at its best parameters, searched between the points of its grid."""
     free = [p for p in one.hypothesis.effect.parameters if p.role in ("severity", "direction", "radius")]
     first = np.array([{"direction": 8.0, "radius": 0.008}.get(p.role, 0.3 * abs(one.value[p.name])) for p in free])
 
@@ -267,8 +267,10 @@ def _polished(model: _Model, at: Residual, one: Candidate) -> Candidate:
     return replace(one, value=value(minimize(misfit, simplex[0], method="Nelder-Mead", options=options).x))
 
 
-def _mended(model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: Simulated) -> Float[ndarray, "rows"]:
-    """Simulated less emulated means, in sd; spreads and drifts are left to the atlas."""
+def _correction(
+    model: _Model, theta: ndarray, causes: Sequence[Candidate], drapes: Simulated
+) -> Float[ndarray, "rows"]:
+    """Simulated minus emulated means [sd]; spreads and drifts are not corrected."""
     at = model.against(theta, model.nothing, fixed=True)
     mean = features(drapes.specimens).contrast / at.sd
     expected = np.stack([model.emulator.mean(theta) / at.sd, np.zeros_like(at.sd)])

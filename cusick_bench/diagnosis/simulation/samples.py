@@ -34,8 +34,8 @@ def with_cause(
 ) -> Setup:
     """A setup with an effect whose direction keeps to a frame other than the effect's own.
 
-    A setup turns the cloth over about y. Turned about x it lies as that does after half a turn on the plate, so
-    directions of the laboratory are half a turn away from it.
+    A setup turns the cloth over about y. Cloth that was turned over about x lies like that after half a turn on the
+    plate, so relative to it directions of the laboratory are rotated by half a turn.
 
     Args:
         setup: A drape about to be made.
@@ -74,7 +74,7 @@ def simulate(
         seed: Same seed, same samples: models are compared under common random numbers.
         drift: Share of later captures in a specimen's mean, where a cause acts on these alone.
         model: The base model.
-        simulators: Kept from call to call.
+        simulators: Simulators that are reused from call to call.
         warp_seen_down: Angle at which the camera sees the warp of a cloth that lies face down [rad].
 
     Returns:

@@ -32,7 +32,7 @@ DENSITY_FACTOR = 1e3
 
 
 def table_rows(fabric: FabricMaterial) -> list[tuple[str, Quantity, str]]:
-    """What is to be typed in.
+    """Values to type in.
 
     Args:
         fabric: The fabric.

@@ -68,7 +68,7 @@ def membrane_stiffness(stretch: float, shear: float) -> tuple[float, float]:
 
 
 def keyword_arguments(fabric: FabricMaterial, edge_length: float) -> dict[str, float]:
-    """What `add_cloth_mesh` is given beside the mesh and its place.
+    """Arguments of `add_cloth_mesh`, apart from the mesh and its place.
 
     Damping is 0: a drape at rest says nothing of it.
 

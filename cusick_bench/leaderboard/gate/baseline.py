@@ -1,7 +1,7 @@
 """Tables of cells to compare: read from a results folder, CSV or JSON, and written as a baseline to commit.
 
-A baseline holds a line a cell: who (solver), where (cloth, seed, and the sample that is left out where samples are left
-out in turn), whether it finished, under which settings and on which data, and the metrics. Other projects need only the
+A baseline has a line for each cell: its solver, cloth and seed (and the sample that is left out, where samples are left
+out in turn), whether it finished, hashes of its settings and data, and its metrics. Other projects need only the
 columns solver, cloth, seed and their metrics, as CSV or as JSON,
 `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}`.
 """

@@ -1,9 +1,9 @@
-"""The regression gate: has any solver become worse than a committed baseline says it was?
+"""The regression gate: has any solver become worse than in a committed baseline?
 
-A solver has become worse in a metric where the change is both real (paired test, Holm's correction over all solvers
-and metrics at the family-wise level) and large enough to matter (the minimum effect). A solver that is gone, lacks a
-cloth, or fails where it did not, is worse without any test; where it failed before as well, Fisher's exact test
-decides. What is new is reported and judged by nothing.
+A solver has become worse in a metric if the change is both significant (paired test, Holm's correction over all solvers
+and metrics at the family-wise level) and large enough to matter (the minimum effect). A solver that is missing, lacks a
+cloth, or fails where it did not fail before, is worse without any test; where it failed before as well, Fisher's exact
+test decides. New solvers and cloths are reported, but not judged.
 """
 
 from collections.abc import Iterator, Sequence
@@ -92,11 +92,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the gate says.
+    """Outcome of the gate.
 
     Attributes:
         findings: A line a solver and metric, regressions first.
-        notes: What a reader must know.
+        notes: Remarks for readers.
     """
 
     findings: tuple[Finding, ...]

@@ -1,13 +1,13 @@
 """Has a solver become worse? A paired test of two runs over the cells that they share.
 
-Cells are paired by cloth, and by seed where both runs have it. Where they have other seeds, or a solver's seeds are
-only partly shared, what is left is the cloth. For a cloth with values b (before) and a (after) the change is
+Cells are paired by cloth, and by seed where both runs have the same seeds; if a solver's seeds differ or are only
+partly shared, they are paired by cloth alone. For a cloth with values b (before) and a (after) the change is
 
     d = (mean a - mean b) / mean of all of them,
 
-relative, and of either sign equally often if nothing has changed. The test is about the mean of d over cloths; the
-statement is about these cloths. What is shown is the ratio after / before, its geometric mean over cloths: a value
-that is ten times as large is "x 10", where d would be 1.6.
+a relative change, which has either sign equally often if nothing has changed. The test is about the mean of d over
+these cloths. The number that is shown is the ratio after / before, its geometric mean over cloths: a value that is ten
+times as large is "x 10", where d would be 1.6.
 
 Two tests, chosen by the number of cells and never by their values. With many: the labels "before" and "after" are
 permuted within each cloth (for a shared seed: their sign flipped), which is exact whatever the noise. With so few that
@@ -31,9 +31,9 @@ from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
 
 PERMUTATIONS = 20_000
 POWER = 0.8  # at which a change counts as detectable
-_SPARE = 10  # permutations needed, in multiples of those that reach the level at all
-_LARGEST = 1e6  # ratio that is told; beyond lie values that were 0
-_ROUNDING = 1e-6  # relative changes that a baseline's digits and a machine's arithmetic can make
+_SPARE = 10  # number of permutations that the test needs, over the least number that can reach the level
+_LARGEST = 1e6  # largest ratio that is shown, for values that were 0
+_ROUNDING = 1e-6  # largest relative change by the digits of a baseline and the arithmetic of another machine
 
 
 @dataclass(frozen=True)
@@ -230,5 +230,5 @@ def _student(values: Float[ndarray, " units"], error: float) -> float:
 
 
 def _reach(level: float, freedom: float) -> float:
-    """How many standard errors a change must have to be found with probability `POWER`."""
+    """Size of a change that is found with probability `POWER` [standard errors]."""
     return float(stats.t.isf(level, freedom) + stats.t.ppf(POWER, freedom))

@@ -1,5 +1,5 @@
-"""From reported to verified.
+"""Verification: a row is *reported* until its cells have been repeated, and then *verified*.
 
-comparison: what may differ by how much; resimulate: one cell done again; verify: a whole run;
-submit: its rows for a committed table.
+comparison: tolerances; resimulate: one cell repeated; verify: a whole run; tracks, submit: its rows for a committed
+table.
 """

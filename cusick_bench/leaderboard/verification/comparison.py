@@ -1,4 +1,4 @@
-"""Comparisons of what a cell stored with what is made again from it, and by how much the two may differ."""
+"""Comparisons of the numbers that a cell stored with those of its repetition, with tolerances."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,19 +11,19 @@ from numpy import ndarray
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.metrics.found_stiffness import UNITS, FoundStiffness, stiffness_document
 
-REDRAWN = 8  # draws of a posterior that are draped again
+REDRAWN = 8  # number of draws of a posterior that are draped again
 # What the same numbers may differ by. Buckling amplifies rounding about a thousandfold, and machines round differently.
-MATERIAL = 1e-9  # stiffness of an element, of its largest
-STATED = 1e-6  # stiffness of the cloth, as the result states it, of itself
-SHAPE = 1e-5  # [m], of a vertex; a pixel is 1.4e-3 m
-PIXEL = 0.02  # of 1: what that shift can do to a pixel of the release that the rim crosses
-ROUNDED = 0.51 / 255 + 1e-6  # stored draws have 255 levels
-METRIC, SLACK = 1e-3, 2e-5  # of a metric's size, and in its own unit where it is near 0
-METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same, of the very pictures that the cell scored
+MATERIAL = 1e-9  # tolerance of the stiffness of elements, relative to the largest one
+STATED = 1e-6  # tolerance of the stiffness of the cloth that the result states, relative
+SHAPE = 1e-5  # [m] tolerance of a vertex; a pixel is 1.4e-3 m
+PIXEL = 0.02  # tolerance of a pixel on the outline: the change by a shift of `SHAPE` in pictures of the release
+ROUNDED = 0.51 / 255 + 1e-6  # tolerance of stored draws, which have 255 levels
+METRIC, SLACK = 1e-3, 2e-5  # tolerance of a metric, relative, and absolute where it is near 0
+METRIC_SAME, SLACK_SAME = 1e-6, 1e-9  # the same for metrics of the stored pictures themselves
 
 
 def pixel_tolerance(protocol: Protocol) -> float:
-    """What a shift of `SHAPE` can do to a pixel that the rim crosses; more to a smaller pixel.
+    """Change of a pixel on the outline by a shift of `SHAPE`; it is larger for smaller pixels.
 
     Args:
         protocol: Gives the scale.
@@ -39,7 +39,7 @@ class Check:
     """One thing that was compared.
 
     Attributes:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         difference: By how much stored and repeated differ.
         tolerance: By how much they may.
         detail: Both values, or what is wrong.
@@ -52,7 +52,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether they agree; what is not a number does not."""
+        """Whether the two agree within the tolerance; NaN never does."""
         return bool(self.difference <= self.tolerance)
 
 
@@ -118,7 +118,7 @@ def equal(name: str, found: str, claimed: str) -> Check:
     """Compares two texts, such as hashes.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         found: What is there.
         claimed: What is said to be there.
 
@@ -135,7 +135,7 @@ def moved(name: str, stored: ndarray, again: ndarray) -> Check:
     """Compares two shapes by the largest shift of a vertex.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         stored: Positions [m].
         again: The same, made again [m].
 
@@ -150,7 +150,7 @@ def largest(name: str, stored: ndarray, again: ndarray, tolerance: float) -> Che
     """Compares two arrays by their largest difference.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         stored: One of them.
         again: The same, made again.
         tolerance: By how much they may differ.
@@ -168,7 +168,7 @@ def relative(name: str, stored: ndarray, again: ndarray) -> Check:
     """Compares two tables of stiffness by their largest difference, relative to the largest entry.
 
     Args:
-        name: What is compared.
+        name: Name of the quantity that is compared.
         stored: One of them.
         again: The same, made again.
 

@@ -1,10 +1,9 @@
-"""One finished cell done again from what it stored: the drape from the parameters, the metrics from the data.
+"""One finished cell repeated from what it stored: the drape from the parameters, the metrics from the data.
 
-A row without physics, or an oracle's, is made again as a whole. Of a simulation the stored parameters are draped again
-with the code at hand: a drop from the start, an equilibrium from the stored shape, which Newton's method must leave
-where it is; the stiffness that they stand for is worked out again. Draws that are the fit itself are made again with
-it. Of draws from a stored posterior a random few are drawn and draped again; of all others the pictures are rendered
-again from stored shapes, and scored again.
+A cell without physics, or of an oracle, is repeated as a whole. For a simulation the stored parameters are draped again
+with the present code: a drop from the start, an equilibrium from the stored shape, which Newton's method must not
+change; the stiffness of these parameters is computed again. Draws that are the fit itself are repeated with it. Of the draws from a stored posterior, a few random ones are
+drawn and draped again; the pictures of all others are rendered again from the stored shapes, and scored again.
 """
 
 import tempfile
@@ -41,7 +40,7 @@ from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import Prediction
 from cusick_bench.solvers.registry import make_solver
 
-_RERENDERED = 20  # draws whose pictures are made again from stored shapes
+_RERENDERED = 20  # number of draws whose pictures are rendered again from stored shapes
 
 _NAMES = {"train_target": "training image", "train_image": "fit", "draws": "draws"}
 
@@ -107,7 +106,7 @@ def repeat(
         dataset: Data to do it on.
         redrawn: Draws of a posterior to drape again.
         seed: Seed of their choice.
-        simulators: Kept from cell to cell; made anew by default.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         What was made again, with what it was compared with.
@@ -275,7 +274,7 @@ def _start(vertices: ndarray, problem: DrapeProblem) -> Tensor | None:
 
 
 def _is_the_fit(stored: dict[str, ndarray]) -> bool:
-    """Whether the only draw is the fit, as it is for whoever answers with one drape."""
+    """Whether the only draw is the fit, as for solvers that answer with one drape."""
     shapes = stored.get("draw_vertices")
     return len(stored["draws"]) == 1 and shapes is not None and np.array_equal(shapes[0], stored["vertices"])
 

@@ -1,9 +1,10 @@
-"""Rows of a run for a committed table: one file a track, a line a solver, each with all that it takes to repeat it.
+"""Rows of a run for a committed table: one file for each track, one line for each solver, with all data to repeat it.
 
-A line is named by its track and the hash of its cells, and so by code, data, settings and budget. Submitted again it
-replaces itself, with its state, which becomes *verified* once all of its cells are (`verify`). Ranks are left out: they
-belong to the rows of one run, and a table gathers many. A table that `leaderboard --out` wrote of the same grid becomes
-a track's file when that grid is submitted; of another one it stays as it is.
+A line is identified by its track and the hash of its cells, and so by code, data, settings and budget. If it is
+submitted again, it replaces the line before and its state, which becomes *verified* once all of its cells are
+(`verify`). Ranks are left out, since they are among the rows of one run, and a table collects many runs. A table that
+`leaderboard --out` wrote for the same grid becomes a track's file when that grid is submitted; a table of another grid
+is left as it is.
 """
 
 import hashlib
@@ -35,7 +36,7 @@ _LAST = (
     "dataset", "dataset_hash", "protocol", "settings", "budget", "command", "code_version", "hardware", "time", "row",
 )  # fmt: skip
 _GRID = ("solver", "variant", "kind", "cells", "cloths", "dataset", "dataset_hash", "protocol")
-"""What makes a line of a leaderboard and a line of a track speak of the same cells, whatever code they were run by."""
+"""Columns by which a line of a leaderboard and a line of a track are matched, whatever code they were run with."""
 
 
 def rows_of(cells: Cells, track: str) -> list[dict[str, Any]]:
@@ -95,7 +96,7 @@ def append(path: Path, rows: list[dict[str, Any]]) -> dict[str, int]:
 
 
 def _key(line: Mapping[Any, Any]) -> tuple[str, str]:
-    """What a line of a file is found by: one run may stand in several tracks."""
+    """Key of a line in a file; one run may be in several tracks."""
     return str(line.get("track", "")), str(line["row"])
 
 

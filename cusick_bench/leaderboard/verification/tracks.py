@@ -1,6 +1,6 @@
-"""Tracks: what a committed table is about, so that all of its rows answer one question.
+"""Tracks: the data set and mesh sizes of a committed table, so that all of its rows answer the same question.
 
-A declared track says on which data and mesh sizes. Any other name is one's own track, whose first rows decide that.
+For the declared tracks they are listed here. Any other name is a track of the user, whose first rows decide them.
 """
 
 import json
@@ -14,7 +14,7 @@ from cusick_bench.sim.constants import VERTICES_OF_PAPER
 
 @dataclass(frozen=True)
 class Track:
-    """What rows of a track have in common.
+    """Data and mesh sizes that rows of a track have in common.
 
     Attributes:
         dataset: Name of the data set.

@@ -1,10 +1,9 @@
-"""From *reported* to *verified*: every finished cell of a run done again and scored again.
+"""From *reported* to *verified*: every finished cell of a run is repeated and scored again.
 
-A cell is verified where all holds: its record is the one that its folder is named after, the data are the same by
-hash, the stored parameters drape to the stored shape and picture, and the metrics and the stated stiffness come out
-again, each within a stated tolerance (`resimulate`). Parameters, pictures, metrics or stiffnesses that were changed
-afterwards are found out so. What is found
-is kept in `verified.json` of the results folder, with hashes of the files that it holds for.
+A cell is verified if its record is the one that its folder is named after, the data have the same hash, the stored
+parameters drape to the stored shape and picture, and the metrics and the stated stiffness are the same, each within a
+stated tolerance (`resimulate`). This detects parameters, pictures, metrics or stiffnesses that were changed afterwards.
+The outcome is kept in `verified.json` of the results folder, with hashes of the files for which it is valid.
 """
 
 import logging
@@ -40,7 +39,7 @@ _FILES = ("cell.json", "result.json", "prediction.npz")
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of one cell.
+    """Verification of one cell.
 
     Attributes:
         key: Its folder's name.
@@ -49,7 +48,7 @@ class Verification:
         seed: Seed.
         status: "verified", "rescored" (metrics hold, but nothing could be simulated again), "differs" or "unreadable".
         checks: What was compared.
-        notes: What a reader must know.
+        notes: Remarks for readers.
     """
 
     key: str
@@ -62,7 +61,7 @@ class Verification:
 
     @property
     def broken(self) -> list[Check]:
-        """What does not hold, worst first."""
+        """Checks that failed, the worst first."""
         return sorted((c for c in self.checks if not c.holds), key=lambda c: -c.difference / (c.tolerance or 1e-12))
 
     def record(self) -> dict[str, Any]:
@@ -93,7 +92,7 @@ def verify_cell(
         dataset: The data that it was run on.
         redrawn: Draws of a posterior to drape again.
         seed: Seed of their choice.
-        simulators: Kept from cell to cell; made anew by default.
+        simulators: Simulators that are reused from cell to cell; by default new ones.
 
     Returns:
         What became of the cell; never an error.
@@ -128,7 +127,7 @@ def keep(run: Path, verifications: list[Verification]) -> None:
 
 
 def _kept(path: Path) -> dict[str, Any]:
-    """What an earlier verification has written; nothing, which is logged, where that is damaged."""
+    """Entries of an earlier verification; none, with a log entry, if the file is damaged."""
     try:
         return read_json(path) if path.exists() else {}
     except RunnerError as error:
@@ -196,7 +195,7 @@ def _other_numerics(cell: Cell, record: dict[str, Any], dataset: DrapeDataset) -
 def _identity_checks(
     folder: Path, record: dict[str, Any], result: dict[str, Any], dataset: DrapeDataset
 ) -> Iterator[Check]:
-    """Whether the cell is what it is called, and the data are what it says."""
+    """Whether the cell fits its folder's name, and the data fit its record."""
     yield equal("record", record_key(record), folder.name)
     changed = [name for name, value in record.items() if result.get(name) != value]
     yield equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")

@@ -18,11 +18,11 @@ from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph
 
 _LEAST_CORNERS = 12
-_LEAST_PICTURES = 3  # that give a lens: one on the plate, two held at angles
-_LEAST_LEAN = np.radians(6.0)  # of one of the boards held, below which focal length and height are found together only
-_WORST_FIT = 2.0  # [px] of corners off their places, per 1000 px of width
-_RULER = 5e-4  # relative uncertainty of the printed size after a look at the check ruler
-_PLACED = 3e-4  # [m] by which a board cut along its circle may lie off the plate's axis
+_LEAST_PICTURES = 3  # least number of pictures for the lens: one on the plate, two held at angles
+_LEAST_LEAN = np.radians(6.0)  # least angle of a board, below which focal length and height cannot be separated
+_WORST_FIT = 2.0  # [px] largest error of corners, per 1000 px of width
+_RULER = 5e-4  # relative uncertainty of the printed size after a check with the printed ruler
+_PLACED = 3e-4  # [m] uncertainty of the position of a board that is cut along its circle
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Calibration from the bare plate, a circle of known radius: the only ruler, or the middle of a known plane."""
+"""Calibration from the bare plate, a circle of known radius: its scale, or only its axis where a board is there."""
 
 from dataclasses import replace
 
@@ -13,14 +13,14 @@ from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.reading import Photograph, linear_light
 
 _ANGLES = 360
-_TILT = np.radians(2.0)  # prior deviation of a camera that was put up level
-_LEAST_TILT = np.radians(0.3)  # uncertainty of a tilt that does not show
-_LEAST_EDGE = 0.6  # share of the circle that must be seen
-_SECOND = (0.015, 0.1)  # radii from the plate's circle between which a second one is looked for
-_HALO = 4.0  # [px] of the circle's blur and of the seam that sharpening draws along it
-_FAINT = 0.12  # strength of a second circle over that of the first
+_TILT = np.radians(2.0)  # prior standard deviation of the tilt of a camera that was mounted level
+_LEAST_TILT = np.radians(0.3)  # least uncertainty of the tilt
+_LEAST_EDGE = 0.6  # least share of the circle that is visible
+_SECOND = (0.015, 0.1)  # distances from the plate's circle, over its radius, between which a second one is searched
+_HALO = 4.0  # [px] width of the circle's blur and of the halo that sharpening draws along it
+_FAINT = 0.12  # least strength of a second circle over that of the first
 _ALIKE, _TAIL = 0.005, 0.003  # radii within which it lies everywhere, and from where the search begins
-_MOST_OFF = 0.04  # relative difference between the radius of the plate that is seen and the one that is told
+_MOST_OFF = 0.04  # largest relative difference between the measured and the stated radius of the plate
 
 
 def _edge_along(levels: ndarray, starts: ndarray, ends: ndarray, steps: int = 160) -> tuple[ndarray, ndarray]:
@@ -79,7 +79,7 @@ def _no_plate(name: str, what: str) -> BadPhotograph:
 
 
 def _require_one_circle(levels: ndarray, view: PlateView, radius: float, strength: float, name: str) -> None:
-    """Refuses a plate whose rim has a colour of its own: which of the two circles has the told radius is not seen."""
+    """Refuses a plate whose rim has another colour: it is unknown which of its two circles has the stated radius."""
     angles = np.arange(_ANGLES) * 2 * np.pi / _ANGLES
     way = radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_ANGLES)])
     near = max(_SECOND[0], _HALO / (view.scale * radius))

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-HEADER_FOCAL = 0.03  # relative uncertainty of the height by the focal length in a picture's header, assumed
-MEASURED_HEIGHT = 0.01  # relative uncertainty of a height that was measured with a rule, assumed
+HEADER_FOCAL = 0.03  # assumed relative uncertainty of a height from the focal length in a picture's header
+MEASURED_HEIGHT = 0.01  # assumed relative uncertainty of a height that was measured with a ruler
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class PlateView:
         return float(np.hypot(*(ends[1] - ends[0])) + np.hypot(*(ends[3] - ends[2]))) / 0.04
 
     def project(self, points: Float[ndarray, "points 3"]) -> Float[ndarray, "points 2"]:
-        """Where points are seen.
+        """Pixels at which points are seen.
 
         Args:
             points: Positions [m].

@@ -1,4 +1,4 @@
-"""The camera over the plate, from whichever pictures of board and plate there are."""
+"""Calibration of the camera over the plate, from the pictures of board and plate that there are."""
 
 from collections.abc import Sequence
 

@@ -1,11 +1,12 @@
 """The outline as an eye on the plate's axis would see it.
 
-A real camera looks a little from the side, and sees what hangs below the plate shifted. How deep the outline hangs is
-not seen. Of most of it that is the depth of the rim, of a cloth that hangs nearly straight from the plate's edge, as in
-`datasets/files/silhouette.py`. But in the valleys of limp cloth the rim hangs behind the cloth's shoulder, where it
-bends down over the plate's edge, and the outline is that shoulder, not far below the plate. A valley is taken for one
-where it comes close to the plate's edge, and so are the flanks that climb from it, up to where the rim comes forth and
-the outline turns outwards. Widths and depths are those of the synthetic set's drapes.
+A real camera looks a little from the side, so that whatever hangs below the plate appears shifted. The depth of the
+outline is not visible. For most of the outline it is the depth of the rim of a cloth that hangs nearly straight from
+the plate's edge, as in `datasets/files/silhouette.py`. But in the valleys of limp cloth the rim is hidden behind the
+cloth's shoulder, where it bends down over the plate's edge, and the outline is that shoulder, not far below the plate.
+A part of the outline counts as a shoulder where it comes close to the plate's edge; so do the flanks on both sides, up
+to where the rim comes into sight and the outline turns outwards. Widths and depths are those of the synthetic set's
+drapes.
 """
 
 import numpy as np
@@ -117,7 +118,7 @@ def _shoulder(radii: Float[ndarray, " angles"], plate: float, cloth: float) -> F
 def _depth(
     radii: Float[ndarray, " angles"], shoulder: Float[ndarray, " angles"], plate: float, cloth: float
 ) -> Float[ndarray, " angles"]:
-    """How deep the outline hangs, of true radii [m]."""
+    """Depth of the outline by its true radii [m]."""
     reach = np.clip((radii - plate) / (cloth - plate), 0, 1)
     chord = np.sqrt(1 - reach**2)
     rim = (1 - _BULGE) * chord

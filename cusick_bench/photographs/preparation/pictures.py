@@ -1,7 +1,8 @@
-"""Which picture of a folder shows what, by its name: drapes, the board on the plate, boards held, the bare plate."""
+"""What the pictures of a folder show, by their names: drapes, the board on the plate, held boards, the bare plate."""
 
 import os
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,6 +90,17 @@ def find_pictures(folder: Path) -> Pictures:
         raise BadPhotograph(
             "holds no photographs of drapes", where=folder, remedy=f"name them as {_RULE}", kind="no-pictures"
         )
+    _require_ruler(folder, others)
+    return Pictures(
+        tuple(sorted(drapes.values())),
+        next(iter(others["board-plane"]), None),
+        tuple(others["board"]),
+        next(iter(others["plate"]), None),
+    )
+
+
+def _require_ruler(folder: Path, others: Mapping[str, Sequence[Path]]) -> None:
+    """Refuses a folder without a picture to calibrate with, or with several of one kind."""
     for kind in ("board-plane", "plate"):
         if len(others[kind]) > 1:
             raise BadPhotograph(
@@ -112,12 +124,6 @@ def find_pictures(folder: Path) -> Pictures:
             remedy="take one with the camera where it was, see docs/drape-meter.md",
             kind="no-ruler",
         )
-    return Pictures(
-        tuple(sorted(drapes.values())),
-        next(iter(others["board-plane"]), None),
-        tuple(others["board"]),
-        next(iter(others["plate"]), None),
-    )
 
 
 def _files(folder: Path) -> list[Path]:

@@ -29,13 +29,13 @@ from cusick_bench.photographs.segmentation.confidence import ACCEPTED, doubts
 CHECKS = "check"  # folder of the pictures to look at
 _DATA = "data"  # folder of the silhouettes
 _WRITTEN = (CHECKS, _DATA, FABRICS, PROTOCOL)
-_VIEW = 2.36  # flat radii that an image is wide, as in the public release
+_VIEW = 2.36  # width of an image over the flat radius, as in the public release
 _QUALITY = 88  # of JPEG files
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What one tells of the experiment.
+    """Description of the experiment by its user.
 
     Attributes:
         cloth_radius: Radius of the flat cloth [m].
@@ -63,7 +63,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What became of one photograph.
+    """Outcome of one photograph.
 
     Attributes:
         picture: The photograph.
@@ -80,7 +80,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Preparation:
-    """What became of a folder.
+    """Outcome of a folder.
 
     Attributes:
         out: Folder of the data set.
@@ -102,7 +102,7 @@ class Preparation:
         return [picture for picture in self.pictures if not picture.written]
 
     def document(self) -> dict[str, Any]:
-        """What the JSON document says of it."""
+        """Its part of the JSON document."""
         return {
             "out": self.out,
             "protocol": self.protocol.document(),
@@ -124,7 +124,7 @@ class Preparation:
 
 
 def calibration_notes(view: PlateView) -> dict[str, Any]:
-    """What calibration found and how sure it is, for `notes` of protocol.json.
+    """Results of the calibration with their uncertainties, for `notes` of protocol.json.
 
     Args:
         view: The calibrated camera.
@@ -153,7 +153,7 @@ def protocol_of(view: PlateView, setting: Setting) -> Protocol:
 
     Args:
         view: The calibrated camera.
-        setting: What one tells of the experiment.
+        setting: Description of the experiment by its user.
 
     Returns:
         The protocol; pinhole where the camera's height is known.
@@ -209,7 +209,7 @@ def prepare(folder: Path, out: Path, setting: Setting, done: Callable[[str], Non
     Args:
         folder: The photographs.
         out: Folder to write; must not exist, or hold nothing but a table of weights.
-        setting: What one tells of the experiment.
+        setting: Description of the experiment by its user.
         done: Called with the name of each photograph that is finished.
 
     Returns:

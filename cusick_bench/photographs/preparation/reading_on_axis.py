@@ -1,4 +1,4 @@
-"""The outline of a photograph as the data set has it: found, seen from the axis, with a confidence of the whole."""
+"""Outline of a photograph for the data set: found, corrected to a view from the axis, and with a confidence."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from cusick_bench.photographs.segmentation.outline import Outline, find_outline
 
 
 def outline_on_axis(photograph: Photograph, view: PlateView, plate: float, cloth: float) -> tuple[Outline, Outline]:
-    """Finds the cloth's outline and takes the camera's place beside the axis out of it.
+    """Finds the cloth's outline and corrects it to a view from the axis.
 
     Args:
         photograph: The picture.

@@ -1,6 +1,6 @@
-"""What one tells of the experiment, as people write it: sizes and weights with their units, faces by capture.
+"""Description of the experiment as text from the command line: sizes and weights with their units, faces by capture.
 
-Nothing heavy is imported before it is used: the texts' defaults stand on help pages.
+Nothing heavy is imported before it is used, since help pages show the defaults.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class SettingText:
 
 
 def setting_of(text: SettingText, photographs: Path, fabrics: Sequence[int]) -> Setting:
-    """Reads what one tells of the experiment.
+    """Reads the description of the experiment.
 
     Args:
         text: As it is written.

@@ -1,4 +1,4 @@
-"""Draws an outline as a silhouette image, and over its photograph as a picture to check with the eye."""
+"""Draws an outline as a silhouette image, and over its photograph as a picture for a check by eye."""
 
 import cv2
 import numpy as np
@@ -9,7 +9,7 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.reading import Photograph
 
-_FINE = 8  # pixels drawn along each side of one that is kept
+_FINE = 8  # oversampling along each side of a pixel
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
 _WIDEST = 1600  # [px] of a picture to check
 _GOOD, _DOUBTFUL, _PLATE = (60, 255, 60), (60, 60, 255), (255, 220, 0)  # blue, green, red

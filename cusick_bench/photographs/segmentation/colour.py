@@ -1,4 +1,4 @@
-"""Which places look like cloth and which like ground, by their nearest neighbours among known places of both.
+"""Classifies places as cloth or ground by their nearest neighbours among known places of both.
 
 Colours are compared in Lab, with chroma divided by lightness, which a shadow hardly changes. Known ground is also taken
 darker than it is, as shadows make it, and known cloth darker and lighter, as folds do.
@@ -15,20 +15,20 @@ from scipy.spatial import KDTree
 from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture
 
 _SAMPLES = 1500
-_FLOOR = 2.5  # differences of features below this tell nothing
-_MOST = 3.0  # log likelihood ratio of one place
-_EVERY = 2  # rows and columns of which one is judged
-_LIGHTNESS = 0.5  # weight of lightness beside chroma
-_SHADE = (-1.0, 0.1)  # log of what a shadow leaves
-_FOLDS = (-0.7, 0.3)  # log of what a fold does to the light
-_STRANGE = 7.0  # differences of features from all that is known beyond which a place is neither
-_GRAIN = 1.0  # features are rounded to this before they are compared: what looks the same is looked up once
-_MARGIN = 1.5e-3  # [m] beside a first outline where nothing is learnt
-_NEAR = 0.015  # [m] of ground beside a first outline that is learnt
+_FLOOR = 2.5  # differences of features below this are ignored
+_MOST = 3.0  # largest log likelihood ratio of one place
+_EVERY = 2  # every second row and column is classified
+_LIGHTNESS = 0.5  # weight of lightness relative to chroma
+_SHADE = (-1.0, 0.1)  # range of the log of the light in a shadow
+_FOLDS = (-0.7, 0.3)  # range of the log of the light on folds
+_STRANGE = 7.0  # distance of features from all known ones beyond which a place is neither cloth nor ground
+_GRAIN = 1.0  # step to which features are rounded, so that equal ones are looked up only once
+_MARGIN = 1.5e-3  # [m] margin on both sides of a first outline from which nothing is learnt
+_NEAR = 0.015  # [m] width of the ground outside a first outline that is learnt
 
 
 def colour_features(light: Float[ndarray, "*places 3"]) -> Float[ndarray, "*places 3"]:
-    """What is compared of a place.
+    """Features of a place by which it is compared.
 
     Args:
         light: Linear light, blue first.

@@ -1,22 +1,22 @@
-"""Confidence of an outline: a score between 0 and 1 of what can be seen of it.
+"""Confidence of an outline: a score between 0 and 1 from several kinds of evidence.
 
-What an outline is likely to be off by is fitted: the network that reads it tells its part, and weights of that, of the
-camera's place and of the calibration are fitted to 46 and 195 photographs of laboratories 100 to 219. Other limits are
-set by hand on the same laboratories. It is no fitted probability.
+The expected error of an outline has three parts: one from the network that reads it, one from the camera's place and
+one from the calibration. Their weights are fitted to 46 and 195 photographs of laboratories 100 to 219. The limits of
+other evidence are set by hand on the same laboratories. The score is not a fitted probability.
 """
 
 import math
 from dataclasses import dataclass
 
 ACCEPTED = 0.5
-"""Outlines of less confidence are not written."""
+"""Outlines with a lower confidence are not written."""
 _WEIGHTS = {"expected_mm": 1.35, "off_axis_mm": 0.62, "calibration_mm": 0.22}
 """What stated errors are multiplied by before their squares are added; by likelihood of the errors that were found."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks for an outline and against it.
+    """Evidence for an outline and against it.
 
     Attributes:
         edge: Median strength of the edge along it, in standard deviations.

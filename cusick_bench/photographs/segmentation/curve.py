@@ -1,4 +1,4 @@
-"""Closed curves around the plate's axis as points in even distances, and their normals."""
+"""Closed curves around the plate's axis as equidistant points, and their normals."""
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ def resampled(curve: Curve) -> Curve:
     """Spreads a curve's points evenly.
 
     Args:
-        curve: Points in order [m].
+        curve: Points of the outline in order [m].
 
     Returns:
         Points of the same closed curve, half a millimetre apart [m].
@@ -74,7 +74,7 @@ def outermost(curve: Curve) -> Float[ndarray, " angles"]:
     """Outermost radius of a closed curve at equidistant angles.
 
     Args:
-        curve: Points in order [m].
+        curve: Points of the outline in order [m].
 
     Returns:
         Radii [m].

@@ -1,6 +1,6 @@
-"""How much a place looks like an edge: the means of its two sides differ by more than either side varies.
+"""Strength of an edge: difference between the means of its two sides, over the variation within them.
 
-A soft shadow and a pattern that goes on to both sides change within the sides, too, and score low.
+A soft shadow, and a pattern that continues on both sides, also vary within the sides, and have a low strength.
 """
 
 import cv2
@@ -11,9 +11,9 @@ from numpy import ndarray
 from cusick_bench.photographs.segmentation.colour import colour_features
 from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture
 
-SIDE = 2e-3  # [m] of either side that is looked at
-_GAP = 2.5e-4  # [m] of blur between them
-_FLOOR = 1.2  # variation of features that noise makes
+SIDE = 2e-3  # [m] width of either side
+_GAP = 2.5e-4  # [m] gap between them, for the blur of the edge
+_FLOOR = 1.2  # variation of features due to noise
 
 
 def edge_strength(picture: PolarPicture) -> Float[ndarray, "angles radii"]:

@@ -1,9 +1,9 @@
 """The outline read from the light across it by a small network, fitted to photographs whose outline is known.
 
-A stripe or a blotch beside the rim pulls a place that is halfway between the light of both sides inwards, by .2 to
-.5 mm. How edges look that lens and JPEG have blurred over a millimetre, with cloth of any colours inside, is learnt
-instead: two layers of rectified units read `profiles` and give how far the outline lies off the curve, and how far off
-that is likely to be.
+An outline placed where the light is halfway between both sides would be pulled inwards by .2 to .5 mm by a stripe or a
+blotch near the rim. Instead a network learns what edges look like that lens and JPEG have blurred over a millimetre,
+with cloth of any colours inside: two layers of rectified units read `profiles` and give the offset of the outline from
+the curve, and its expected error.
 `python -m cusick_bench.photographs.edge_fitting` fits it and writes `edge_model.npz`.
 """
 

@@ -1,4 +1,4 @@
-"""The outline of the cloth in a photograph, and how sure it is."""
+"""The outline of the cloth in a photograph, and the evidence for it."""
 
 from dataclasses import dataclass, replace
 
@@ -25,15 +25,15 @@ _REGION = 0.7  # weight of a millimetre of wrongly coloured places
 _EDGE = 1.0  # weight of an edge's strength
 _STIFFNESS = 0.12
 _LEAST, _MOST = 0.97, 1.06  # plate radii and flat radii between which the outline lies
-_WEAK = 1.2  # standard deviations below which there is no edge
-_SECTOR = 15  # judged angles, 1 degree apart, whose strange places are counted together
-_SNAPS = 2  # times that the outline is moved to the edges beside it
-_ROUNDS = 1  # times that colours are learnt again from the outline
+_WEAK = 1.2  # [standard deviations] least strength of an edge
+_SECTOR = 15  # number of angles, 1 degree apart, whose strange places are counted together
+_SNAPS = 2  # how often the outline is moved to the nearest edges
+_ROUNDS = 1  # how often colours are learnt again from the outline
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Where the cloth ends, seen at the scale of the plate's plane.
+    """Outline of the cloth at the scale of the plate's plane.
 
     Attributes:
         radii: Radii [m] at equidistant angles, counter-clockwise from the right of the picture.
@@ -132,7 +132,7 @@ def _path(ratio: ndarray, edges: ndarray, span: slice, region: float, edge: floa
 
 
 def _steepness(picture: PolarPicture) -> float:
-    """How much steeper, in mm an angle, folds are than those of the standard's plate and cloth; 1 where they are not.
+    """Ratio of the steepness of folds, in mm per angle, to that of the standard's plate and cloth; at least 1.
 
     They grow with the overhang over the plate's radius and with the size of the cloth. What is measured along the
     radius is divided by it: an outline that runs along the radius is neither ragged nor without an edge.
@@ -142,7 +142,7 @@ def _steepness(picture: PolarPicture) -> float:
 
 
 def _evidence(picture: PolarPicture, ratio: ndarray, edges: ndarray, radii: ndarray) -> Evidence:
-    """What speaks for an outline beside itself."""
+    """Evidence for an outline."""
     span, path = _span(picture), np.array([picture.column(radius) for radius in radii])
     alone = [_path(ratio, edges, span, *weights) for weights in ((_REGION, 0.15), (0.05, _EDGE))]
     row = np.arange(len(path))

@@ -6,7 +6,7 @@ from numpy import ndarray
 
 from cusick_bench.sim.kernel_cache import numba
 
-_FARTHEST = 12  # columns that the path may move from one angle to the next
+_FARTHEST = 12  # largest number of columns between neighbouring angles of the path
 
 
 @numba.njit(cache=True)

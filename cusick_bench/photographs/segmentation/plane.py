@@ -1,4 +1,4 @@
-"""Light of any place of the plate's plane, looked up in the photograph itself and not in a grid made of it."""
+"""Light at any place of the plate's plane, interpolated in the photograph itself instead of a resampled grid."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,7 @@
-"""Light across the outline, relative to the ground beside it: what a fitted model reads the outline's place from.
+"""Profiles of light across the outline, relative to the ground outside it: the input of the fitted model of edges.
 
-Gamma-coded light is used, in which the sensor's noise is about even. Brightness and the two differences of colour are
-kept apart, because JPEG blurs colours more than brightness.
+Gamma-coded light is used, in which the sensor's noise is about uniform. Brightness and the two colour differences are
+separate, because JPEG blurs colours more than brightness.
 """
 
 import cv2

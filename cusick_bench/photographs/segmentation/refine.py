@@ -14,8 +14,8 @@ _NEAR, _FAR = 0.4e-3, 1.2e-3  # [m] between which a side's light is taken: no wi
 _WIDE = (0.5e-3, 1.8e-3, 1.8e-3)  # the same three lengths, of the edge's width: a blurred edge is as wide as that
 _NOISE = 4e-3  # linear light
 _SMOOTH = 0.7e-3  # [m] along the outline: standard deviation of the filter of the crossings
-_NEIGHBOURS = 2  # points to either side whose median decides what is out of line
-_OUTLIER = 0.5e-3  # [m] off that median
+_NEIGHBOURS = 2  # points to either side with whose median a point is compared
+_OUTLIER = 0.5e-3  # [m] distance from that median from which a point is an outlier
 _ROUNDS = 2
 
 

@@ -1,4 +1,4 @@
-"""Uneven light, from the ground around the cloth: a smooth surface through log brightness, taken off the picture."""
+"""Correction of uneven light: a smooth surface through the ground's log brightness is subtracted from the picture."""
 
 from dataclasses import replace
 
@@ -7,13 +7,13 @@ import numpy as np
 from cusick_bench.photographs.segmentation.plane import brightness_terms
 from cusick_bench.photographs.segmentation.polar import PolarPicture, angles
 
-_DARK = 4e-3  # linear light below which noise rules
-_EVERY = 4  # rows and columns of the ring of which one is used
+_DARK = 4e-3  # linear light below which noise dominates
+_EVERY = 4  # every fourth row and column of the ring is used
 _ROUNDS = 6
 
 
 def evenly_lit(picture: PolarPicture) -> PolarPicture:
-    """Divides a picture by the light that the ground around the cloth tells of.
+    """Divides a picture by the light, as estimated from the ground around the cloth.
 
     Args:
         picture: As it was taken.

@@ -1,7 +1,7 @@
 """The outline moved along its normals to where colours change sharply, at the photograph's own resolution.
 
-The polar grid is coarse across steep flanks of folds, and its wide edges take a stripe or a dot near the rim for the
-rim. Here the two sides of an edge are a millimetre wide, and the cheapest closed path of offsets is taken.
+The polar grid is coarse across steep flanks of folds, and its wide edge filter may take a stripe or a dot near the rim
+for the rim. Here the two sides of an edge are a millimetre wide, and the cheapest closed path of offsets is used.
 """
 
 import cv2
@@ -51,7 +51,7 @@ def snapped(picture: PlanePicture, known: Neighbours, curve: Curve) -> tuple[Cur
 
 
 def _strength(features: Float[ndarray, "points along 3"]) -> Float[ndarray, "points along"]:
-    """By how many standard deviations the means of two sides differ, at most 6."""
+    """Difference of the means of two sides, in standard deviations, at most 6."""
     width = round(_SIDE / _ALONG) | 1
     move = width // 2 + round(_GAP / _ALONG)
     mean = cv2.blur(features, (width, 1))

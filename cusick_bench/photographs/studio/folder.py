@@ -1,4 +1,4 @@
-"""Writes the photographs of a synthetic laboratory as a phone would, with what is true of them."""
+"""Writes the photographs of a synthetic laboratory as a phone would, with the true outlines."""
 
 import json
 import math

@@ -60,7 +60,7 @@ class StudioCamera:
         return x @ y @ z @ np.diag([1.0, -1.0, -1.0])
 
     def project(self, points: Float[ndarray, "points 3"]) -> Float[ndarray, "points 2"]:
-        """Where points are seen.
+        """Pixels at which points are seen.
 
         Args:
             points: Positions [m].

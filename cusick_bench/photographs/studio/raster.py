@@ -53,7 +53,7 @@ def rasterise(
     Args:
         corners: Columns and rows of the vertices [px].
         depths: Their distances from the camera [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         size: Width and height of the picture [px].
 
     Returns:

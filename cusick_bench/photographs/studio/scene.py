@@ -1,4 +1,4 @@
-"""What stands in a synthetic laboratory: camera, light, ground, clutter; and what is draped in it."""
+"""Scenes of a synthetic laboratory: camera, light, ground, clutter, and the draped cloth."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,7 +28,7 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, VERTICES_OF_TRUTH
 WIDTH, HEIGHT = 1280, 960  # [px] of a photograph
 KINDS = ("boards", "boards", "boards", "board", "plate")
 """How laboratories calibrate: several pictures of the board, one in the plate's plane, or only the bare plate."""
-_VIEWED = 0.37  # [m] of the ground that at least lie in the picture's height
+_VIEWED = 0.37  # [m] least extent of the ground over the picture's height
 _LEAST_CONTRAST = 12.0  # difference of the mean colours of cloth and ground in Lab
 
 
@@ -88,7 +88,7 @@ class Piece:
 
     Attributes:
         vertices: Positions [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         material: Where each vertex lies in the flat cloth [m].
         albedo: Map of the flat cloth.
     """

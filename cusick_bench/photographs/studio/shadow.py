@@ -15,7 +15,7 @@ _HIDDEN = 0.45  # share of the surroundings that a thing right above hides
 
 
 def _projected(piece: Piece, source: ndarray, depth: float) -> Float[ndarray, "vertices 2"]:
-    """Where the vertices' shadows fall, in pixels of the map."""
+    """Places of the vertices' shadows, in pixels of the map."""
     way = piece.vertices - source
     reach = (-depth - source[2]) / way[:, 2:]
     places = source[:2] + reach * way[:, :2]

@@ -12,7 +12,7 @@ from cusick_bench.photographs.studio.raster import rasterise
 from cusick_bench.photographs.studio.scene import Laboratory, Piece
 from cusick_bench.photographs.studio.shadow import light_on_ground
 
-_FINE = 2  # pixels drawn along each side of one that is kept
+_FINE = 2  # oversampling along each side of a pixel
 _GAIN = 0.85  # exposure: linear level of a white surface in the lamp's full light
 _VIGNETTE = 0.25  # of the light that is lost in the picture's corners
 

@@ -1,4 +1,4 @@
-"""Photographs that no outline can be read from, each in its own way: what a confidence has to notice."""
+"""Disturbed photographs from which no outline can be read, and which a confidence should recognise."""
 
 from dataclasses import replace
 

@@ -14,7 +14,7 @@ def apparent_radii(
 
     Args:
         vertices: Positions [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         height: Height of the eye above the plate [m]; infinite for a parallel view.
         angles: Where to measure [rad].
 

@@ -172,7 +172,7 @@ class Journal:
         os.truncate(self.folder / ARRAYS, 8 * sum(array.size for entry in entries for array in entry.arrays.values()))
 
     def link(self, evaluations: int) -> str:
-        """What stands for the first evaluations, their arrays and the cell: equal only where all of these are.
+        """Hash of the first evaluations, their arrays and the cell.
 
         Args:
             evaluations: Number of evaluations.
@@ -188,7 +188,7 @@ class Journal:
         return self._position < len(self._past)
 
     def repeats(self, kind: str, digests: Sequence[str]) -> int:
-        """How many evaluations the earlier run has made here as they are asked for now, before it did anything else.
+        """Number of evaluations, one after the other, that the earlier run has made here with the same parameters.
 
         Args:
             kind: What is asked for.
@@ -290,7 +290,7 @@ def forget(folder: Path) -> None:
 
 
 def _sound(line: bytes, before: str, data: np.ndarray) -> tuple[str, str, dict[str, np.ndarray]]:
-    """What a line of the trace says, its hash, and its arrays; raises ValueError where one does not fit the other."""
+    """Content of a line of the trace, its hash and its arrays; raises ValueError if they do not fit."""
     if not line.endswith(b"\n"):
         raise ValueError("cut short")
     body, _, check = line.decode().rpartition(_CHECK)

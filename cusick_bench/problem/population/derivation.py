@@ -1,19 +1,20 @@
-"""In what cloths differ, and by how much samples of one cloth do: where the field space has its priors from.
+"""Priors of the field space: how cloths differ from each other, and how much samples of one cloth differ.
 
-`derive_population` (`cusick-bench population`) repeats it on the public release, with fabrics that no table of results
-predicts, for one material law. What differs is taken apart by levels:
+`derive_population` (`cusick-bench population`) repeats the derivation for one material law, from fabrics of the public
+release that are not used in any table of results. The differences are estimated level by level:
 
-1. Random cloths of the prior, of all levels of bending, are draped, one specimen each, two of every second cloth, and
-   the statistics of their silhouettes are regressed on what moves them (`expected_statistics`).
-2. Fabrics. Each gets the cloth of highest posterior density, given the means of its samples and their scatter, both
-   faces at once: face down a cloth's curl has the other sign. Traits and length of the laid shape have their mean and
-   standard deviation over fabrics; so has, as a root mean square, what even the best cloth misses.
-3. Samples. Where those of a fabric and face differ more in area than specimens of its cloth of one level, the rest is
-   put down to the level of stiffness of a sample: its variance is the median over fabrics and faces of (variance of
-   samples - variance of specimens) / slope^2.
-4. Faces and repeats are looked at, not fitted (`compare_levels`).
+1. Simulation. Random cloths of the prior, with all levels of bending, are draped, one specimen each and two of every
+   second cloth, and the statistics of their silhouettes are fitted (`expected_statistics`).
+2. Fabrics. Each fabric gets the cloth of highest posterior density, given the means of its samples and their scatter,
+   from both faces at once: face down a cloth's curl has the other sign. The prior of traits and of the length of the
+   laid shape has their mean and standard deviation over fabrics. The distance of fabrics from their best cloths, as a
+   root mean square, is the discrepancy.
+3. Samples. If the samples of a fabric and face differ more in area than specimens of its cloth with one level, the rest
+   is attributed to the level of stiffness of each sample: its variance is the median over fabrics and faces of
+   (variance of samples - variance of specimens) / slope^2.
+4. Faces and repeats are compared, but not fitted (`compare_levels`).
 
-The weight of these fabrics is not published. What matters is stiffness over weight, and the level is free, so all are
+The weight of these fabrics is not published. Only stiffness over weight matters, and the level is free, so all are
 draped with one assumed weight.
 
 References:
@@ -46,12 +47,12 @@ from cusick_bench.sim.engine.settings import DrapeSettings, Membrane
 from cusick_bench.sim.engine.triangles.system import Law
 
 FABRICS = ("fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
-LEVELS = (-4.0, 2.5)  # of log bending stiffness over the median fabric of that weight, from limp silk to canvas
+LEVELS = (-4.0, 2.5)  # range of log bending stiffness over that of the median fabric, from limp silk to canvas
 AREA = STATISTICS.index("area_log_odds")
 BENDING, CURL = LEADING.index("bending"), LEADING.index("curl")
 MATCHED = tuple(name for name in STATISTICS if name != "grain_2_imaginary")  # which no orthotropic cloth has
-MISSED = 0.05  # of any statistic: what a fabric's mean over however many samples may miss while cloths are placed
-WIDER = 1.2  # than the present prior is the one under which fabrics are placed, so that it is not merely found again
+MISSED = 0.05  # least standard deviation of a fabric's mean statistics in step 2, however many samples there are
+WIDER = 1.2  # width of the prior in step 2 over the present one, so that the result does not just reproduce it
 FIRST_FACES = ("1", "2", "up")  # captures 1 and 2 show one face, 3 and 4 the other, where a side is not named
 TOGETHER = 8  # draped at once
 
@@ -102,7 +103,7 @@ class PopulationPlan:
 
 @dataclass(frozen=True)
 class Population:
-    """What was derived.
+    """The derived population.
 
     Attributes:
         expected: Expected statistics of cloths.

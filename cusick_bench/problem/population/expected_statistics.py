@@ -1,12 +1,13 @@
-"""Statistics that drapes of a cloth are expected to have, learned once: what an inference knows before its first drape.
+"""Expected statistics of the drapes of a cloth, learned once: the knowledge of an inference before its first drape.
 
-Of random cloths, one specimen each, the statistics of `cusick_bench.problem.statistics` are regressed on what moves
-them, `field_space.LEADING`, to which a specimen's own level of stiffness is added: a polynomial of second degree, of
-third with the level of bending and of fifth in that alone; what a cloth is beside, each entry of its tables, counts
-linearly. The scatter of specimens of one level is that of pairs of specimens of one cloth, so that what the polynomial
-misses is no part of it. It has a constant correlation, and standard deviations whose logarithm is linear in the same
-numbers (and quadratic in the bending level): limp cloth varies less than stiff cloth. What specimens differ in by their
-level comes on top, along the slope. Beyond the cloths that were draped, the nearest of them counts.
+Random cloths are draped, one specimen of each. Their statistics (`cusick_bench.problem.statistics`) are fitted by a
+polynomial in the numbers `field_space.LEADING`, to which a specimen's own level of stiffness is added. It is of second
+degree, of third degree in products with the bending level, and of fifth degree in the bending level alone; all other
+properties of a cloth, each entry of its tables, enter linearly. The scatter of specimens of the same level is estimated
+from pairs of specimens of one cloth, so that errors of the polynomial are not part of it. It has a constant
+correlation, and standard deviations whose logarithm is linear in the same numbers (and quadratic in the bending level):
+limp cloth varies less than stiff cloth. Differences in level between specimens are added along the slope. Beyond the
+range of the cloths that were draped, the values at its edge are used.
 
 References:
     Kennedy, O'Hagan. Bayesian calibration of computer models. JRSS B 63(3), 2001. Davidian, Carroll. Variance function
@@ -28,10 +29,10 @@ from cusick_bench.problem.field_space import ALONG_LEVEL, CLOTH, LEADING, Leadin
 SHIPPED = Path(__file__).parent / "expected_statistics.npz"
 """Made by `cusick-bench population --law plate --out FOLDER`."""
 _LOG_CHI2 = 1.27  # -E log z^2 of a standard normal z
-_PASSES = 3  # of regression and scatter in turn
-_STEP = 0.3  # of the level, over which its slope is taken [log]
-_FAR = 4.0  # standard deviations: a pair that differs by more, one of which fell into another rest, counts as that
-_LEAST_SHARE = 1e-3  # of the variance: a residual of 0 has a logarithm, too
+_PASSES = 3  # alternating fits of regression and scatter
+_STEP = 0.3  # step of the level for its slope [log]
+_FAR = 4.0  # [standard deviations] differences of pairs are cut here, as one may have fallen into another equilibrium
+_LEAST_SHARE = 1e-3  # least squared residual over the variance, so that its logarithm is finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class ExpectedStatistics:
     Attributes:
         low, high: Range of the leading directions of the cloths that were draped.
         mean: Coefficients of the expectation.
-        rest: How what moves none of the leading directions changes it.
+        rest: Derivatives by properties that change none of the leading directions.
         log_sd: Coefficients of the logarithm of the standard deviations.
         correlation: Correlation matrix of the statistics between specimens of one cloth and level.
     """
@@ -54,7 +55,7 @@ class ExpectedStatistics:
     correlation: Float[ndarray, "statistics statistics"]
 
     def __call__(self, leading: Float[ndarray, "cloths leading"]) -> Float[ndarray, "cloths statistics"]:
-        """Expected statistics of cloths of these leading directions, else of median ones, one a row."""
+        """Expected statistics of cloths with these leading directions and median values of all else, one a row."""
         return _terms(self._place(leading)) @ self.mean
 
     def of(
@@ -110,7 +111,7 @@ class ExpectedStatistics:
 
 @lru_cache(maxsize=1)
 def shipped() -> ExpectedStatistics:
-    """Those of law `plate`, which are a good guess for other laws as well."""
+    """The shipped statistics, of law `plate`; they are a good guess for other laws as well."""
     return ExpectedStatistics(**read_npz(SHIPPED, remedy="install cusick-bench again"))
 
 

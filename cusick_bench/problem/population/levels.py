@@ -111,5 +111,5 @@ def _described(images: Images, repeats: Images | None, flips: Images | None) -> 
 
 
 def _mse(images: Images, others: Images | None) -> float:
-    """Of each drape against its own other one; a flip is mirrored back."""
+    """Mean squared error of each drape and its counterpart; the picture of the other face is mirrored back."""
     return math.nan if others is None else float(np.nanmean((images - others) ** 2))

@@ -56,7 +56,7 @@ def profile_section(document: DiagnosisDocument) -> ProfileSection:
         document: The diagnosis.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     sided = sided_profiles(document.profiles)
     if "data" not in sided:

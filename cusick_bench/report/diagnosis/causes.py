@@ -9,7 +9,7 @@ from cusick_bench.report.diagnosis.named_causes import are_several, named_causes
 from cusick_bench.report.diagnosis.number_format import measure, percent
 from cusick_bench.report.diagnosis.words import STAGES
 
-_LEAST, _MOST, _ALWAYS = 0.05, 8, 3  # probability from which a cause is shown; at most, and at least so many
+_LEAST, _MOST, _ALWAYS = 0.05, 8, 3  # least probability of a shown cause; most and fewest causes that are shown
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class CauseCard:
     Attributes:
         name: Name of the effect, or `none`, `unknown`.
         stage: Its stage in words.
-        summary: What it says happened.
+        summary: What would have happened if it acts.
         probability: That it acts, alone or with others; of `none` and `unknown`, that it is so.
         shown_probability: The same in per cent.
         likely: Whether it is named or in the 90 % set.
-        remarks: What else is to be known at a glance.
+        remarks: Short remarks.
         parameters: Its estimated parameters; of likely causes only.
-        signature: What it would show; of likely causes only.
-        physics: What it does, with its equation; of likely causes only.
+        signature: How it would show; for likely causes only.
+        physics: Its physics, with the equation; for likely causes only.
     """
 
     name: str
@@ -76,7 +76,7 @@ def cause_section(document: DiagnosisDocument) -> CauseSection:
         document: The diagnosis.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     ranked = document.ranked_causes
     shown = [

@@ -1,4 +1,4 @@
-"""What a registered effect says happened, what it would show, and what its parameters mean."""
+"""Words about a registered effect: its claim, how it would show, and the meaning of its parameters."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ _CLAIMS = {
 
 
 def claim(name: str) -> str:
-    """What a cause says happened.
+    """What would have happened if a cause acts.
 
     Args:
         name: An effect, `none` or `unknown`.

@@ -61,7 +61,7 @@ def gap_section(document: DiagnosisDocument) -> GapSection:
         document: The diagnosis.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     gap = document.gap
     words = gap_in_words(gap.base, gap.floor, gap.effect, several=are_several(document))
@@ -82,7 +82,7 @@ def closure_section(document: DiagnosisDocument) -> ClosureSection:
         document: The diagnosis.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     fraction, interval = document.closure.fraction, document.closure.ci90
     if fraction is None:

@@ -25,7 +25,7 @@ class Measurement:
     Attributes:
         name: Short name.
         what: What to do.
-        worth: How much of the doubt it would settle, in words.
+        worth: How much of the uncertainty it would remove, in words.
         about: The causes that it speaks about, as a list in words.
     """
 
@@ -41,9 +41,9 @@ class NextSection:
 
     Attributes:
         measurements: The most informative first.
-        no_measurement: What is said where there is none.
+        no_measurement: Sentence to show where there is no measurement.
         indistinguishable: Causes that no silhouette tells apart.
-        told_apart: What is said where there are none.
+        told_apart: Sentence to show where there are none.
         without: Effects that were not considered.
         notes: What was left out or is in doubt.
     """
@@ -63,7 +63,7 @@ def next_section(document: DiagnosisDocument) -> NextSection:
         document: The diagnosis.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     entropy = entropy_of([cause.probability for cause in document.causes])
     return NextSection(

@@ -1,4 +1,4 @@
-"""Numbers as the page shows them: rounded without lying, with their units."""
+"""Numbers as the page shows them: rounded, but never to a misleading 0 % or 100 %, with their units."""
 
 import numpy as np
 
@@ -7,11 +7,11 @@ _SPACE = "\u00a0"  # keeps a number and its unit on one line
 
 
 def percent(share: float | None, digits: int = 0) -> str:
-    """A share in per cent; what is not quite nothing or all is not rounded to it.
+    """A share in per cent; a share near 0 or 1 is not rounded to 0 % or 100 %.
 
     Args:
         share: The share, None if unknown.
-        digits: Decimals.
+        digits: Number of decimals.
 
     Returns:
         Such as "31 %" or "< 1 %".

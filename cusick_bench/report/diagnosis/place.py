@@ -1,4 +1,4 @@
-"""Where a diagnosis puts the gap: on the cloth, in which statistics, at which stage of the making of a drape."""
+"""Where the gap lies according to a diagnosis: on the cloth, in which statistics, at which stage of the experiment."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ def place_section(document: DiagnosisDocument) -> PlaceSection:
         document: The diagnosis.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     where = document.where
     region = _region(where.angle_deg, where.radius_m) if where.localisable else None

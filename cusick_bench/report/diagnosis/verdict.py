@@ -41,7 +41,7 @@ def verdict_box(document: DiagnosisDocument, causes: CauseSection) -> VerdictBox
         causes: Its causes as the page shows them.
 
     Returns:
-        What the page shows.
+        The content of the section.
     """
     name, sentence = VERDICTS[document.verdict]
     facts = [*_gap_fact(document), *_cause_facts(document, causes)]

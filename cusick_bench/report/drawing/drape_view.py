@@ -81,7 +81,7 @@ def render_drape(
 
     Args:
         vertices: Positions [m], plate in the plane z = 0.
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         colour: Colour of the cloth, sRGB in [0, 1].
         view: Where from.
         stand: Positions [m] and triangles of what the cloth lies on; the plate's pedestal by default.

@@ -88,7 +88,7 @@ def inline_svg(figure: Figure, description: str, style: str = "") -> Markup:
 
     Args:
         figure: From `page_figure`.
-        description: What a reader who cannot see the figure is told.
+        description: Description for readers who cannot see the figure.
         style: Further class of the element.
 
     Returns:

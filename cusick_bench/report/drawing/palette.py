@@ -1,6 +1,6 @@
 """Colours of figures on a page: each stands for a colour of the style sheet, which has a light and a dark mode.
 
-Matplotlib wants fixed colours. The ones below are drawn nowhere else; `inline_svg` replaces each by its variable of
+Matplotlib needs fixed colours. The ones below are used for nothing else; `inline_svg` replaces each by its variable of
 `templates/page.css`.
 """
 

@@ -63,7 +63,7 @@ def drape_picture(
 
     Args:
         vertices: Positions [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         cloth: Name of the cloth.
         view: Where it is seen from.
         protocol: Gives radii of plate and cloth; a cloth of any size is drawn as large as the release's.

@@ -1,4 +1,4 @@
-"""How much a solver's draws of a cloth differ from each other, beside how much its real samples do.
+"""Variability of a solver's draws of a cloth, compared with that of its real samples.
 
 A best-of-N score cannot tell whether draws vary as samples of the cloth do: draws that are all alike reach a good one,
 and so do draws that vary wildly. Here stand, for every cloth, the pair error, the spread of the drape coefficient and
@@ -32,7 +32,7 @@ def fold_variability(cells: Cells, dataset: DrapeDataset, *, draws: int = DRAWS)
     """Compares the spread of draws with that of held-out samples.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         draws: Most draws of a cell to compare.
 

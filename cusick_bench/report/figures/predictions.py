@@ -1,4 +1,4 @@
-"""What the cells of a run predict, solver by solver, beside the real drapes: the common source of the figures."""
+"""Predictions of a run's cells, solver by solver, with the real drapes: the common source of the figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ class Entrant:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """What a cell predicts.
+    """Prediction of a cell.
 
     Attributes:
         fit: Silhouette of the training sample.
@@ -125,7 +125,7 @@ def entrants(
     """The solvers of a run: those that simulate, those that do not, those that have seen the answer.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         solvers: Names of the solvers to keep, in this order, a name without options standing for all that it has;
             those of the kinds by default.
         kinds: Kinds to keep where no solver is named; all where the run has none of them.
@@ -157,7 +157,7 @@ def check_data(cells: Cells, dataset: DrapeDataset) -> None:
     """Makes sure that a run was made with these data.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The data.
 
     Raises:
@@ -176,7 +176,7 @@ def held_out_rows(cells: Cells, cloth: str) -> list[int]:
     """Index rows of the held-out samples of a cloth.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         cloth: Name of the cloth.
 
     Returns:
@@ -236,7 +236,7 @@ def load_draws(folder: Path, protocol: Protocol = RELEASE) -> Draws:
         protocol: How the data's silhouettes were taken.
 
     Returns:
-        What the cell predicts.
+        The prediction.
 
     Raises:
         ReportError: It is missing, damaged or oversized.

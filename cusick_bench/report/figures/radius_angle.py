@@ -1,4 +1,4 @@
-"""Radius over angle, real drapes beside draws, and the question that it asks: which cloth does a draw belong to?
+"""Radius over angle of real drapes and draws, and a classifier's answer to the question to which cloth a draw belongs.
 
 The answer is a number. A classifier learns the cloths from the phase-free statistics of their held-out samples; those
 that the draws were fitted to are left out, or a copy of one would be at home by construction. The share of draws
@@ -132,11 +132,11 @@ def radius_angle(
     """Compares a run's draws with the held-out samples of all its cloths.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         draws: Most draws of a cell to look at.
-        progress: Called to tell what is measured.
+        progress: Called with the name of what is being measured.
 
     Returns:
         The figure's content.

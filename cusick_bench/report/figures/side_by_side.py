@@ -99,10 +99,10 @@ def fitted(
     """Training samples beside their fits, one strip a cloth; of several seeds and splits the first.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         solvers: Which of its solvers; by default those that simulate, as the others copy the silhouette or guess it.
-        progress: Called to tell what is read.
+        progress: Called with the name of what is being read.
 
     Returns:
         A strip for each real drape that is shown.
@@ -140,11 +140,11 @@ def held_out(
     what a method can draw, not what it foretells.
 
     Args:
-        cells: What the run's folder holds.
+        cells: Cells of the run's folder.
         dataset: The run's data.
         solvers: Which of its solvers; by default all but oracles.
         samples: Most samples of a cloth.
-        progress: Called to tell what is read.
+        progress: Called with the name of what is being read.
 
     Returns:
         A strip for each real drape that is shown.

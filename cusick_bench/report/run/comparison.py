@@ -1,4 +1,4 @@
-"""What a page says of another run: a table of changes, a graph, and what else differs."""
+"""Comparison of a run with another one: a table of changes, a graph, and other differences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class ComparisonSection:
         heads: Headings of the changes.
         rows: The methods that both runs have.
         graph: Test MSE in both runs; None where neither has one.
-        notes: What a reader must know.
+        notes: Remarks for readers.
         differences: What else differs: name, value there, value here.
     """
 
@@ -85,7 +85,7 @@ def comparison_section(here: Cells, there: Cells, *, seed: int = 0) -> Compariso
         seed: Seed of the resamples.
 
     Returns:
-        What the page shows.
+        The content of the section.
 
     Raises:
         LeaderboardError: The runs are of other data or splits, or share no method on a cloth.

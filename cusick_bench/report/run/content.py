@@ -1,4 +1,4 @@
-"""What the page of a results folder holds, ready for its template: cloths, cards, numbers, pictures and graphs."""
+"""Content of the page of a results folder, for its template: cloths, cards, numbers, pictures and graphs."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ class Picture:
 
     Attributes:
         source: Its bytes as a data URL.
-        alt: What a reader who cannot see it is told.
+        alt: Description for readers who cannot see it.
         caption: Words below it.
         width: Width of the picture [px].
         height: Height of the picture [px].
@@ -65,9 +65,9 @@ class Number:
     """A number of a card.
 
     Attributes:
-        name: What it measures.
+        name: Name of the quantity.
         value: The number with its unit.
-        of: What it is to be read against.
+        of: A value or unit for comparison.
     """
 
     name: str
@@ -162,7 +162,7 @@ class RunPage:
         title: Its title.
         summary: What was run, in a sentence.
         facts: Name and value of what identifies the run.
-        boards: Leaderboards.
+        boards: The leaderboards.
         cloths: The cells, cloth by cloth.
         stiffness: What stiffness was found, None where no solver found any.
         curves: Figures that compare methods, of each leaderboard that has any.
@@ -338,7 +338,7 @@ def embedded_picture(pixels: UInt8[ndarray, "height width 4"], alt: str, caption
 
     Args:
         pixels: RGBA picture.
-        alt: What a reader who cannot see it is told.
+        alt: Description for readers who cannot see it.
         caption: Words below it.
 
     Returns:

@@ -55,7 +55,7 @@ class DrapeModel:
         method: Name of the solver, or what else the drape is of.
         anchor: Name of the card that it belongs to, "" without one.
         vertices: Positions [m].
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         words: What it is, in a sentence.
         colourings: Values of the vertices by name.
     """
@@ -123,7 +123,7 @@ def vertex_means(
 
     Args:
         values: Values of the faces, or of the inner edges in the order of `Mesh.hinges`.
-        faces: Triangles.
+        faces: Vertex indices of each triangle.
         vertices: Number of vertices.
 
     Returns:

@@ -64,11 +64,11 @@ def method_curves(cells: Cells, board: Leaderboard) -> MethodCurves | None:
     """The figures of the cells of a leaderboard.
 
     Args:
-        cells: What the results folder holds.
+        cells: Cells of the results folder.
         board: The leaderboard.
 
     Returns:
-        What the page shows; None where no method has a trace, and no two can be compared.
+        The content of the section; None where no method has a trace, and no two can be compared.
     """
     same = (cells.table["dataset_hash"] == board.dataset_hash) & (cells.table["protocol"] == board.protocol)
     table, skipped = cells.table.loc[same], cells.skipped

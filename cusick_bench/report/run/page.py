@@ -70,7 +70,7 @@ def write_report(
     """Writes the page, and on demand its pictures as files.
 
     Args:
-        cells: What the results folder holds.
+        cells: Cells of the results folder.
         boards: Its leaderboards.
         out: HTML file to write.
         unseen: Radii of the unseen samples of each split; without it the graphs have no band.
@@ -78,7 +78,7 @@ def write_report(
         pictures: Folder for one side-by-side PNG a cell.
         compared: Another run, to compare this one with.
         seed: Seed of the resamples of that comparison.
-        progress: Called to tell each cell that is drawn.
+        progress: Called with the name of each cell that is drawn.
 
     Returns:
         The files written.

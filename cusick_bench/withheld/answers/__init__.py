@@ -1,5 +1,5 @@
 """Answering withheld cases.
 
 blind: answers that see nothing but the case; leave_out: without the case's own effect; oracle: with the true cause;
-shown_shift: what a case shows beside its twin without the effect.
+shown_shift: difference between a case and its twin without the effect.
 """

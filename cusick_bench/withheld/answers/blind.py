@@ -75,7 +75,7 @@ def answer_suite(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> AnswersDocument:
-    """Answers every case, or goes on with a suite that was begun.
+    """Answers every case, or resumes an interrupted run.
 
     Args:
         cases: Folder of the cases.
@@ -104,7 +104,7 @@ def answer_each(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> AnswersDocument:
-    """Answers cases, each in its own way, or goes on with what was begun.
+    """Answers cases, each in its own way, or resumes an interrupted run.
 
     Args:
         asked: How to diagnose, by the case's folder.
@@ -141,7 +141,7 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
         folder: Folder of the case, in the public layout.
         atlas: Fitted atlas.
         options: How to diagnose.
-        simulators: Kept from case to case.
+        simulators: Simulators that are reused from case to case.
 
     Returns:
         The answer.

@@ -1,7 +1,7 @@
 """Leave-one-effect-out: cases with one effect, answered again by a diagnosis that is not offered just that effect.
 
-The right answer is then `unknown`. Which effect to leave out stands in the labels, so this comes after the answers are
-frozen. Only effects that are strong enough to be seen take part: what cannot be seen cannot be called unknown.
+The right answer is then `unknown`. The effect to leave out is known from the labels, so this is done after the answers
+are frozen. Only cases whose effect is strong enough to be seen are used: what cannot be seen cannot be called unknown.
 """
 
 from collections.abc import Callable, Mapping
@@ -67,7 +67,7 @@ def answer_left_out(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> AnswersDocument:
-    """Answers every such case without its effect, or goes on with a file that was begun.
+    """Answers every such case without its effect, or resumes an interrupted run.
 
     Args:
         cases: Folder of the cases.

@@ -1,7 +1,7 @@
-"""What a perfect diagnosis would close: the true cause with its true parameters, in the diagnosis' own simulator.
+"""Closure by a perfect diagnosis: the true cause with its true parameters, in the diagnosis' own simulator.
 
-The truth follows other laws than the simulator that answers, so even the right cause leaves a gap; an answer's closure
-is judged against this one. It needs the labels, so it is made after the answers.
+The true world has other laws than the simulator that answers, so even the right cause leaves a gap; the closure of an
+answer is compared with this one. It needs the labels, so it is computed after the answers.
 """
 
 import json
@@ -54,7 +54,7 @@ def oracle_closures(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> OracleClosures:
-    """Closure by the true cause of every case that has one, the strongest first, or goes on with what was begun.
+    """Closure by the true cause of every case that has one, the strongest first, or resumes an interrupted run.
 
     Args:
         cases: Folder of the cases.
@@ -80,7 +80,7 @@ def oracle_closures(
 
 
 def _part(out: Path, folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> Path:
-    """Where the closure of one case is kept."""
+    """Path of the file with the closure of one case."""
     return case_part(out, folder, atlas, label.unsealed(), f"samples {draping.samples}, seed {draping.seed}")
 
 

@@ -1,7 +1,7 @@
-"""Where what is found of each case is kept: one file a case beside the file for all, so that a crash loses one.
+"""Files of partial results: one for each case beside the file for all cases, so that a crash loses only one case.
 
-The path tells what it was found from: the files of the case, the atlas, the options, the versions of the numerics. What
-was found from others, as from another suite's case of the same name, is not taken over.
+The path contains a hash of everything that decides a result: the files of the case, the atlas, the options, the
+versions of the numerics. So results of other inputs, such as another suite's case of the same name, are never reused.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ def gather(
     workers: int,
     step: Callable[[str], None],
 ) -> dict[str, Found]:
-    """What is found of each case, that of the cases whose part is there from it; all is written after every case.
+    """Results of all cases, read from their parts where these exist; the file for all is written after every case.
 
     Args:
         out: File for all cases.
@@ -62,7 +62,7 @@ def gather(
 
 
 def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:
-    """Where what is found of one case is kept.
+    """Path of the file with the result of one case.
 
     Args:
         out: File for all cases.

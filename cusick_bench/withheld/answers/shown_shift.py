@@ -1,20 +1,20 @@
-"""What a case's silhouettes show of its effect: the case beside its twin, the same in all else but without the effect.
+"""The shift that a case's silhouettes show, from a comparison with its twin: the same case without its effect.
 
-Severities of a suite are multiples of what the package's own laws make detectable. The truth follows other laws, so an
-effect may show less there, or more. With w the whitened residual of a diagnosis,
+Severities of a suite are multiples of those that are detectable by the package's own laws. The true world has other
+laws, so an effect may show less or more there. With w the whitened residual of a diagnosis, the shown shift is
 
     d = w(case) - w(twin),   |d|^2 = min(|d at the twin's base parameters|^2, |d at each's own|^2) - noise^2
 
-is what it does show: to how many standard deviations of a fabric's own scatter it comes, once the base parameters have
-taken up what they can. Chance is the same in both, but a drape may fall into other folds; the two halves of the samples
-tell how much of d that makes:  noise^2 = |d(first half) - d(second half)|^2 / 4.
+in standard deviations of a fabric's own scatter, after the base parameters have explained what they can. Both have the
+same random numbers, but a drape may fall into other folds; how much of d is due to that is estimated from the two
+halves of the samples:  noise^2 = |d(first half) - d(second half)|^2 / 4.
 
-Where several effects act, each also has a twin that lacks it alone: what each shows beside the others.
+Where several effects act, each also has a twin that lacks only this one, which gives the shift that it adds.
 
-No diagnosis of the same statistics can find what does not show, or call an effect unknown if up to three other effects
-together leave nothing of d at the strengths that fit best (matching pursuit). What chance is left in d is that of the
-very samples that are answered: where it helps to find an effect it enlarges d too. Twins need the suite's seed, so they
-are made after the answers.
+No diagnosis of the same statistics can find an effect that does not show, or call an effect unknown if up to three
+other effects together, at the strengths that fit best, leave nothing of d (matching pursuit). The remaining randomness
+of d is that of the same samples that are answered: where it helps to find an effect, it also enlarges d. Twins need the
+suite's seed, so they are made after the answers.
 
 References:
     Pati, Rezaiifar, Krishnaprasad. Orthogonal matching pursuit. Asilomar Conference on Signals, Systems and Computers,
@@ -57,7 +57,7 @@ from cusick_bench.withheld.suite.labels import label_of
 
 @dataclass(frozen=True)
 class ShownShift:
-    """What the silhouettes of a case show of its effect; an entry of `twins.json`.
+    """Shift that the silhouettes of a case show; an entry of `twins.json`.
 
     Attributes:
         shift: |d|, in standard deviations of noise.
@@ -92,7 +92,7 @@ class ShownShift:
 
     @property
     def unlike(self) -> float:
-        """What is left of the shift once other listed effects are taken off, in detectable shifts."""
+        """Remainder of the shift after other listed effects are subtracted, in detectable shifts."""
         return self.left / NEEDED
 
 
@@ -110,7 +110,7 @@ def measure_shown_shifts(
     workers: int = 1,
     step: Callable[[str], None] = lambda case: None,
 ) -> dict[str, ShownShift]:
-    """Measures what every case with an effect shows of it, or goes on with what was begun.
+    """Measures what every case with an effect shows of it, or resumes an interrupted run.
 
     Args:
         suite: The suite as it was generated.
@@ -140,7 +140,7 @@ def measure_shown_shifts(
 
 
 def _part(out: Path, folder: Path, suite: Suite, plan: Plan, atlas: Path) -> Path:
-    """Where what one case shows is kept."""
+    """Path of the file with the shown shift of one case."""
     return case_part(out, folder, atlas, suite, plan, f"withheld {NUMERICS_VERSION}")
 
 

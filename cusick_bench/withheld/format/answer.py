@@ -103,7 +103,7 @@ class Where(Place):
 
 
 class Closure(Document):
-    """How far the gap shrinks.
+    """How far the named effects close the gap.
 
     Attributes:
         effect: The named effect.
@@ -117,7 +117,7 @@ class Closure(Document):
 
 
 class BaselineAnswer(Document):
-    """What was said of one case, blind, by a diagnosis or by a simpler method.
+    """A blind answer to one case, by a diagnosis or by a simpler method.
 
     Attributes:
         verdict: One of `VERDICTS`; where none is given, `effect` if any cause is named, else `none`.
@@ -199,7 +199,7 @@ class BaselineAnswer(Document):
 
     @cached_property
     def peak(self) -> Region | None:
-        """Where the map points; None if there is no map, or a flat one."""
+        """Place with the largest value of the map; None if there is no map, or a flat one."""
         if self.where.map is None:
             return None
         values = np.array([[finite_or_nan(value) for value in row] for row in self.where.map])
@@ -227,7 +227,7 @@ class BaselineAnswer(Document):
 
     @property
     def leading(self) -> str:
-        """What the verdict amounts to: the likeliest effect, `none`, `unknown` or `refused`."""
+        """The verdict as one name: the likeliest effect, `none`, `unknown` or `refused`."""
         if self.verdict in (causes.NONE, causes.UNKNOWN, REFUSED):
             return self.verdict
         return self.effects[0] if self.effects else causes.UNKNOWN

@@ -1,4 +1,4 @@
-"""What can be the cause of a gap: names, classes, and what silhouettes can tell of it.
+"""Possible causes of a gap: names, classes, and groups that silhouettes do not tell apart.
 
 Names and classes are written out, because answers and labels that were frozen years ago must mean the same today; a
 package's further effects are known by their registration.

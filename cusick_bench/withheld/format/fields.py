@@ -30,7 +30,7 @@ class Document(BaseModel):
     model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True)
 
     def content(self) -> dict[str, Any]:
-        """The part as it stands on disk.
+        """The part as it is stored on disk.
 
         Returns:
             What `json` writes: keys that were given, in the model's order.

@@ -117,7 +117,7 @@ class LabelDocument(Document):
         """The label without its salt and seal.
 
         Returns:
-            Its content as it stands on disk.
+            Its content as it is stored on disk.
         """
         return {key: value for key, value in self.content().items() if key not in ("salt", "sha256")}
 
@@ -232,7 +232,7 @@ def read_label(content: Any, where: str) -> Label:
 
 
 def truth_of(label: LabelDocument) -> Label:
-    """What a label says, in the terms of the scores.
+    """The truth that a label states, as the scores need it.
 
     Args:
         label: The label.

@@ -127,7 +127,7 @@ def cell(ring: int, sector: int, inner: float = PLATE_EDGE, outer: float = RIM) 
 
 
 def peak(values: Float[ndarray, "rings sectors"], kind: str) -> Region | None:
-    """Where a map points: its largest cell, or for a ring the ring with the largest sum.
+    """Place of the largest value of a map: a cell, or for a ring the ring with the largest sum.
 
     Args:
         values: Weight of each cell, rings from the plate to the rim.

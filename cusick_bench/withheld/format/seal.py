@@ -29,7 +29,7 @@ def seal(label: Mapping[str, Any], salt: str) -> str:
     """Computes the seal of a label.
 
     Args:
-        label: The label as it stands on disk; its own `salt` and `sha256` are left out.
+        label: The label as it is stored on disk; its own `salt` and `sha256` are left out.
         salt: The salt.
 
     Returns:
@@ -44,7 +44,7 @@ def sealed(label: Mapping[str, Any], salt: str) -> dict[str, Any]:
     """Seals a label.
 
     Args:
-        label: The label as it stands on disk.
+        label: The label as it is stored on disk.
         salt: The salt.
 
     Returns:
@@ -57,7 +57,7 @@ def holds(label: Mapping[str, Any], commitment: str) -> bool:
     """Whether a label is the one that was sealed.
 
     Args:
-        label: The label as it stands on disk, with its salt and seal.
+        label: The label as it is stored on disk, with its salt and seal.
         commitment: The seal that was published.
 
     Returns:

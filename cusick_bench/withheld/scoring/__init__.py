@@ -1,5 +1,5 @@
 """Scoring of answers.
 
-labelled_answers: opens labels beside answers; judgement: one answer; subsets, figures, score: figures with intervals;
-measures: what is measured; calibration: statistics; table, failures: text.
+labelled_answers: reads answers together with their labels; judgement: one answer; subsets, figures, score: figures with
+intervals; measures: definitions of the figures and their goals; calibration: statistics; table, failures: text.
 """

@@ -1,4 +1,4 @@
-"""Whether probabilities mean what they say, and how well a score tells two sorts of cases apart.
+"""Calibration of probabilities, and how well a score separates two kinds of cases (AUROC).
 
 References:
     E. B. Wilson. Probable inference, the law of succession, and statistical inference. Journal of the American
@@ -21,8 +21,8 @@ from numpy import ndarray
 from scipy.stats import binomtest, mannwhitneyu
 
 BINS = 10
-PER_BIN = 15  # cases that a bin should have at least
-LEAST_PROBABILITY = 1e-4  # what a probability of 0 counts for in the logarithmic score
+PER_BIN = 15  # least number of cases in a bin
+LEAST_PROBABILITY = 1e-4  # least probability in the logarithmic score
 
 
 @lru_cache(maxsize=4096)

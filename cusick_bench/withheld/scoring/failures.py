@@ -1,4 +1,4 @@
-"""What went wrong, case by case, and what was taken for what."""
+"""Failures case by case, and confusion tables: which effect was taken for which."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ def failures(answered: LabelledAnswers, cases: pd.DataFrame) -> list[Failure]:
 
 
 def _faults(row: dict[Hashable, Any]) -> tuple[str, ...]:
-    """What is wrong, the worst first. What follows from a miss is not told again."""
+    """Faults of an answer in words, the worst first; consequences of a missed effect are not listed again."""
     if row["kind"] == NULL:
         return ("false positive",) if row["detected"] else ()
     if row["verdict"] == causes.NONE:
@@ -102,7 +102,7 @@ def described_answer(answer: BaselineAnswer) -> str:
     """Describes an answer in a few words.
 
     Args:
-        answer: What was said.
+        answer: The answer.
 
     Returns:
         Verdict, first causes with their probabilities, 90 % set, p-value.
@@ -115,7 +115,7 @@ def described_answer(answer: BaselineAnswer) -> str:
 
 
 def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
-    """How many cases of a row's class were taken for a column's.
+    """Number of cases of a row's class that were taken for a column's class.
 
     Args:
         cases: Judgements, of `Scores`.
@@ -129,7 +129,7 @@ def confusion_by_class(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def confusion_by_effect(cases: pd.DataFrame) -> pd.DataFrame:
-    """How many cases of a row's effect were taken for a column's; pairs are left out.
+    """Number of cases of a row's effect that were taken for a column's effect; pairs are left out.
 
     Args:
         cases: Judgements, of `Scores`.

@@ -44,7 +44,7 @@ class Figure:
 
     Attributes:
         method: `answers`, `chance`, or a baseline's name.
-        name: What is measured.
+        name: Name of the figure.
         subset: Name of the subset of cases: `all`, a level of severity as `2x`, `>= 2x`, or those of the latter that no
             other effect makes.
         value: The figure; NaN without cases.

@@ -1,4 +1,4 @@
-"""What is right and wrong in the answer to one case."""
+"""Judgement of the answer to one case: what is right and what is wrong."""
 
 from dataclasses import dataclass
 from math import isfinite, nan
@@ -88,8 +88,8 @@ def judgement_of(case: str, answer: BaselineAnswer, label: Label) -> Judgement:
 
     Args:
         case: Name of the case.
-        answer: What was said.
-        label: What is true.
+        answer: The answer.
+        label: The label.
 
     Returns:
         What is right and wrong in the answer.
@@ -125,7 +125,7 @@ def answers_with_equivalents(answer: BaselineAnswer, effect: str) -> bool:
     """Whether an answer says all that silhouettes can tell of an effect, and what would tell more.
 
     Args:
-        answer: What was said.
+        answer: The answer.
         effect: The true effect.
 
     Returns:

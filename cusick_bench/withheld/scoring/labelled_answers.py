@@ -1,4 +1,4 @@
-"""Opens the labels beside the answers: every case in both, every label as it was sealed."""
+"""Reads answers together with their labels, and checks that both have the same cases and that seals are intact."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ class LabelledAnswers:
     """Answers with their labels, by case.
 
     Attributes:
-        answers: What was said.
-        labels: What is true.
-        notes: What a reader must know of the files.
+        answers: The answers.
+        labels: The labels.
+        notes: Remarks on the files for readers.
     """
 
     answers: Mapping[str, Answer]
@@ -137,7 +137,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -> str:
-    """What the seals prove, in a sentence.
+    """Sentence on what the seals prove.
 
     Raises:
         WithheldError: A label that is not the one whose seal was published.

@@ -1,4 +1,4 @@
-"""What answers are measured by: shares and means over judged cases, and the figures to reach."""
+"""Definitions of the figures by which answers are scored: shares and means over judged cases, with their goals."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -6,18 +6,18 @@ from math import isfinite
 from cusick_bench.withheld.format.label import NULL, OUTSIDE, PAIR, SINGLE
 
 ALL = "all"
-CLEAR = ">= 2x"  # singles of at least twice the detectable shift: what the goals are about
+CLEAR = ">= 2x"  # single effects of at least twice the detectable shift, for which the goals hold
 
-HIDDEN = "typical"  # singles whose severity is given in typical ones beside others in detectable shifts
+HIDDEN = "typical"  # single effects with typical severities, in a suite where others have detectable shifts
 CLEAR_FROM = 2 - 1e-6
-DISTINCT = ">= 2x, unlike others"  # those of which no other effect makes all that shows
-DISTINCT_FROM = 1.0  # detectable shifts
+DISTINCT = ">= 2x, unlike others"  # clear effects that no other effect imitates completely
+DISTINCT_FROM = 1.0  # [detectable shifts] least remainder of an effect that no other one imitates
 LEVELS = ("1x", "2x")  # those that a goal is about
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What a figure should be.
+    """The goal of a figure.
 
     Attributes:
         low, high: Where it should lie.

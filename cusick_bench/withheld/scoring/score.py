@@ -1,6 +1,6 @@
-"""Scores answers to withheld cases: every figure with its interval, beside what chance and simpler methods reach.
+"""Scores answers to withheld cases: every figure with its interval, beside those of chance and of simpler methods.
 
-Chance is measured, not assumed: the same answers, dealt to the cases at random.
+Chance is measured, not assumed: the same answers are assigned to the cases at random.
 """
 
 from collections import Counter
@@ -33,7 +33,7 @@ class Scores:
         figures: All figures, those of the answers first.
         cases: Judgements of the answers, a row a case, in the order of `Judgement`.
         detection: What detection is scored by.
-        notes: What a reader must know.
+        notes: Remarks for readers.
     """
 
     figures: tuple[Figure, ...]
@@ -45,7 +45,7 @@ class Scores:
         """Value of a figure.
 
         Args:
-            name: What is measured.
+            name: Name of the figure.
             subset: Name of the subset of cases.
             method: `answers`, `chance`, or a baseline's name.
 
@@ -108,14 +108,14 @@ def _baselines(answered: LabelledAnswers) -> dict[str, dict[str, BaselineAnswer]
 
 
 def _detection(cases: pd.DataFrame) -> str:
-    """What detection is scored by: p-values where there are any, else probabilities, else verdicts."""
+    """Scores of detection: p-values if there are any, otherwise probabilities, otherwise verdicts."""
     return next((column for column in ("p", "none") if np.isfinite(cases[column]).any()), "verdict")
 
 
 def _evidence(cases: pd.DataFrame, answers: Sequence[BaselineAnswer]) -> Float[ndarray, " cases"]:
-    """How sure an answer is that something is there. An answer that does not say counts against its giver.
+    """Certainty of an answer that something acts; an answer without one gets the worst.
 
-    An answer that states causes, but not none, leaves to none what these leave.
+    If an answer states causes but not `none`, the rest of the probability belongs to `none`.
     """
     column = _detection(cases)
     if column == "verdict":

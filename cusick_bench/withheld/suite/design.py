@@ -1,8 +1,9 @@
-"""Which cases a withheld suite holds: nulls, single effects by severity, pairs, and effects outside the list.
+"""Design of a withheld suite: nulls, single effects by severity, pairs, and effects outside the list.
 
-Severities are multiples of what is detectable in the case's own fabric where a table of these is given; where that
-exceeds what the effect can be, another fabric is drawn. Else they are multiples of what is typical. Numbers are written
-out here rather than taken from the package's effects: a suite must mean the same after those have changed.
+If a table of detectable severities is given, severities are multiples of those in the case's own fabric; where such a
+multiple exceeds the bounds of the effect, another fabric is drawn. Otherwise they are multiples of typical severities.
+Numbers are written out here instead of being taken from the package's effects, since a suite must keep its meaning when
+those change.
 """
 
 from __future__ import annotations
@@ -104,12 +105,12 @@ OUTSIDE: dict[str, Draw] = {
     "smear": Draw("length", 4, 16, 0.0, {"direction": _AXIS}),
     "frilled": Draw("growth", 0.02, 0.08),
 }
-"""Draws of what is outside of the list, at 1, 2 and 4 times the typical severity."""
+"""Draws of effects outside the list, at 1, 2 and 4 times the typical severity."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a case holds.
+    """Plan of a case: its kind, effects and severities.
 
     Attributes:
         case: Name of the case.

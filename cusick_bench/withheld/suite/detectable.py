@@ -1,7 +1,7 @@
-"""How strong an effect must be to be found: a table over fabrics, made elsewhere (`cusick-bench atlas power`).
+"""Detectable severities of effects, a table from `cusick-bench atlas power`.
 
-What a limp cloth hides a stiff one shows: the same offset of a camera is found at a quarter of the size. So severities
-are given for several levels of
+They depend on the stiffness of the cloth: in stiff cloth an offset of the camera is found at a quarter of the size that
+limp cloth needs. So severities are given for several levels of
 
     l = ln( B / (rho g R^3) )
 

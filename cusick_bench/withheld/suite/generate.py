@@ -36,7 +36,7 @@ _DENSITY_ERROR = 0.01  # of the density in a case's table
 
 @dataclass(frozen=True)
 class Suite:
-    """What is asked for; the form of `suite.json`.
+    """Description of a suite; the form of `suite.json`.
 
     Attributes:
         seed: Seed of all random choices. Whoever knows it knows every label: keep it with the labels, take a long one.
@@ -89,7 +89,7 @@ def generate(
     """Writes a suite.
 
     Args:
-        suite: What is asked for.
+        suite: Description of the suite.
         out: Folder of the cases, with the commitment to their labels; nothing else is written there.
         labels: Folder of the labels, outside of `out`.
         workers: Number of processes.
@@ -164,7 +164,7 @@ def write_case(suite: Suite, plan: Plan, out: Path) -> str:
 
     Args:
         suite: The suite that the case belongs to.
-        plan: What the case holds.
+        plan: Plan of the case.
         out: Folder of the cases.
 
     Returns:

@@ -15,7 +15,7 @@ def label_of(plan: Plan) -> LabelDocument:
     """Writes the label of a case.
 
     Args:
-        plan: What the case holds.
+        plan: Plan of the case.
 
     Returns:
         The label, not yet sealed; of a pair, effect, class, severity, parameters and location are lists.

@@ -1,4 +1,4 @@
-"""What a world is: a population of fabrics, a way to drape them, a camera, and the effects that it can do."""
+"""A world: a population of fabrics, a way to drape them, a camera, and the effects that it can simulate."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

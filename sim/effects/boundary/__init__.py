@@ -1,1 +1,1 @@
-"""Effects of how the cloth lies on its plate, and of its cut."""
+"""Effects of the plate, of the cloth's position on it, and of its cut."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cusick_bench.sim.setup import Setup
 
 
-_STREAM = 0x5119  # tells these random numbers from others of the same laying
+_STREAM = 0x5119  # makes these random numbers independent of others for the same laying
 
 
 class PlateSlip(Effect):

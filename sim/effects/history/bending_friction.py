@@ -1,10 +1,10 @@
 """Yarns rub against each other as the cloth bends: part of the moment opposes the last movement.
 
-Under laws `paper` and `published` friction acts hinge by hinge, with a share of the couple such that a cloth on a mesh
-without preferred directions has the one that is asked for (`HINGE_SHARE`). Under law `plate` it acts at the edge points
-on the curvature tensor: it holds k_f (kappa - kappa_slid), k_f in proportion to the plate's own stiffness, and slides
-(radial return) where |kappa - kappa_slid|, the norm of the tensor, exceeds the yield curvature. A cylinder's couple is
-then HB in every direction.
+With laws `paper` and `published` friction acts hinge by hinge. Each hinge gets a share of the couple (`HINGE_SHARE`)
+such that a cloth on a mesh without preferred directions has the given couple. With law `plate` friction acts at the
+edge points on the curvature tensor: the moment is k_f (kappa - kappa_slid), with k_f in proportion to the plate's own
+stiffness, and kappa_slid follows (radial return) where |kappa - kappa_slid|, the norm of the tensor, exceeds the yield
+curvature. The couple of a cylinder is then HB in every direction.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 
 YIELD_CURVATURE = 2.0
-"""Change of curvature [1/m] over which the friction turns round: a tenth of a drape's, so that loops are nearly
-parallelograms, and their corners are still smooth enough for long steps."""
+"""Change of curvature over which the friction changes its sign [1/m]: a tenth of that of a drape, so that hysteresis
+loops are nearly parallelograms, and their corners are still smooth enough for long time steps."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class MomentFriction(StateLaw):
 
 @dataclass
 class SlidBending(State):
-    """Where the friction elements of one cloth are free of stress.
+    """State in which the friction elements of one cloth are free of stress.
 
     Attributes:
         ratio: As in `MomentFriction`.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 YIELD_SHEAR = math.radians(0.2)
-"""Change of shear angle [rad] over which the friction turns round: small against the 8 degrees of Kawabata's test."""
+"""Change of shear angle over which the friction changes its sign [rad]: small against Kawabata's 8 degrees."""
 
 _SHEAR_COLUMN = 3  # of C: c33
 
@@ -45,7 +45,7 @@ class ShearStressFriction(StateLaw):
 
 @dataclass
 class SlidShear(State):
-    """Where the friction elements of one cloth are free of stress.
+    """State in which the friction elements of one cloth are free of stress.
 
     Attributes:
         ratio: As in `ShearStressFriction`.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cusick_bench.sim.setup import Setup
 
 
-_STREAM = 0x5F1E1D  # keeps these draws apart from others of the same specimen
+_STREAM = 0x5F1E1D  # makes these random numbers independent of others for the same specimen
 
 
 @dataclass(frozen=True, eq=False)

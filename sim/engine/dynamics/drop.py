@@ -29,11 +29,11 @@ from cusick_bench.sim.errors import DrapeDiverged, MembersDiverged, SimulationEr
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 FACTOR_MEMORY = 2**30  # [bytes] factors kept for the adjoint; beyond it they are computed again
-_CACHE = 8 * 2**20  # [bytes] of elements evaluated together; they stay in the cache until their matrix is assembled
+_CACHE = 8 * 2**20  # [bytes] elements evaluated together, so that they stay in the cache until assembly
 States = Iterator[tuple[slice, Evaluated]]
 """Elements of a batch, part by part; each is valid until the next one is asked for."""
 
-_FAR = 20.0  # a cloth that moves farther than so many times its size has blown up
+_FAR = 20.0  # [sizes of the cloth] displacement beyond which the cloth has flown apart
 
 
 @dataclass(frozen=True)

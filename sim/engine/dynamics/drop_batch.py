@@ -1,13 +1,13 @@
-"""Drops of a batch of cloths: who diverged, whose step was halved, and the way back through the steps really taken.
+"""Drops of a batch of cloths: which diverged, which had shorter steps, and the adjoint of the steps that were taken.
 
-Long steps blow up a few limp cloths. A cloth that flies apart is dropped again with half the step and twice the steps,
+A few limp cloths fly apart in long steps. Such a cloth is dropped again with half the step and twice as many steps,
 over the same time, as often as the settings allow (`DrapeSettings.halvings`); the others keep their drape to the bit.
-Shorter steps are always steady (`pace`). A cloth that is lost in its first step is not dropped again: its forces as it
-was laid down know nothing of the step, so its tables or its loads are at fault.
+Drops with shorter steps always have the pace `steady`. A cloth that diverges in its first step is not dropped again:
+its forces as laid down do not depend on the step, so its tables or its loads are at fault.
 
-In lockstep a matrix is factorised otherwise, to rounding, than by itself, and limp cloth makes centimetres of rounding.
-So that no drape depends on the other cloths of its batch, first drops are in lockstep, even of a single cloth, and
-drops with shorter steps, of which a batch has few, are one by one.
+In lockstep, the factor of a matrix differs by rounding from that of the same matrix alone, and limp cloth can amplify
+rounding to centimetres. So that no drape depends on the other cloths of its batch, all first drops are in lockstep,
+even that of a single cloth, and drops with shorter steps, of which a batch has few, are made one by one.
 """
 
 from dataclasses import dataclass, field, replace
@@ -24,11 +24,11 @@ from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import MembersDiverged
 
-_BLOWN_UP = 100.0  # free fall has net forces of about the weight; so much more is a drop that its long steps blew up
+_BLOWN_UP = 100.0  # [weights] net force of a cloth that flew apart; in free fall it is about 1
 
 
 def flown_apart(settings: DrapeSettings, residual: float) -> str | None:
-    """What to say of a cloth that a drop's long steps blew up; None for any other.
+    """Message about a cloth that flew apart in a drop's long steps; None for any other.
 
     Args:
         settings: How it was dropped.

@@ -1,4 +1,4 @@
-"""Which control points every quadrature point of a shell depends on, and what of it adds up where in the matrix."""
+"""The control points on which every quadrature point of a shell depends, and the places of its terms in the matrix."""
 
 from dataclasses import dataclass
 

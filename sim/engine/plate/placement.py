@@ -36,7 +36,7 @@ class Placement:
         )
 
     def frame(self, fixed: Float[ndarray, "members fixed 3"]) -> Float[ndarray, "members 3 3"]:
-        """Where the plate is.
+        """Position of the plate.
 
         Args:
             fixed: Positions of the fixed vertices [m].

@@ -69,7 +69,7 @@ class ShellSystem:
         """Checks that the forces derive from an energy, as those of a shell do."""
 
     def with_mesh(self, mesh: Mesh) -> "ShellSystem":
-        """This system with its material points elsewhere; it shares the analysis of this one where it can.
+        """A copy of the system with other material points; it shares the analysis of this one where it can.
 
         Args:
             mesh: The same faces over other material points.
@@ -100,7 +100,7 @@ class ShellSystem:
         return other
 
     def with_rest_shear(self, rest: Float[ndarray, "points"]) -> "ShellSystem":
-        """This system with its points free of shear stress elsewhere; it shares the analysis of this one.
+        """A copy of the system with other points free of shear stress; it shares the analysis of this one.
 
         Args:
             rest: x_,1 . x_,2 without shear stress, edges first. Adjoints are those of no rest shear.
@@ -145,7 +145,7 @@ class ShellSystem:
 
     @cached_property
     def layout(self) -> ShellLayout:
-        """Where the points' stiffness goes in the matrix of the free control points."""
+        """Places of the points' stiffness in the matrix of the free control points."""
         return shell_layout(self.nodes, len(self.free))
 
     @cached_property
@@ -170,16 +170,16 @@ class ShellSystem:
 
     @cached_property
     def element_bytes(self) -> int:
-        """What the evaluated points and nodes of one cloth take [bytes]."""
+        """Memory of the evaluated points and nodes of one cloth [bytes]."""
         return sum(array.nbytes for array in vars(Workspace.of(1, self.nodes, self.edges)).values())
 
     @cached_property
     def placement(self) -> Placement:
-        """Where the undeformed cloth lies on the plate."""
+        """Placement of the undeformed cloth on the plate."""
         return Placement.of(self.sheet.material[self.fixed], self.stencils.control_material)
 
     def frame(self, x: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members 3 3"]:
-        """Where the plate is: x_,1 and x_,2 of the undeformed cloth on it, and its material origin.
+        """Frame of the plate: x_,1 and x_,2 of the undeformed cloth on it, and its material origin.
 
         Args:
             x: Positions; those of the fixed vertices count [m].

@@ -1,5 +1,6 @@
-"""Between what a drape is asked in (vertices, faces, hinges) and what a shell computes with (control points, quadrature
-points). All maps are linear; each has its transposed for gradients."""
+"""Linear maps between vertices, faces and hinges of a drape and control and quadrature points of a shell.
+
+Each has its transpose for gradients."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +20,7 @@ _FLAT = 1e-6  # [m] by which vertices may lie off the plate's plane
 
 @dataclass(frozen=True, eq=False)
 class VertexUnknowns:
-    """Of laws whose unknowns are the vertices: everything is what it is."""
+    """Maps for laws whose unknowns are the vertices: all are identities."""
 
     def parameters(self, p: Parameters) -> Parameters:
         """Parameters as the system takes them."""
@@ -34,19 +35,19 @@ class VertexUnknowns:
         return x
 
     def by_configuration(self, g: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members vertices 3"]:
-        """From derivatives by positions to those by unknowns."""
+        """Turns derivatives by positions into derivatives by unknowns."""
         return g
 
     def gradient(
         self, found: ParameterGradient, g_start: Float[ndarray, "members vertices 3"]
     ) -> tuple[ParameterGradient, Float[ndarray, "members vertices 3"]]:
-        """From derivatives by the system's parameters and starting unknowns to those by the cloth's and positions."""
+        """Turns derivatives by the system's parameters and initial unknowns into those by the cloth's and positions."""
         return found, g_start
 
 
 @dataclass(frozen=True, eq=False)
 class ShellUnknowns:
-    """Of law `plate`.
+    """Maps for law `plate`.
 
     Attributes:
         system: The shell.
@@ -123,7 +124,7 @@ class ShellUnknowns:
         return found
 
     def by_configuration(self, g: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members vertices 3"]:
-        """From derivatives by positions to those by control points and fixed vertices.
+        """Turns derivatives by positions into derivatives by control points and fixed vertices.
 
         Args:
             g: Derivatives by the vertices' positions.
@@ -142,7 +143,7 @@ class ShellUnknowns:
     def gradient(
         self, found: ParameterGradient, g_start: Float[ndarray, "members vertices 3"]
     ) -> tuple[ParameterGradient, Float[ndarray, "members vertices 3"]]:
-        """From derivatives by the system's parameters and starting unknowns to those by the cloth's and positions.
+        """Turns derivatives by the system's parameters and initial unknowns into those by the cloth's and positions.
 
         Args:
             found: By quadrature and control points.
@@ -160,7 +161,7 @@ class ShellUnknowns:
         return gradient, self.by_laid(g_start)
 
     def by_laid(self, g_start: Float[ndarray, "members vertices 3"]) -> Float[ndarray, "members vertices 3"]:
-        """From derivatives by the unknowns at the start to those by the positions in which the cloth is laid down.
+        """Turns derivatives by the initial unknowns into those by the positions in which the cloth is laid down.
 
         Args:
             g_start: By the unknowns at the start.

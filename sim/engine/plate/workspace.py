@@ -1,4 +1,4 @@
-"""Buffers for what the kernels return of a shell's points and nodes, used again from evaluation to evaluation."""
+"""Buffers for the kernels' results at a shell's points and nodes, reused from evaluation to evaluation."""
 
 from dataclasses import dataclass
 

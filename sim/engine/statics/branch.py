@@ -1,7 +1,7 @@
-"""Whether a drape still lies on the branch of rests that it was followed from.
+"""Whether a drape still lies on the branch of equilibria that it started from.
 
-A cloth has many rests. Where parameters change a little, a rest moves a little; but a branch can end, and the cloth
-then snaps to another one, with another number of folds. Neither a gradient nor a residual shows that.
+A cloth has many equilibria. If parameters change a little, an equilibrium usually moves a little; but a branch can end,
+and the cloth then snaps to another one, with another number of folds. Neither the gradient nor the residual shows that.
 """
 
 from dataclasses import dataclass

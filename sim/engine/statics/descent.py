@@ -4,9 +4,9 @@ Where the Hessian H is not positive definite or a full step does not lower the e
 it: an implicit Euler step of length 1/sqrt(mu) without memory of velocity (pseudo-transient continuation). Far from
 rest the cloth falls; near rest mu -> 0 and the steps are Newton's.
 
-A step s of H + mu M is held against the quadratic model of the energy without mu, which promises to fall by
-a (1 - a/2) F . s + a^2 mu s . M s / 2 where the share a of the step is taken. The agreement of the energy's fall with
-that promise decides whether the step is taken and what becomes of mu.
+A step s of H + mu M is compared with the quadratic model of the energy without mu, which predicts a decrease of
+a (1 - a/2) F . s + a^2 mu s . M s / 2 for the share a of the step. The ratio of the actual to the predicted decrease,
+the agreement, decides whether the step is accepted and how mu changes.
 
 References:
     Kelley, Keyes. Convergence analysis of pseudo-transient continuation. SIAM J. Numerical Analysis 35(2), 1998.
@@ -25,11 +25,11 @@ from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.linear.interface import Factor, NotPositiveDefinite
 
 FALLING = 400.0  # [1/s2] mu of a cold start: pseudo steps of 0.05 s
-_SMALLEST = 0.1  # [1/s2] below it mu is dropped
-_LARGEST = 1e9  # [1/s2] beyond it no step is short enough
-_ROUNDING = 1e-13  # energy changes below this fraction of the energy are noise
-_NUDGE = 1e-5  # [m] kick off a saddle
-_ACCEPTED = 1e-3  # least agreement of a step that is taken
+_SMALLEST = 0.1  # [1/s2] mu below which it is set to 0
+_LARGEST = 1e9  # [1/s2] mu beyond which the descent fails
+_ROUNDING = 1e-13  # relative changes of the energy below this are rounding
+_NUDGE = 1e-5  # [m] displacement by which a saddle is left
+_ACCEPTED = 1e-3  # least agreement of a step that is accepted
 _GOOD, _POOR = 0.75, 0.25  # agreements above which mu shrinks and below which it grows
 
 
@@ -133,7 +133,7 @@ class Landscape(Protocol[S]):
 
 @dataclass(frozen=True)
 class Descent(Generic[S]):
-    """Where a descent ended.
+    """Result of a descent.
 
     Attributes:
         state: The last state.

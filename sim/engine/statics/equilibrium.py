@@ -134,7 +134,7 @@ def equilibrium(
 
 @runtime_checkable
 class Rest(Protocol):
-    """What the adjoint needs of a rest, with or without contacts."""
+    """Data of an equilibrium that the adjoint needs, with or without contacts."""
 
     @property
     def positions(self) -> Float[ndarray, "vertices 3"]: ...

@@ -6,9 +6,10 @@ areas, and the direction of the edge in the material frame, which selects betwee
 seam the edge lies in two panels: its length and direction are the means of both, and the seam itself adds no stiffness.
 
 A hinge on a clamp has both ends of its edge and one of its two faces held. The held face cannot bend, so the angle is
-taken up by the free face alone: over half the width, at twice the curvature. Counted in full (A1 + A2, as the published
-program does) such a hinge is half as stiff as the cloth, and the cloth leaves its plate at a slope: on a mesh of 1205
-vertices a stiff cloth then hangs a quarter too low, and with the free face alone within 3 % of the exact plate.
+taken up by the free face alone: over half the width, at twice the curvature. With both areas (A1 + A2, as in the
+published program) such a hinge is half as stiff as the cloth, and the cloth leaves its plate at a slope: on a mesh of
+1205 vertices a stiff cloth then hangs a quarter too low; with the area of the free face alone it is within 3 % of the
+exact plate.
 
 References:
     Volino, Magnenat-Thalmann, Faure. A simple approach to nonlinear tensile stiffness for accurate cloth simulation.

@@ -1,8 +1,8 @@
-"""Forces that a cloth's unevenness adds at a known shape: of its rest shape, and of its stiffness over the cloth.
+"""Forces at a known shape due to an uneven rest shape and an uneven stiffness of the cloth, to first order.
 
-To first order, from smooth Gaussian fields with covariance s^2 exp(-d^2 / (2 l^2)) over the flat cloth. A rest shape of
-height h bends the hinges' stress-free angles by phi = D h, and df/dphi = M' grad theta; a stiffness field q changes
-the forces of faces and hinges by q times themselves. The covariance of such forces has few modes: those of the field.
+Both are smooth Gaussian fields with covariance s^2 exp(-d^2 / (2 l^2)) over the flat cloth. A rest shape of height h
+changes the hinges' stress-free angles by phi = D h, and df/dphi = M' grad theta; a field q of log stiffness changes the
+forces of faces and hinges by q times themselves. The covariance of these forces has few modes, those of the field.
 """
 
 import numpy as np

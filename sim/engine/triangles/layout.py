@@ -1,4 +1,4 @@
-"""Where element blocks go in the global matrix, and element vectors at the vertices."""
+"""Places of element blocks in the global matrix, and of element vectors at the vertices."""
 
 from dataclasses import dataclass
 

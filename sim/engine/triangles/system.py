@@ -75,7 +75,7 @@ class DrapeSystem:
             )
 
     def with_elements(self, elements: Elements) -> "DrapeSystem":
-        """This system with other constants of its faces and hinges; it shares the analysis of this one.
+        """A copy of the system with other constants of its faces and hinges; it shares the analysis of this one.
 
         Args:
             elements: Elements of the same faces and hinges.
@@ -89,7 +89,7 @@ class DrapeSystem:
         return other
 
     def with_mesh(self, mesh: Mesh) -> "DrapeSystem":
-        """This system with its material points elsewhere; it shares the analysis of this one.
+        """A copy of the system with other material points; it shares the analysis of this one.
 
         Args:
             mesh: The same faces over other material points.
@@ -122,7 +122,7 @@ class DrapeSystem:
 
     @cached_property
     def layout(self) -> BlockLayout:
-        """Where element blocks go in the matrix of the free vertices."""
+        """Places of element blocks in the matrix of the free vertices."""
         return block_layout(self.elements, self.free, self.mesh.vertices)
 
     @cached_property
@@ -144,7 +144,7 @@ class DrapeSystem:
 
     @property
     def element_bytes(self) -> int:
-        """What the evaluated elements of one cloth take [bytes]."""
+        """Memory of the evaluated elements of one cloth [bytes]."""
         return _VERTEX_MEMORY * self.mesh.vertices
 
     def _work(self, members: int, everywhere: bool = False) -> Workspace:

@@ -1,4 +1,4 @@
-"""Buffers for what the kernels return of every element, used again from evaluation to evaluation."""
+"""Buffers for the kernels' results for every element, reused from evaluation to evaluation."""
 
 from dataclasses import dataclass
 
@@ -42,7 +42,7 @@ class Workspace:
         )  # fmt: skip
 
     def first(self, members: int) -> "Workspace":
-        """These buffers, for fewer cloths.
+        """Views of these buffers for fewer cloths.
 
         Args:
             members: Number of cloths.

@@ -1,9 +1,9 @@
 """The detectable shift: how strong an effect must be to be found in a fabric, from the atlas alone.
 
-At base parameters theta with n samples, an effect of severity s moves the whitened residual by d(s), once the base
-parameters have been fitted again with the effect there: friction that a stiffer cloth would explain as well is not seen
-however strong it is. The detection test looks for the best of all causes; its level holds over all of them together,
-so |d| must be larger than for one cause alone. `needed` measures by how much.
+At base parameters theta with n samples, an effect of severity s moves the whitened residual by d(s), after the base
+parameters have been fitted again to the data with the effect: friction that a stiffer cloth would explain equally well
+cannot be detected, however strong it is. The detection test looks for the best of all causes at one level for all of
+them together, so |d| must be larger than for one cause alone. `needed` measures how large.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,8 +28,8 @@ NEEDED = 4.0
 STIFFNESS = (-9.0, -8.25, -7.5, -6.75, -6.0, -5.25, -4.5)
 """Levels of theta's bending, ln B / (rho g R^3), from limp to stiff."""
 FABRICS = 12
-"""At each level."""
-_REFITTED = 0.7  # a shift from this share of what is needed on is tried with the base parameters fitted to it
+"""Number of fabrics at each level of bending."""
+_REFITTED = 0.7  # shifts above this share of what is needed are computed with base parameters fitted again
 _SEED = 5
 
 
@@ -71,7 +71,7 @@ def detectable_at(
     fabrics: int = FABRICS,
     step: Callable[[], None] = lambda: None,
 ) -> dict[str, float]:
-    """Detectable severities at one level of bending, medians over fabrics that else are as the prior has them.
+    """Detectable severities at one level of bending: medians over fabrics whose other parameters are from the prior.
 
     Args:
         emulator: The atlas.
@@ -175,7 +175,7 @@ def expected_features(emulator: Emulator, theta: ndarray, samples: int) -> Featu
 
 @dataclass(frozen=True)
 class _Left:
-    """What the base model leaves of a shift.
+    """The part of a shift of the features that no base parameters explain.
 
     Attributes:
         emulator: The atlas.

@@ -5,10 +5,11 @@ made is no shift), the separation of effect a from effect b is
 
     min over b's severities, directions and places of |d_a - d_b|,
 
-b's shift taken as a ray, so that its severity is projected out: how many standard deviations of noise a fabric with a
-lies from the nearest fabric with b. It is |d_a| where b moves nothing alike, and 0 where b moves everything alike. The
-smaller one of the two ways round is a pair's. Each effect is as strong as can just be detected (`power.NEEDED`) by the
-statistics that are compared with, or as strong as a diagnosis considers where even that is not detected.
+with b's shift taken as a ray, so that its severity is projected out: the number of standard deviations of noise between
+a fabric with a and the nearest fabric with b. It is |d_a| where b moves other statistics, and 0 where b moves the same
+statistics in the same proportions. The separation of a pair is the smaller one of the two directions. Each effect has
+the severity that can just be detected (`power.NEEDED`) by the remaining statistics, or the largest that a diagnosis
+considers where even that is not detected.
 
 References:
     Fisher. The use of multiple measurements in taxonomic problems. Annals of Eugenics 7, 1936.
@@ -34,8 +35,8 @@ from cusick_bench.diagnosis.measure.statistics import GROUPS
 LEVELS = (-8.5, -7.0, -5.5)
 """theta's bending, ln B / (rho g R^3), of limp, middle and stiff cloth."""
 NEW_GROUPS = ("slopes", "asymmetry", "outline", "sides")
-"""Groups of statistics that are left out, to see what they are worth."""
-_OTHER_FRAME = 0.5  # of a prior: an effect in a frame that it rarely keeps to does not count
+"""Groups of statistics that are left out by default, to see what they contribute."""
+_OTHER_FRAME = 0.5  # least prior of a hypothesis: an effect in a frame that it rarely keeps to is left out
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def _median_distance(first: _Moved, second: _Moved) -> float:
 
 
 def summary(found: Sequence[Separation], least: float = 2.0) -> Mapping[str, float]:
-    """What a list of separations comes to.
+    """Summary of a list of separations.
 
     Args:
         found: Pairs.

@@ -1,5 +1,6 @@
-"""What a posterior over sets of effects amounts to.
+"""What follows from a posterior over sets of effects.
 
-detection: whether anything acts; novelty: whether something unlisted does; verdict: the answer in a word; evened:
-probabilities of causes that look alike; intervals: parameters; budget: shares of the gap.
+detection: whether any effect acts; novelty: whether something unlisted acts; verdict: the answer in one word; evened:
+probabilities of look-alikes made more even; intervals: intervals of parameters; budget: shares of the gap; unusual:
+notes on implausibly strong effects.
 """

@@ -1,9 +1,9 @@
-"""Budget of the gap: which share of it each named effect takes, and which stays unexplained.
+"""Budget of the gap: the share of it that each named effect explains, and the share that stays unexplained.
 
-The gap is the excess of squares of the whitened residual over noise, |w|^2 - K. A set with shifts d_e takes
-v(Z) = |w|^2 - |w - sum d_e|^2 of it, and the share of an effect is its Shapley value, the mean over all orders of what
-it takes when its turn comes; v is quadratic, so that this is d_e . (2 w - sum d) exactly. Shares are taken on samples
-that the parameters were not fitted to: over random halves, fitted to one and counted on the other.
+Here the gap is the sum of squares of the whitened residual beyond noise, |w|^2 - K with K rows. A set with shifts d_e
+explains v(Z) = |w|^2 - |w - sum d_e|^2 of it. The share of an effect is its Shapley value: what it adds to v, averaged
+over all orders in which the effects may be added; v is quadratic, so this is exactly d_e . (2 w - sum d). The samples
+are split at random into halves; severities are fitted to one half, and shares are computed on the other.
 
 References:
     Shapley. A value for n-person games. Contributions to the Theory of Games II, 1953. Owen. Sobol' indices and Shapley
@@ -27,7 +27,7 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import shifts
 
 _SPLITS = 20
 _LEAST_SAMPLES = 4
-_LEAST_GAP = 2.0  # standard deviations of |w|^2 under noise: below, there is no gap to share
+_LEAST_GAP = 2.0  # least gap that is shared out, in standard deviations of |w|^2 under noise
 _SEVERITIES = np.geomspace(0.5, 2.0, 15)  # around the fitted one
 
 
@@ -46,7 +46,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Budget:
-    """What takes the gap.
+    """Shares of the gap.
 
     Attributes:
         effects: Share of each named effect.
@@ -108,7 +108,7 @@ def _shares(
     fitted: ndarray,
     unseen: ndarray,
 ) -> Float[ndarray, "causes_and_rest"] | None:
-    """Shapley values on unseen samples over their gap, and the rest; None where these show no gap."""
+    """Shares of the gap of unseen samples: of each cause, and last the unexplained one; None where there is no gap."""
     seen_half, unseen_half = (_half(fabric, samples, chosen) for chosen in (fitted, unseen))
     seen = seen_half.against(start=at.theta, fixed=True)
     test = unseen_half.against(start=at.theta, fixed=True)
@@ -128,7 +128,7 @@ def _half(fabric: FabricData, samples: SampleStatistics, chosen: ndarray) -> Fab
 
 
 def _severities(fabric: FabricData, at: Residual, causes: Sequence[Candidate]) -> list[Candidate]:
-    """Causes with severities that suit these samples best, one after the other, twice."""
+    """Causes with the severities that fit these samples best, found one after the other in two rounds."""
     chosen = list(causes)
     for _ in range(2 if len(chosen) > 1 else 1):
         for place, one in enumerate(chosen):

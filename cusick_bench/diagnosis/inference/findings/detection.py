@@ -1,7 +1,8 @@
-"""Whether anything acts: the evidence for any single effect, or for something unlisted, against the base model alone.
+"""Detection: the evidence for any single effect, or for something unlisted, against the base model alone.
 
-The base model may be wrong in what symmetry allows; the null is the base model with that misfit, its size as the data
-have it, and p is the share of draws from this null whose evidence is as large: the level holds over all effects.
+The base model may be wrong in statistics that its symmetry leaves free. The null hypothesis is the base model with such
+a misfit, of the size that the data have; p is the share of draws from it whose evidence is at least as large. The level
+of the test therefore holds over all effects together.
 """
 
 import numpy as np

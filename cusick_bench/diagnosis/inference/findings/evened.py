@@ -1,8 +1,9 @@
-"""Probabilities of causes that silhouettes hardly tell apart, spread over those alike.
+"""Probabilities of causes that silhouettes hardly tell apart, made more even within each group.
 
-What tells one of `EQUIVALENTS` from the others in the atlas is less than what base models differ by: of such causes in
-other simulators most were taken for one of their likes, and with confidence. A posterior knows nothing of that. Without
-repeated captures nothing at all tells creep, which is a drift, from friction.
+In the atlas the members of a group of `EQUIVALENTS` differ by less than base models differ from one another: in cases
+from other simulators most such causes were taken for another member of their group, and with confidence. The posterior
+cannot know that. Creep shows as a drift from capture to capture; without repeated captures nothing tells it from
+friction.
 """
 
 from collections import defaultdict
@@ -19,15 +20,16 @@ UNSURE = 0.6
 
 
 def evened_out(posterior: SetPosterior, *, drift_known: bool = True) -> SetPosterior:
-    """Probabilities that do not claim to tell apart what silhouettes hardly tell apart.
+    """The posterior with probabilities made more even among causes that silhouettes hardly tell apart.
 
     Args:
         posterior: Posterior over sets of effects of one fabric.
-        drift_known: Whether repeated captures show how drapes drift; else a cause that acts on later captures shares
-            all of its probability, and comes after those like it, which can be simulated.
+        drift_known: Whether repeated captures show how drapes drift. If not, a cause that acts on later captures shares
+            all of its probability with its group, and comes last in it, since the others can be simulated.
 
     Returns:
-        The same, with a share of the probability of every such cause spread over those like it that may act here.
+        The posterior in which a share of each such cause's probability is spread evenly over its group, as far as the
+        members may act in this fabric.
     """
     effects, leading, sets = dict(posterior.effects), dict(posterior.leading), dict(posterior.sets)
     for group in EQUIVALENTS:
@@ -36,25 +38,32 @@ def evened_out(posterior: SetPosterior, *, drift_known: bool = True) -> SetPoste
             drifting = [] if drift_known else [name for name in members if acts_later(registered()[name])]
             share = 1.0 if drifting else UNSURE
             members.sort(key=lambda name: name in drifting)
-            effects, leading = (_last(_evened(one, members, share), drifting) for one in (effects, leading))
+            effects, leading = (
+                _moved_to_end(_evened_probabilities(one, members, share), drifting) for one in (effects, leading)
+            )
             sets = _evened_sets(sets, members, share)
     return replace(posterior, effects=effects, leading=leading, sets=dict(sorted(sets.items(), key=lambda s: -s[1])))
 
 
-def _evened(probability: Mapping[str, float], members: Collection[str], unsure: float) -> dict[str, float]:
+def _evened_probabilities(
+    probability: Mapping[str, float], members: Collection[str], unsure: float
+) -> dict[str, float]:
     mean = sum(probability[name] for name in members) / len(members)
     return {n: (1 - unsure) * p + unsure * mean if n in members else p for n, p in probability.items()}
 
 
-def _last(probability: dict[str, float], names: Collection[str]) -> dict[str, float]:
-    """The same, with some names at its end: of equal ones the first stands for all."""
+def _moved_to_end(probability: dict[str, float], names: Collection[str]) -> dict[str, float]:
+    """The same probabilities, with some names moved to the end: of equally likely effects the first one is named."""
     return {**{n: p for n, p in probability.items() if n not in names}, **{n: probability[n] for n in names}}
 
 
 def _evened_sets(
     sets: Mapping[tuple[str, ...], float], members: Collection[str], unsure: float
 ) -> dict[tuple[str, ...], float]:
-    """Where one of them acts alone, any of them may; where several act together, they do."""
+    """Probabilities of sets: one that holds a single member of the group shares with those that hold another member.
+
+    Sets with several members stay as they are.
+    """
     found: dict[tuple[str, ...], float] = defaultdict(float)
     for names, share in sets.items():
         if sum(name in members for name in names) != 1:

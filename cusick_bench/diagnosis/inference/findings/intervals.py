@@ -1,7 +1,7 @@
 """Intervals of effects' parameters, from the posterior probability of the points of their grids.
 
-A point stands for all values that are nearer to it than to its neighbours, evenly: where one point has all of the
-probability, the interval says how fine the grid is.
+The probability of a point is spread evenly over all values that are nearer to it than to its neighbours: where one
+point has all of the probability, the interval is as wide as the grid's step.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
 
 _LEVEL = 0.9
-_DIGITS = 9  # to which values of a grid are the same
+_DIGITS = 9  # decimals to which values of a grid are compared
 _LEAST = 0.01  # probability of an effect from which its parameters are worth an interval
 ParameterInterval = tuple[float, float]
 """Lower and upper end; of a direction [deg], the upper may exceed 360."""
@@ -67,7 +67,7 @@ def point_intervals(
 def _interval(
     values: Float[ndarray, "points"], weight: Float[ndarray, "points"], turn: float | None
 ) -> ParameterInterval:
-    """From the 5 % to the 95 % quantile; of a direction that is the same after a turn [deg], about its mean."""
+    """From the 5 % to the 95 % quantile; of a direction with a period `turn` [deg], about its circular mean."""
     middle = 0.0
     if turn is not None:
         angle = 2j * np.pi * values / turn
@@ -76,7 +76,7 @@ def _interval(
     points, place = np.unique(np.round(values, _DIGITS), return_inverse=True)
     between = (points[1:] + points[:-1]) / 2
     first, last = points[0], points[-1]
-    if turn is not None and len(points) > 1:  # all round: the ends have neighbours too
+    if turn is not None and len(points) > 1:  # a circle: the first and the last point are neighbours
         first, last = first - (between[0] - first), last + (last - between[-1])
     edges = np.concatenate([[first], between, [last]])
     total = np.concatenate([[0.0], np.cumsum(np.bincount(place, weight))])

@@ -1,9 +1,10 @@
 """Whether something acts that is not on the list: goodness of fit of the named set, against a bootstrap of itself.
 
-What the set leaves, r = V^-1/2 (w - sum_e d_e) with V the variance of noise, laws and the misfit that symmetry allows,
-is projected off the set's own parameters: draws of the fitted model, fitted again, leave N(0, I) so projected. Only
-rows count that no base model may get wrong. Two statistics are looked at together, |r|^2 over all of these rows, and
-over the few directions in which effects move them most; the larger excess over the draws' is held against theirs.
+The residual of the set, r = V^-1/2 (w - sum_e d_e) with V the variance of noise, laws and the misfit that symmetry
+allows, is projected onto what the set's own parameters cannot change; for draws of the fitted model that are fitted
+again, it is N(0, I) projected likewise. Only rows that no base model may get wrong are used. Two statistics are
+combined: |r|^2 over all of these rows, and |r|^2 over the few directions in which effects move them most. Each is
+standardised by its mean and standard deviation over the draws, and the larger one is compared with that of the draws.
 
 References:
     Davison, Hinkley. Bootstrap methods and their application, 1997, Section 4.4 (parametric tests). Sellke, Bayarri,
@@ -22,8 +23,8 @@ from cusick_bench.diagnosis.inference.sets.refined import NamedSet
 
 LEVEL = 0.1
 """Share of fabrics with listed effects only for which an unlisted one is claimed."""
-_PRIOR_ODDS = 0.3  # of a cause outside of the list, where something acts
-_FITS = 0.3  # Bayes factor where the set fits
+_PRIOR_ODDS = 0.3  # prior odds of a cause that is not on the list, where something acts
+_FITS = 0.3  # Bayes factor for such a cause where the set fits
 _DIRECTIONS = 10
 _DRAWS = 1000
 
@@ -33,8 +34,9 @@ class Novelty:
     """Goodness of fit of the named set.
 
     Attributes:
-        p: Probability that so much is left where the set is all that acts.
-        explained: Squares that the set takes, over these and what it leaves in rows that no base model may get wrong.
+        p: Probability of at least so large a residual where the set is all that acts.
+        explained: Sum of squares that the set explains, as a share of these and what it leaves in rows that no base
+            model may get wrong.
     """
 
     p: float
@@ -49,8 +51,8 @@ class Novelty:
     def probability(self) -> float:
         """Probability that what accounts for most is not on the list, as far as goodness of fit tells.
 
-        That something unlisted acts has odds that are multiplied by the largest Bayes factor against the set that a
-        p-value of this size allows; it accounts for most as far as the set does not.
+        The prior odds of something unlisted are multiplied by the largest Bayes factor against the set that a p-value
+        of this size allows. It accounts for most in so far as the set does not.
         """
         favours = 1 / (-np.e * self.p * np.log(self.p)) if self.p < 1 / np.e else _FITS
         odds = _PRIOR_ODDS * favours

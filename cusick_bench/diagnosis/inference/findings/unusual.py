@@ -1,7 +1,7 @@
-"""Effects that would have to be far stronger than they usually are.
+"""Notes on effects that would have to be far stronger than they usually are.
 
-What is on no list may look like a listed effect that is many times as strong as is usual: a draught leans the cloth as
-a camera would that stands centimetres beside its place.
+A cause that is not on the list may look like a listed effect of many times its usual strength: a draught moves the
+outline as a camera does that stands centimetres off its place.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ _UNUSUAL = 6.0  # typical severities; no atlas has draped stronger effects
 
 
 def unusual(causes: Sequence[Candidate]) -> list[str]:
-    """Which effects are to be measured before they are believed.
+    """Notes on effects that should be measured before they are believed.
 
     Args:
         causes: Effects at their likeliest parameters.

@@ -14,25 +14,25 @@ Verdict = Literal["none", "effect", "several", "ambiguous", "unknown", "refused"
 SET_LEVEL = 0.9
 NAMED = 0.6
 """Probability from which an effect is named, or a group of look-alikes out of which one acts."""
-_TOGETHER = 0.5  # probability of two look-alikes together, at most, over that of independent effects
-_LIKELY = 0.05  # probability from which an effect can be a member of a group
-_CARRIES = 0.5  # share of what no base model explains that a set takes at least where it accounts for most
-_LEAST_NONE = 0.75  # probability of `none` where that is the verdict; what is too weak to be detected counts as none
-_LEAST_UNKNOWN = 0.6  # that of `unknown`
+_TOGETHER = 0.5  # largest probability that two look-alikes act together, over that of independent effects
+_LIKELY = 0.05  # least probability of a member of a group
+_CARRIES = 0.5  # least share explained by a set that accounts for most, of what no base model explains
+_LEAST_NONE = 0.75  # least probability of `none` where it is the verdict; effects too weak to detect count as none
+_LEAST_UNKNOWN = 0.6  # least probability of `unknown` where it is the verdict
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a posterior amounts to.
+    """The verdict on a fabric, and what is named.
 
     Attributes:
         verdict: The verdict.
         effects: The named set, the likeliest first.
         groups: Look-alikes of which one acts, beside the named set.
         set90: The fewest causes that hold 90 % of the probability, and the named ones.
-        leading: Probability that each effect, `none` or `unknown` accounts for most; they add up to 1. Every effect of
-            the laboratory is among them.
-        notes: What else is to be said.
+        leading: Probability that each effect, `none` or `unknown` accounts for most; they add up to 1. All effects of
+            the laboratory are included.
+        notes: Remarks for the reader.
     """
 
     verdict: Verdict
@@ -64,7 +64,7 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     """The verdict.
 
     Args:
-        p: p-value of the base model, with what the laboratory's effects do.
+        p: p-value of the base model together with the laboratory's effects.
         posterior: Posterior over sets.
         test: Whether the likeliest set is all that acts.
         shared: Effects of the laboratory that all its fabrics show, the likeliest first; they are named in each.
@@ -75,18 +75,20 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
     leading = _with_shared(posterior.leading, shared)
     if p > ALPHA:
         stated = tuple(shared) or (NONE,)
-        leading = _raised(leading, stated[0], _LEAST_NONE)
+        leading = _at_least(leading, stated[0], _LEAST_NONE)
         verdict = NONE if not shared else "several" if len(shared) > 1 else "effect"
-        return Finding(verdict, tuple(shared), (), _members(leading, stated), leading)
+        return Finding(verdict, tuple(shared), (), _members_with_named(leading, stated), leading)
     acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
     named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
     groups = look_alikes(posterior, named)
     unlisted = test.rejected
     leading = _with_unlisted(leading, test.probability)
     if unlisted and (not (named or groups) or test.explained < _CARRIES):
-        leading = _raised(leading, UNKNOWN, _LEAST_UNKNOWN)
-        return Finding(UNKNOWN, named, groups, _members(leading, (*named, UNKNOWN)), leading, _mimics(named))
-    members = _members(leading, (*named, UNKNOWN) if unlisted else named)
+        leading = _at_least(leading, UNKNOWN, _LEAST_UNKNOWN)
+        return Finding(
+            UNKNOWN, named, groups, _members_with_named(leading, (*named, UNKNOWN)), leading, _mimicry_note(named)
+        )
+    members = _members_with_named(leading, (*named, UNKNOWN) if unlisted else named)
     notes = (f"something that is not on the list acts too (p = {test.p:.2g})",) if unlisted else ()
     notes += tuple(f"beside the named effects one of {', '.join(group)} acts" for group in groups if named)
     if not named:
@@ -121,7 +123,7 @@ def look_alikes(posterior: SetPosterior, named: Sequence[str]) -> tuple[tuple[st
 
 
 def _exclude(posterior: SetPosterior, first: str, second: str) -> bool:
-    """Whether two effects hardly ever act together, though each may act: they stand for the same thing."""
+    """Whether two effects act together much more rarely than if they were independent: they explain the same thing."""
     both = sum(share for names, share in posterior.sets.items() if first in names and second in names)
     return both <= _TOGETHER * posterior.effects[first] * posterior.effects[second]
 
@@ -131,31 +133,31 @@ def _any_of(posterior: SetPosterior, group: Sequence[str]) -> float:
 
 
 def _with_shared(leading: Mapping[str, float], shared: Sequence[str]) -> dict[str, float]:
-    """Where the fabric itself shows nothing, the likeliest effect of its laboratory accounts for most."""
+    """Probabilities in which the likeliest effect of the laboratory takes the place of `none`."""
     if not shared:
         return dict(leading)
     return {**leading, **dict.fromkeys(shared, 0.0), shared[0]: leading[NONE], NONE: 0.0}
 
 
 def _with_unlisted(leading: Mapping[str, float], probability: float) -> dict[str, float]:
-    """Probabilities where goodness of fit gives something unlisted a probability of its own."""
+    """Probabilities with a further probability of something unlisted, from goodness of fit."""
     mixed = {name: (1 - probability) * value for name, value in leading.items()}
     return {**mixed, UNKNOWN: mixed[UNKNOWN] + probability}
 
 
-def _raised(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
-    """Probabilities with one of them at least so large."""
+def _at_least(leading: Mapping[str, float], name: str, least: float) -> dict[str, float]:
+    """Probabilities scaled such that one of them has at least a given value."""
     if leading[name] >= least:
         return dict(leading)
     scale = (1 - least) / (1 - leading[name])
     return {other: least if other == name else value * scale for other, value in leading.items()}
 
 
-def _members(leading: Mapping[str, float], named: Sequence[str]) -> tuple[str, ...]:
+def _members_with_named(leading: Mapping[str, float], named: Sequence[str]) -> tuple[str, ...]:
     """The 90 % set, with what is named."""
     return tuple(dict.fromkeys((*set90(leading), *named)))
 
 
-def _mimics(named: Sequence[str]) -> tuple[str, ...]:
-    """What an unlisted cause looks like."""
+def _mimicry_note(named: Sequence[str]) -> tuple[str, ...]:
+    """Note on the effects that imitate an unlisted cause."""
     return (f"an unlisted cause is taken for it in part by {', '.join(named)}",) if named else ()

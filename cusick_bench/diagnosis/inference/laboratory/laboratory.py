@@ -1,14 +1,15 @@
 """Effects of the laboratory, which all fabrics of a data set share: camera, plate, cut.
 
 A camera that stands off its place does so for every fabric. So an effect of the laboratory has one severity and one
-direction, in the camera's frame, for all fabrics; those of the cloth are each fabric's own. Both are sampled together:
-the shared set given the fabrics' own sets, by the sum of the fabrics' log likelihoods at every point of the shared
-grid, and each fabric's own set given what is shared. What one fabric cannot decide, several may.
+direction, in the camera's frame, for all fabrics; effects of the cloth differ from fabric to fabric. Both are sampled
+in turn: the shared set given each fabric's own set, by the sum of the fabrics' log likelihoods at every point of the
+shared grid, and each fabric's own set given the shared one. Several fabrics may decide what one cannot.
 
-Two effects that look alike (a camera beside its place, a plate out of level) are not exchanged in one step once every
-fabric's own set has settled about one of them. So short chains start from no shared effect and from each single one;
-those that get furthest go on, on grids with finer steps about where they are, and count by the mean joint probability
-of what they visit: over a dozen fabrics half a step of a grid is worth tens of nats, which another effect would take.
+Once the fabrics' own sets have adapted to one of two shared look-alikes (a camera off its place, a plate out of level),
+a single step no longer exchanges it for the other. So short chains start from no shared effect and from each single
+one. The likeliest go on, on grids with finer steps around their points, and are weighted by the mean joint probability
+of what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens of nats, and another
+effect would be added to make up for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,9 +40,9 @@ from cusick_bench.diagnosis.measure.captures import Captures
 STEPS: Final = 40
 """Steps of every chain that goes on after the screening."""
 _SCREENED = 8  # steps of every chain, after which only the likeliest go on
-_SETTLED = 4  # steps of the chains that go on, on finer grids, before they count
+_SETTLED = 4  # first steps on the finer grids, which do not count
 _CHAINS = 2
-_OWN_STEPS = 30  # of each fabric's own chains before, which give a start only
+_OWN_STEPS = 30  # steps of the chains of each fabric alone, which only give a starting point
 _LEAST_FABRICS = 2
 
 
@@ -52,13 +53,13 @@ def laboratory(
     steps: int = STEPS,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Laboratory | None:
-    """Weighs effects that all fabrics share.
+    """Samples the effects that all fabrics share.
 
     Args:
         fabrics: The fabrics of one data set.
         generator: Generator of the sampler.
         steps: Steps of each chain that goes on.
-        progress: Called with the share that is over.
+        progress: Called with the share that is done.
 
     Returns:
         The laboratory; None of fewer than two fabrics.
@@ -99,7 +100,7 @@ def laboratory_of(
     without: Sequence[str] = (),
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Laboratory | None:
-    """Weighs what the fabrics of a data set share; fabrics that are refused take no part.
+    """Samples the effects that the fabrics of a data set share; fabrics that are refused are left out.
 
     Args:
         captures: Silhouettes of each fabric.
@@ -107,7 +108,7 @@ def laboratory_of(
         calibration: Calibration of its probabilities.
         generator: Generator of the samplers.
         without: Effects that are not to be considered.
-        progress: Called to tell what is being done, and the share that is over.
+        progress: Called with what is being done and the share that is done.
 
     Returns:
         The laboratory; None of fewer than two fabrics.
@@ -129,7 +130,7 @@ def laboratory_of(
 
 
 def _starts(fabrics: Sequence[LaboratoryFabric], points: Sequence[EffectPoints]) -> list[list[int]]:
-    """The best shared point of each effect that may be shared."""
+    """Starting points of chains: the likeliest shared point of each effect that may be shared."""
     chain = SharedWalk(fabrics, points, np.random.default_rng(0), [])
     own = np.sum([chain.given(fabric, ()) for fabric in range(len(fabrics))], axis=0)
     gained = own[:-1] - own[-1] + chain.log_prior

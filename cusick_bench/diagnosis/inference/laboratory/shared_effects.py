@@ -25,7 +25,7 @@ SHARED: Final = (
 MOST_SHARED: Final = 3
 """Most effects in a shared set."""
 _COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])  # probability of a shared set of 0, 1, 2, 3 effects
-_SPREAD = 1.0  # of ln severity about the typical one, in laboratories that work with care
+_SPREAD = 1.0  # standard deviation of ln severity about the typical one, in careful laboratories
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class SharedEffect:
         probability: That all fabrics show it, with one severity and direction.
         cause: The effect at its likeliest shared parameters.
         intervals: 90 % intervals of these.
-        evidence: By fabric, ln of its likelihood with the effect over that without, the other effects being the same
+        evidence: By fabric, ln of its likelihood with the effect over that without it, with the other effects unchanged
             [nat].
     """
 

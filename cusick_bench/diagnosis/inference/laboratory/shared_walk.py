@@ -25,7 +25,7 @@ from cusick_bench.diagnosis.inference.sets.set_sampler import conditional, draw_
 
 
 class SharedWalk:
-    """Walk over the shared set and the fabrics' own.
+    """A Markov chain over the shared set and the fabrics' own sets.
 
     Args:
         fabrics: The fabrics.
@@ -45,7 +45,7 @@ class SharedWalk:
         first = self.points[0]
         self.log_prior = log_prior(self.points)
         self.own = [list(fabric.sets.posterior.best) for fabric in fabrics]
-        for place, fabric in enumerate(fabrics):  # what may be shared is found anew
+        for place, fabric in enumerate(fabrics):  # effects that may be shared start in the shared set only
             own = fabric.sets.model.points
             self.own[place] = [point for point in self.own[place] if own.name(point) not in SHARED]
         self.shared: list[int] = list(start)
@@ -57,13 +57,13 @@ class SharedWalk:
         self.counted = 0
 
     def on(self, points: Sequence[EffectPoints]) -> "SharedWalk":
-        """A walk from where this one is, over other points, those of this one among them.
+        """A walk that goes on from the present state of this one, over finer grids.
 
         Args:
-            points: Points of the same grids, made finer.
+            points: Points of the same grids, made finer; the points of this walk are among them.
 
         Returns:
-            The walk, of which nothing has been counted yet.
+            The walk, with all counts at 0.
         """
         start = [_same(self.points[0], point, points[0]) for point in self.shared]
         walk = SharedWalk(self.fabrics, points, self.generator, start)
@@ -74,7 +74,7 @@ class SharedWalk:
         """Draws places of the shared set anew, then two of each fabric's own.
 
         Args:
-            counts: Whether the step counts for what is found.
+            counts: Whether the step is counted in the results.
         """
         for _ in range(MOST_SHARED):
             place = int(self.generator.integers(MOST_SHARED))
@@ -164,7 +164,7 @@ def _same(points: EffectPoints, point: int, others: EffectPoints) -> int:
 
 
 def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Laboratory:
-    """What the walks have seen, each counted by its share.
+    """Averages over the walks, each weighted by its share.
 
     Args:
         chains: The walks.

@@ -1,14 +1,14 @@
-"""Which way up the pictures of the lower face are: as the protocol says, or turned or mirrored.
+"""Whether the pictures of the lower face are oriented as the protocol says, or turned or mirrored.
 
-Each face by itself looks right whichever way its cloth was turned over. The two together do not: what stays where it is
-when the cloth is turned over (a camera beside its place, a plate out of level) and what turns with the cloth (its rest
-shape, its grain) lie at angles that the protocol's `turn_over` relates. With another relation both need effects that
-they would not need with the right one. So pictures of the lower face are read in each of four ways, and the joint
-densities of the likeliest sets of effects are compared. They are of the same numbers in another order, so that the
-densities compare without any factor; all ways have the same prior.
+Each face by itself looks right whichever way its cloth was turned over. Both together do not: what stays in place when
+the cloth is turned over (a camera off its place, a plate out of level) and what turns with the cloth (its rest shape,
+its grain) lie at angles that are related by the protocol's `turn_over`. A wrong relation needs effects that the right
+one does not need. So pictures of the lower face are read in each of four ways, and the joint densities of the likeliest
+sets of effects are compared. All ways only permute the same radii, so their densities are comparable without any
+factor; all have the same prior.
 
-All fabrics of a laboratory are turned over alike, and their log densities add up. Cloth that looks the same from all
-sides, on a level plate under a camera in its place, says nothing.
+All fabrics of a laboratory are turned over in the same way, so their log densities are added. Cloth that looks the same
+from all sides, on a level plate under a camera in its place, gives no information.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,8 +26,8 @@ from cusick_bench.diagnosis.inference.sets.fabric_sets import best_log_joint
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures
 
 Way = Literal["as-said", "other-axis", "mirrored-x", "mirrored-y"]
-"""How pictures of the lower face are: as the protocol says, of cloth that was turned over about the other axis (turned
-by 180 degrees), mirror images right for left, or top for bottom."""
+"""Orientation of the pictures of the lower face: as the protocol says; of cloth that was turned over about the other
+axis (a picture turned by 180 degrees); mirrored left to right; mirrored top to bottom."""
 
 _DEGREES = np.arange(ANGLES)
 _SEEN_AT: Final[Mapping[Way, np.ndarray]] = {
@@ -39,17 +39,17 @@ _SEEN_AT: Final[Mapping[Way, np.ndarray]] = {
 WAYS: Final = tuple(_SEEN_AT)
 
 _LEAST = 10.0
-"""Nat by which one fabric has to prefer a way, times the square root of the number of fabrics: what the base model gets
-wrong makes single fabrics prefer a wrong way by up to six (`docs/diagnosis-results.md`)."""
+"""Least difference of log densities that counts [nat], to be multiplied by the square root of the number of fabrics:
+because of errors of the base model, single fabrics prefer a wrong way by up to six (`docs/diagnosis-results.md`)."""
 
 
 @dataclass(frozen=True)
 class TurnOver:
-    """How well each way explains the pictures of a laboratory.
+    """Log densities of the pictures of a laboratory for each way in which the lower face may be oriented.
 
     Attributes:
-        by_fabric: For each fabric, by way, ln of the joint density less that of `as-said` [nat].
-        refused: Why other fabrics tell nothing, by name.
+        by_fabric: For each fabric and way, ln of the joint density minus that of `as-said` [nat].
+        refused: Reasons why other fabrics are left out, by name.
     """
 
     by_fabric: Mapping[str, Mapping[Way, float]]
@@ -62,7 +62,7 @@ class TurnOver:
 
     @property
     def least(self) -> float:
-        """By how much the best way has to be ahead of all others to be told [nat]."""
+        """Least lead of the best way over all others with which it is named [nat]."""
         return _LEAST * float(np.sqrt(max(len(self.by_fabric), 1)))
 
     @property
@@ -74,7 +74,7 @@ class TurnOver:
 
     @property
     def wrong(self) -> bool:
-        """Whether another way is clearly ahead of what the protocol says, be it told from the others or not."""
+        """Whether another way is clearly ahead of what the protocol says, even if it is not clear which one."""
         total = self.total
         return max(total.values()) - total["as-said"] >= self.least
 
@@ -93,10 +93,10 @@ def turn_over(
         captures: Silhouettes of each fabric of a laboratory.
         emulator: The atlas.
         calibration: Calibration of its probabilities.
-        progress: Called to tell which fabric is looked at, and the share that is over.
+        progress: Called with the name of the fabric and the share that is done.
 
     Returns:
-        What they say.
+        The log densities.
     """
     found: dict[str, Mapping[Way, float]] = {}
     refused: dict[str, str] = {}

@@ -1,5 +1,5 @@
-"""A fabric against the base model: what is left when the base parameters have done their best, in units of noise.
+"""The residual of a fabric's features after the best fit of the base parameters, in units of noise.
 
-samples: statistics of its samples; feature_rows: rows of its feature vector; noise: how they scatter; residual: what
-the base model leaves of them; refusal: data that cannot be diagnosed, or in part only.
+samples: statistics of its samples; feature_rows: rows of its feature vector; noise: their covariance; residual: the
+whitened difference to the base model; refusal: data that cannot be diagnosed, or only in part.
 """

@@ -1,19 +1,19 @@
-"""Rows of a fabric's feature vector: the blocks, and where a model without effect may be wrong.
+"""Rows of a fabric's feature vector: the blocks, and the rows that a model without effect may get wrong.
 
     face-even   (up + down)/2 of every statistic, mean over samples [sd]: what both faces share, in the cloth's frame
     face-odd    (down - up)/2 of every statistic, mean over samples [sd]
     spread      entries of `SPREADS`: ln of a standard deviation between samples
     drift       entries of `ORDERS`: last capture minus first, mean over samples and faces [sd]
 
-Even and odd contrasts of a sample do not correlate, since its faces are exchangeable, and odd ones scatter less: how
-stiff a sample is shows on both of its faces.
+The even and odd contrasts of a sample are uncorrelated, since its faces are exchangeable, and odd ones scatter less,
+since the stiffness of a sample acts on both of its faces.
 
-Any cloth without an effect, whatever its law, is the same on both faces, symmetric about warp and weft and at rest:
-its odd contrasts, its drifts and the locked statistics that such a symmetry forbids are 0. Only the other rows
-(`MAY_BE_WRONG`) may be misfit by a model whose base law is not the cloth's; a shift in the rest is some effect's.
+Any cloth without an effect, whatever its law, is the same on both faces, symmetric about warp and weft, and at rest:
+its odd contrasts, its drifts and the locked statistics that this symmetry forbids are 0. A model whose base law is not
+that of the cloth can be wrong in the other rows only (`MAY_BE_WRONG`); a shift in the forbidden rows is an effect's.
 
-Where all samples lie on one face, the face-even rows hold that face, whose shift is the even one plus or less the odd
-one (`as_seen`), and the face-odd rows are unknown.
+Where all samples lie on one face, the face-even rows hold that face, whose shift is the even one minus (face up) or
+plus (face down) the odd one (`as_seen`), and the face-odd rows are unknown.
 """
 
 from typing import Final
@@ -53,7 +53,7 @@ def in_rows(
     spread: Float[ndarray, "values spreads"],
     drift: Float[ndarray, "values orders"],
 ) -> Float[ndarray, "values rows"]:
-    """Vectors from what is known of each face.
+    """Feature vectors from the statistics of each face.
 
     Args:
         up, down: Statistics of the faces, or shifts of them.
@@ -70,7 +70,7 @@ def faces_of(values: Float[ndarray, "*values rows"]) -> Float[ndarray, "*values 
     """Statistics of each face, or shifts of them, from vectors.
 
     Args:
-        values: Vectors.
+        values: Feature vectors, or shifts of them.
 
     Returns:
         Those of the upper and of the lower face.
@@ -80,7 +80,7 @@ def faces_of(values: Float[ndarray, "*values rows"]) -> Float[ndarray, "*values 
 
 
 def as_seen(values: Float[ndarray, "*values rows"], single: int) -> Float[ndarray, "*values rows"]:
-    """Shifts as data show them of which only one face is known.
+    """Shifts as they appear in data of which only one face may be known.
 
     Args:
         values: Shifts of all rows.

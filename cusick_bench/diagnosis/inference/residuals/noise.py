@@ -1,14 +1,14 @@
 """Noise of a fabric's features: how its samples scatter, and how far the base model may be off.
 
-Samples of a dozen tell little of how 60 statistics scatter, and other cloths, laboratories and simulators scatter by
-other amounts than the base model: up to some times its variance, of what symmetry forbids mostly. So the variance of a
-statistic, of the even and of the odd part of a sample's faces each for itself, is
+A dozen samples tell little about the scatter of 60 statistics, and other cloths, laboratories and simulators scatter
+more or less than the base model, with up to several times its variance, mostly in statistics that symmetry forbids. So
+the variance of a statistic, separately for the even and the odd part of a sample's faces, is
 
     s_k^2 = (T g m_k^2 + f d_k^2) / (T + f)
 
-with d_k^2 the data's variance (f degrees of freedom), m_k^2 the model's, and g how much more than the model the fabric
-scatters in statistics of that sort (those that symmetry forbids, or the rest), from the mean of ln d_k^2 / m_k^2.
-Correlations are the model's, shrunk towards the data's.
+with d_k^2 the data's variance (f degrees of freedom), m_k^2 the model's, and g the ratio of the fabric's variance to
+the model's in statistics of that sort (those that symmetry forbids, or the rest), from the mean of ln d_k^2 / m_k^2.
+Correlations are averages of the model's and the data's.
 
 References:
     Smyth. Linear models and empirical Bayes methods for assessing differential expression in microarray experiments.
@@ -34,19 +34,20 @@ from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION
 
 _COUNT = len(NAMES)
 MODEL_FREEDOM: Final = 6.0
-"""T, degrees of freedom that the model's own variances count for beside the data's."""
+"""T, degrees of freedom that the model's own variances count for."""
 TOGETHER: Final = 1.8
-"""Degrees of freedom of what widens all rows of a fabric, over those of one variance: so mean squares of cases without
-effect in three simulators scatter."""
-_CORRELATION_FREEDOM = 60.0  # that its correlations count for; fewer make what the data's few samples lack too quiet
+"""Degrees of freedom of a factor common to all rows of a fabric, over those of one variance; it reproduces how the mean
+squares of cases without effect scatter in three simulators."""
+_CORRELATION_FREEDOM = 60.0  # of the model's correlations; with fewer, directions absent in few samples get no noise
 _DRIFT_FREEDOM = 12.0  # the same for drifts
-_SCALE_SD = 1.0  # of ln g between fabrics; 0.2 to 6 were met
+_SCALE_SD = 1.0  # standard deviation of ln g between fabrics; values of g from 0.2 to 6 were observed
 _UNEVEN = 0.5  # variance of ln d_k^2 / (g m_k^2) between statistics
-_ALIKE = 3.0  # statistics that say one thing
-_RESOLVED = 2.0  # what scatters by less than so many image resolutions tells nothing of g
+_ALIKE = 3.0  # number of statistics that count as one, since they are correlated
+_RESOLVED = 2.0  # image resolutions; statistics that scatter by less are not used for g
 _SPREAD_DISCREPANCY = np.array([0.5 if name.startswith(("harmonic", "envelope")) else 0.2 for name, _ in SPREADS])
-"""Of ln sd: how much samples differ in the low orders depends on how they were laid, which no two laboratories do alike
-(fabrics without effect in other simulators and real ones differ by .2 to .8 from the base model)."""
+"""Standard deviation of the model's error of ln sd. In the low orders the scatter of samples depends on how they were
+laid down, which differs between laboratories (fabrics without effect in other simulators, and real ones, differ by .2
+to .8 from the base model)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class Scatter:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of what the noise of the means is made of."""
+        """Degrees of freedom of the covariances that the noise of the means is computed from."""
         return self.paired_freedom or self.within_freedom
 
 
@@ -127,7 +128,7 @@ def noise(
         theta: Base parameters.
         features: Features of the data, for their numbers of samples.
         scatter: How the data's samples scatter; None for the model's own scatter.
-        exact: Leave the errors of model and atlas out of the means' covariance.
+        exact: Whether to leave the errors of model and atlas out of the means' covariance.
 
     Returns:
         Their covariance, and the unit of the means.
@@ -163,40 +164,45 @@ def _between_samples(
         expected = parts if paired else [own, own]
     resolved = model > _RESOLVED * RESOLUTION
     wider = [
-        _wider(np.diag(data) / np.diag(by_model), freedom, resolved)
+        _variance_ratios(np.diag(data) / np.diag(by_model), freedom, resolved)
         for data, by_model in zip(found, expected, strict=True)
     ]
     variance = sum(np.diag(part) * factor for part, factor in zip(parts, wider, strict=True))
     sd = np.maximum(model * np.sqrt(variance), RESOLUTION)
     between = []
     for part, data, factor in zip(parts, found, wider, strict=True):
-        scale = np.sqrt(factor / variance)  # what images do not resolve is as noisy as their resolution
+        scale = np.sqrt(factor / variance)  # relative to sd, which is at least the resolution of images
         covariance = part * np.outer(scale, scale)
-        between.append(_shrunk(covariance, data, _CORRELATION_FREEDOM, freedom))
+        between.append(_averaged_correlations(covariance, data, _CORRELATION_FREEDOM, freedom))
     return sd, between
 
 
-def _wider(ratio: Float[ndarray, "statistics"], freedom: int, resolved: Bool[ndarray, "statistics"]) -> ndarray:
-    """Variances over the model's, from the data's over the model's (see the module)."""
+def _variance_ratios(
+    ratio: Float[ndarray, "statistics"], freedom: int, resolved: Bool[ndarray, "statistics"]
+) -> ndarray:
+    """Ratios s_k^2 / m_k^2 of the module's equation, from the ratios d_k^2 / m_k^2."""
     if not freedom:
         return np.ones(len(ratio))
     scale = np.ones(len(ratio))
     for sort in (MAY_BE_WRONG[:_COUNT], ~MAY_BE_WRONG[:_COUNT]):
         known = np.logical_and(sort, resolved)
         if known.any():
-            # the mean of the logarithm of chi^2 / f is below 0
+            # The expectation of ln(chi^2 / f) is negative; it is subtracted.
             mean = np.log(np.maximum(ratio[known], 1e-6)).mean() - (digamma(freedom / 2) - np.log(freedom / 2))
             error = (float(polygamma(1, freedom / 2)) + _UNEVEN) * _ALIKE / known.sum()
             scale[sort] = np.exp(mean * _SCALE_SD**2 / (_SCALE_SD**2 + error))
     return (MODEL_FREEDOM * scale + freedom * ratio) / (MODEL_FREEDOM + freedom)
 
 
-def _shrunk(covariance: ndarray, data: ndarray, trust: float, freedom: float) -> Float[ndarray, "columns columns"]:
-    """A covariance of the same variances, its correlations shrunk towards the data's."""
+def _averaged_correlations(
+    covariance: ndarray, data: ndarray, trust: float, freedom: float
+) -> Float[ndarray, "columns columns"]:
+    """A covariance with the same variances, and with correlations averaged with the data's."""
     if not freedom:
         return covariance
     tiny = np.finfo(np.float64).tiny
-    size, seen = (np.sqrt(np.maximum(np.diag(one), tiny)) for one in (covariance, data))  # 0: drapes all alike
+    # where all drapes are equal, variances are 0
+    size, seen = (np.sqrt(np.maximum(np.diag(one), tiny)) for one in (covariance, data))
     own, found = covariance / np.outer(size, size), data / np.outer(seen, seen)
     np.fill_diagonal(found, 1.0)
     return (trust * own + freedom * found) / (trust + freedom) * np.outer(size, size)
@@ -214,4 +220,6 @@ def _drift_covariance(
     size = np.sqrt(variance / np.diag(model))
     own = model * np.outer(size, size)
     data = features.order_covariance / np.outer(sd[chosen], sd[chosen])
-    return _shrunk(own, data, _DRIFT_FREEDOM, features.order_freedom) + np.diag((0.5 * RESOLUTION / sd)[chosen] ** 2)
+    return _averaged_correlations(own, data, _DRIFT_FREEDOM, features.order_freedom) + np.diag(
+        (0.5 * RESOLUTION / sd)[chosen] ** 2
+    )

@@ -1,4 +1,4 @@
-"""What data cannot be diagnosed, and what they can be diagnosed for only in part, in words."""
+"""Data that are refused, and notes on data that can be diagnosed only in part."""
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,7 @@ from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
 LEAST_SAMPLES = 2
 _FEW = 4
 _WORDS = {"bending": "bending stiffness", "shear": "shear stiffness"}
-_BEYOND = 4.0  # standard deviations between samples by which the mean drape coefficient misses the atlas
+_BEYOND = 4.0  # least miss of the mean drape coefficient beyond the atlas' range [sd between samples]
 
 
 def require_enough(captures: Captures) -> None:
@@ -42,14 +42,14 @@ def require_enough(captures: Captures) -> None:
 
 
 def doubts(captures: Captures, features: Features) -> list[str]:
-    """What the data cannot show.
+    """Notes on what the data cannot show.
 
     Args:
         captures: Silhouettes of a fabric.
         features: Their features.
 
     Returns:
-        A note for each reason why the answer is in part only.
+        A note for each reason why the answer is only partial.
     """
     notes = []
     number = int(features.samples.max())
@@ -96,7 +96,7 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual, shift: F
     Args:
         emulator: The atlas.
         features: Features of the fabric.
-        at: What its best base parameters leave, with the effects that act.
+        at: Residual at its best base parameters, with the effects that act.
         shift: Shift of the features by these, in the rows of `feature_rows` [sd].
 
     Returns:
@@ -125,7 +125,7 @@ def domain_doubts(emulator: Emulator, features: Features, at: Residual, shift: F
 
 
 def _beyond(emulator: Emulator, features: Features, at: Residual, shift: Float[ndarray, "rows"]) -> bool:
-    """Whether the atlas misses the drape coefficient at the end of its range, by far, and no effect explains that."""
+    """Whether the drape coefficient lies far beyond the end of the atlas' range, also with the effects that act."""
     area = STATISTICS.index("area_dc")
     missed = (np.nanmean(features.mean[:, area]) - emulator.mean(at.theta)[area]) / at.sd[area]
     explained = as_seen(shift, features.single)[FACE_EVEN][area]

@@ -1,12 +1,12 @@
-"""A fabric against the base model: what is left when the base parameters have done their best, in units of noise.
+"""Residual of a fabric's features after the best fit of the base parameters, in units of noise.
 
 With features y, the emulated base y0(theta), its Jacobian J at the best theta, and the prior N(theta0, P) on theta,
 
     y - y0(theta) ~ N(0, C),    C = S / n + Q + E + J P J^T,
 
-S the covariance between samples, Q the model's discrepancy, which both faces share, E the emulator's own uncertainty
-(all three from `noise`). `feature_rows` says what the rows are. Integrating theta out in this way is the projection of
-everything orthogonal to the base parameters: a shift that theta could have made costs nothing. With C = L L^T,
+with S the covariance between samples, Q the model's discrepancy, which both faces share, and E the emulator's own
+uncertainty (all three from `noise`). `feature_rows` defines the rows. Integrating theta out in this way projects off
+what the base parameters can explain: a shift that a change of theta would cause hardly contributes. With C = L L^T,
 w = L^-1 (y - y0) is white noise where the base model holds, and an effect that moves the features by D moves w by
 L^-1 D.
 
@@ -37,7 +37,7 @@ _DIFFERENCE = 1e-3  # of each base parameter, for the Jacobian
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What the best base model leaves.
+    """Residual of the best base model.
 
     Attributes:
         theta: Best base parameters.
@@ -47,7 +47,7 @@ class Residual:
         white: w, the known entries' difference to the base model, whitened.
         root: L, the Cholesky factor of the known entries' covariance.
         drift: Share of each face's captures that are later ones.
-        freedom: Degrees of freedom of what makes all rows together noisier or quieter than is known.
+        freedom: Degrees of freedom of Student's t of all rows together: how well the common size of the noise is known.
         single: Which face alone is known, as in `Features.single`; 0 for both.
     """
 
@@ -140,9 +140,9 @@ def against_base(
         scatter: How the data's samples scatter, from `scatter_of`.
         drift: Share of each face's captures that are later ones.
         start: Base parameters to start from, instead of a search over the bending level.
-        shift: Shift of all rows of both faces, in sd, that is taken off before (of an effect).
-        fixed: Linearise at `start` instead of searching on.
-        exact: As if model and atlas were without error: what is nearest to the data, not what is likeliest.
+        shift: Shift of all rows of both faces by effects, which is subtracted first [sd].
+        fixed: Whether to linearise at `start` instead of searching for the best parameters.
+        exact: Whether to take model and atlas as exact: the result is then nearest to the data instead of likeliest.
 
     Returns:
         The best base parameters and the whitened residual.
@@ -174,7 +174,8 @@ def against_base(
     posterior = np.linalg.inv(jacobian.T @ inverse @ jacobian + precision)
     total = covariance + jacobian @ np.diag(PRIOR_SD**2) @ jacobian.T
     root = cholesky(total, lower=True)
-    # y - y0(theta) = noise + J (true - theta), and true - theta = (true - theta0) + (theta0 - theta) about the prior
+    # y - y0(theta) = noise + J (true - theta) with true - theta = (true - theta0) + (theta0 - theta), where theta0 is
+    # the prior mean: what remains after the last term has the covariance C.
     centred = value - jacobian @ (PRIOR_MEAN - theta)
     white = solve_triangular(root, centred, lower=True)
     freedom = np.inf if scatter is None else TOGETHER * (MODEL_FREEDOM + scatter.freedom)
@@ -195,7 +196,7 @@ def inflated(residual: Residual, factor: float) -> Residual:
 
 
 def _start(emulator: Emulator, features: Features) -> ndarray:
-    """Prior means, with the bending level that has the fabric's drape coefficient."""
+    """Prior means, with the bending level at which the atlas has the fabric's drape coefficient."""
     column = NAMES.index("area_dc")
     coverage = float(np.nanmean(features.mean[:, column]))
     levels = np.linspace(LOW[0], HIGH[0], 60)

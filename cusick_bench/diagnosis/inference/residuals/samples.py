@@ -1,4 +1,4 @@
-"""Statistics of a fabric's samples, in the atlas' lengths: what inference starts from."""
+"""Statistics of a fabric's samples, with lengths scaled to the atlas' cloth: the input of inference."""
 
 from dataclasses import dataclass, replace
 
@@ -83,7 +83,7 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
 
 
 def lengths_of_atlas(protocol: Protocol) -> list[str]:
-    """What lengths of a diagnosis are in.
+    """Note on the unit of a diagnosis' lengths.
 
     Args:
         protocol: Nominal values of the experiment.

@@ -1,8 +1,8 @@
-"""Points of all effects' grids in the turned rows of the misfit, with the variance that another law adds.
+"""Points of all effects' grids in the rotated rows of the misfit, with the variance that another law adds.
 
-Another law for the same effect moves the same statistics, but not as far and not in quite the same proportions: its
-shift differs from ours by e d_k in row k (along) and by f times the root mean square of d over rows of the same sort
-(across, `Misfit.across`), with e and f by effect: symmetry is the same for all laws.
+Another law for the same effect moves the same statistics, but not equally far and not in exactly the same proportions.
+Its shift differs from ours, d, by e d_k in row k (along), and by f times the root mean square of d over the rows of the
+same sort (across, `Misfit.across`), since symmetry is the same for all laws. Each effect has its own e and f.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -19,7 +19,7 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import Grid
 from cusick_bench.diagnosis.inference.single_effects.finer import finer_grid
 
 _MOST_DOUBT = 0.1
-"""Share of a shift's square that the atlas' own doubt may add: an effect that stands for noise explains nothing."""
+"""Largest share of a shift's square that the atlas' own variance may add; an effect with more could stand for noise."""
 Mismatch = Callable[[str], tuple[float, float]]
 """Along and across, by an effect's name."""
 
@@ -35,7 +35,7 @@ class EffectPoints:
         grid: Grid of each point, as a place in `grids`.
         row: Row of each point in its grid.
         shift: Shift of the turned rows.
-        variance: What another law and the atlas' own doubt add to the variance of each row.
+        variance: Variance that another law and the atlas' own uncertainty add to each row.
         log_prior: Log prior of each point within its effect.
     """
 
@@ -82,7 +82,7 @@ class EffectPoints:
 def law_variance(
     misfit: Misfit, shares: tuple[float, float], shift: Float[ndarray, "*points kept"]
 ) -> Float[ndarray, "*points kept"]:
-    """What other laws for an effect may add to the variance of each row (see the module).
+    """Variance that other laws for an effect add to each row (see the module).
 
     Args:
         misfit: Rows in which effects are compared.
@@ -103,7 +103,7 @@ def effect_points(grids: Sequence[Grid], misfit: Misfit, mismatch: Mismatch, *, 
         grids: All hypotheses.
         misfit: Rows in which they are compared.
         mismatch: How far other laws may differ.
-        weak: Keep points that are too weak to detect, too.
+        weak: Whether to keep points that are too weak to be detected.
 
     Returns:
         Their points; without `weak` those that have a prior.

@@ -1,4 +1,4 @@
-"""What is known of a fabric, and the joint probability of sets of effects that follows at some base parameters."""
+"""Features of a fabric with the atlas, and the joint probability of sets of effects at given base parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from cusick_bench.diagnosis.measure.own_outlines import OwnOutlines
 
 @dataclass(frozen=True, eq=False)
 class FabricData:
-    """What is known of a fabric, and how it is weighed.
+    """Features of a fabric, with the atlas and calibration by which they are judged.
 
     Attributes:
         emulator: The atlas, with the fabric's own outlines.
@@ -43,12 +43,12 @@ class FabricData:
     without: tuple[str, ...] = ()
 
     def against(self, *, start: ndarray | None = None, shift: ndarray | None = None, fixed: bool = False) -> Residual:
-        """What the best base model leaves.
+        """Residual of the best base model.
 
         Args:
             start: Base parameters to start from.
-            shift: Shift of the features that is taken off before [sd].
-            fixed: Linearise at `start`.
+            shift: Shift of the features that is subtracted first [sd].
+            fixed: Whether to linearise at `start`.
 
         Returns:
             The residual, in units of calibrated noise.

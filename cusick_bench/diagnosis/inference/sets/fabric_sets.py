@@ -1,10 +1,11 @@
 """Posterior over sets of effects of one fabric, with base parameters that are fitted together with the set.
 
-Strong effects pull the base parameters away from the truth, where the effects' own shifts are others. So the likeliest
-set is selected, once more on grids that are finer about it, the base parameters are fitted again with its shift taken
-off, and all is linearised there anew, until they stay. What nearly looks like another cloth may hide in the base
-parameters for good: it is begun with such effects, too, and the joint optimum that is the likeliest is kept. The
-posterior is sampled there, where the base parameters are integrated out.
+Strong effects pull the base parameters away from their true values, and the shifts of effects depend on these. So the
+likeliest set is selected, first on coarse grids and then on grids that are finer about it; its shift is subtracted; the
+base parameters are fitted again, and the model is linearised there. This is repeated until the parameters stay. An
+effect that looks nearly like another cloth could stay hidden in the base parameters, so the search is also started from
+such effects, and the likeliest joint optimum is kept. The posterior is sampled there, with the base parameters
+integrated out.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -22,9 +23,9 @@ from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses
 
 HIDDEN: Final = {"perspective": (2.0,), "threshold": (2.0, -2.0)}
-"""Effects that nearly look like another stiffness, and severities to begin with, in typical ones."""
+"""Effects that look nearly like another stiffness, and severities to start from, in typical ones."""
 _REFITS = 2
-_STAYS = 0.3  # posterior standard deviations
+_STAYS = 0.3  # change below which base parameters count as unchanged [posterior standard deviations]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ def fabric_sets(
     steps: int = STEPS,
     progress: Callable[[float], None] = lambda share: None,
 ) -> FabricSets:
-    """Weighs sets of effects for one fabric.
+    """Samples the posterior over sets of effects of one fabric.
 
     Args:
         fabric: The fabric.
@@ -73,7 +74,7 @@ def fabric_sets(
 
 
 def best_log_joint(fabric: FabricData, plain: Residual) -> float:
-    """How well a set of effects and a base model explain a fabric: ln of their joint density, the best there is.
+    """Largest log joint density of any set of effects and base parameters: how well a fabric can be explained at all.
 
     Args:
         fabric: The fabric.
@@ -91,18 +92,18 @@ def _best_optimum(
     shared: tuple[Candidate, ...],
     progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[float, Residual, SetModel, SharedShift | None]:
-    """The likeliest of the joint optima that are climbed to from all beginnings."""
+    """The likeliest of the joint optima that are reached from all starting points."""
     known = [one.hypothesis.name for one in shared]
-    beginnings = [plain, *_with_hidden(fabric, plain, known)]
+    beginnings = [plain, *_starts_with_hidden_effects(fabric, plain, known)]
     optima = []
     for number, beginning in enumerate(beginnings):
-        optima.append(_climbed(fabric, beginning, shared))
+        optima.append(_joint_optimum(fabric, beginning, shared))
         progress((number + 1) / (len(beginnings) + 2))
     return max(optima, key=lambda one: one[0])
 
 
-def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) -> Iterator[Residual]:
-    """The base parameters that are the best if an effect acts which they would else hide."""
+def _starts_with_hidden_effects(fabric: FabricData, plain: Residual, known: Collection[str]) -> Iterator[Residual]:
+    """Starting points: the best base parameters if an effect acts that they could otherwise hide."""
     for one in hypotheses(fabric.emulator):
         if one.name not in known and one.name not in fabric.without:
             for severity in HIDDEN.get(one.name, ()):
@@ -112,10 +113,10 @@ def _with_hidden(fabric: FabricData, plain: Residual, known: Collection[str]) ->
                 yield fabric.against(start=best.theta, fixed=True)
 
 
-def _climbed(
+def _joint_optimum(
     fabric: FabricData, residual: Residual, shared: tuple[Candidate, ...]
 ) -> tuple[float, Residual, SetModel, SharedShift | None]:
-    """Selects a set and fits the base parameters in turn; with ln of the joint density that is reached, first."""
+    """Selects a set and fits the base parameters in turn; the log joint density that is reached comes first."""
     known = [one.hypothesis.name for one in shared]
     refits = 0
     while True:
@@ -202,7 +203,7 @@ def likeliest_candidates(sets: FabricSets) -> dict[str, Candidate]:
 
 
 def _likeliest_points(sets: FabricSets, names: Sequence[str]) -> list[int]:
-    """A point for each effect: the likeliest one, then settled given the others."""
+    """A point for each effect: the likeliest by itself, then the likeliest given the others."""
     points, model = sets.model.points, sets.model
     chosen = []
     for name in names:
@@ -218,7 +219,7 @@ def _likeliest_points(sets: FabricSets, names: Sequence[str]) -> list[int]:
 
 
 def _with_sizes(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate]) -> list[Candidate]:
-    """Causes with |d| where they now are."""
+    """Causes with |d| at the present base parameters."""
     sized = []
     for one in causes:
         shift = sets.residual.whiten(fabric.shift([one], sets.residual)[None])[0]

@@ -1,15 +1,15 @@
-"""Noise of the whitened residual, and the misfit of the base model that is no effect's doing.
+"""Noise of the whitened residual, and the misfit of the base model that no effect causes.
 
     w = sum_e d_e + delta + noise,   noise ~ N(0, I),   delta = delta_sym + delta_any
 
-delta_sym is what a base model without any effect may get wrong (`feature_rows.MAY_BE_WRONG`): means that both faces
-share and that are symmetric about warp and weft, and spreads. It is N(0, s^2 A), A the pattern of what meshes and laws
-change in the atlas with a share of any such direction. delta_any is N(0, t^2 I) in all other rows, which no base model
-without effect may get wrong: something that is not on the list. Both sizes are integrated over a grid that begins with
-0.
+delta_sym is the error of a base model without any effect, in the rows where it may be wrong
+(`feature_rows.MAY_BE_WRONG`): spreads, and means that both faces share and that are symmetric about warp and weft. It
+is N(0, s^2 A), where A mixes the pattern of what meshes and laws change in the atlas with an isotropic part. delta_any
+is N(0, t^2 I) in all other rows, the *forbidden* ones, which no base model without effect may get wrong: something that
+is not on the list. Both sizes, s and t, are integrated over grids that begin with 0.
 
-Rows are turned so that forbidden ones come first and A is diagonal: both integrals are sums over rows. Forbidden rows
-keep their sorts, one after the other: means that both faces share, contrasts of the faces, drifts. What is symmetric in
+Rows are rotated so that the forbidden ones come first and A is diagonal: both integrals are then sums over rows.
+Forbidden rows stay sorted into means that both faces share, contrasts of the faces, and drifts. A symmetric property of
 the cloth moves none of them, whatever its law (`across`).
 
 References:
@@ -34,7 +34,7 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import (
 )
 from cusick_bench.diagnosis.inference.residuals.residual import Residual
 
-_ANY_DIRECTION = 0.5  # share of A that prefers no direction
+_ANY_DIRECTION = 0.5  # share of A that is isotropic
 _SPREAD_MISFIT = 0.7  # standard deviation of ln sd beside one standard deviation of a mean's misfit
 MISFIT_SIZES: Final = np.array([0.0, 0.7, 1.4, 2.8, 5.6, 11.0])
 """s, in standard deviations of the noise."""
@@ -46,13 +46,13 @@ ANY_PRIOR: Final = np.array([0.88, 0.06, 0.03, 0.02, 0.01])
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Rows of the whitened residual, turned.
+    """Rotation of the rows of the whitened residual, and the pattern of the misfit.
 
     Attributes:
-        rotation: Orthonormal; forbidden rows first.
-        sorts: How many rows there are of each sort; the last is that of rows which a base model without effect may get
+        rotation: Orthonormal matrix that puts forbidden rows first.
+        sorts: Number of rows of each sort; the last sort is that of rows which a base model without effect may get
             wrong.
-        pattern: Eigenvalues of A in the rows of that sort; their mean is 1.
+        pattern: Eigenvalues of A in the rows of the last sort; their mean is 1.
     """
 
     rotation: Float[ndarray, "kept kept"]
@@ -61,7 +61,7 @@ class Misfit:
 
     @property
     def forbidden(self) -> int:
-        """How many rows no base model without effect may get wrong."""
+        """Number of rows that no base model without effect may get wrong."""
         return sum(self.sorts[:-1])
 
     def turned(self, white: Float[ndarray, "*rows kept"]) -> Float[ndarray, "*rows kept"]:
@@ -120,7 +120,7 @@ def misfit_of(emulator: Emulator, residual: Residual) -> Misfit:
     inside = allowed[residual.kept]
     unit = np.eye(len(inside))
     white = solve_triangular(residual.root, unit[:, inside], lower=True)
-    # a row c that is 0 in all allowed directions is the functional L^T c of the whitened residual
+    # A linear functional c of the features that vanishes on all allowed rows is L^T c on the whitened residual.
     forbidden = np.linalg.qr(residual.root.T @ unit[:, ~inside])[0]
     basis = np.linalg.qr(white)[0]
     projected = basis.T @ white

@@ -18,7 +18,7 @@ def log_densities(
     """ln N(left - shift; 0, variance + added + misfit) but for a constant, summed over rows.
 
     Args:
-        left: What is to be explained.
+        left: Residual that is to be explained.
         variance: Its variance without the point.
         shift: Shift by each point.
         added: Variance that each point adds.

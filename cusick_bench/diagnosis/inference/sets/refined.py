@@ -16,9 +16,9 @@ from cusick_bench.diagnosis.inference.sets.set_model import likelihoods_of
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 
 _STEPS = {"direction": 5.0, "radius": 0.006}
-"""First steps, [deg] and [m]; a fifth of itself for a severity."""
+"""First steps of the search [deg, m]; that of a severity is a fifth of its value."""
 _RANGE = 2.0  # factor on a severity, either way
-_EVALUATIONS = 60  # for each cause and sweep
+_EVALUATIONS = 60  # largest number of evaluations for each cause and sweep
 _SWEEPS = 2
 
 
@@ -28,8 +28,8 @@ class NamedSet:
 
     Attributes:
         causes: The causes.
-        variance: What other laws for them add to the variance of each row.
-        left: What they leave of w.
+        variance: Variance that other laws for them add to each row.
+        left: Residual: w minus their shifts.
         tangent: Change of the shift with each free parameter, one a row.
     """
 
@@ -66,7 +66,7 @@ def named_set(fabric: FabricData, sets: FabricSets, causes: Sequence[Candidate])
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A fabric at the joint optimum, for the parameters of its causes; points of effects that it shows beside."""
+    """A fabric at its joint optimum, to which parameters of causes are fitted, and points of its further effects."""
 
     fabric: FabricData
     sets: FabricSets
@@ -78,14 +78,14 @@ class _Fit:
         return self.sets.model.misfit.turned(at.whiten(self.fabric.shift([one], at)[None]))[0]
 
     def variance(self, causes: Sequence[Candidate], shifts: ndarray) -> Float[ndarray, "kept"]:
-        """What other laws add."""
+        """Variance that other laws add."""
         total, misfit = np.zeros(shifts.shape[1]), self.sets.model.misfit
         for one, shift in zip(causes, shifts, strict=True):
             total += law_variance(misfit, self.fabric.calibration.mismatch(one.hypothesis.name), shift)
         return total
 
     def given(self, others: Sequence[Candidate]) -> tuple[Float[ndarray, "kept"], Float[ndarray, "kept"]]:
-        """What other causes leave of w, and the variance with them."""
+        """Residual of w after other causes, and the variance with them."""
         model, own = self.sets.model, list(self.own)
         left, variance = model.white - model.points.shift[own].sum(0), 1 + model.points.variance[own].sum(0)
         shifts = np.array([self.shift(other) for other in others]).reshape(len(others), len(left))
@@ -115,7 +115,7 @@ def shared_set(
 
     Args:
         fabrics: The fabrics, weighed without what they share.
-        own: Points of the effects that each of them shows beside.
+        own: Points of the further effects of each fabric.
         causes: The causes at points of their grids.
 
     Returns:
@@ -125,7 +125,7 @@ def shared_set(
 
 
 def _fitted(fits: Sequence[_Fit], causes: Sequence[Candidate], known: Collection[str] = ()) -> list[Candidate]:
-    """Causes at their likeliest parameters over fabrics, in turn; those that are known stay as they are."""
+    """Causes at the parameters that are likeliest over all fabrics, one after the other; known causes are kept."""
     fitted = list(causes)
     for _ in range(_SWEEPS):
         for place, one in enumerate(fitted):

@@ -1,12 +1,13 @@
-"""Joint probability of a set of effects, each at a point of its grid, and of what the base model gets wrong.
+"""Joint probability of a set of effects, each at a point of its grid, and of the misfit of the base model.
 
-With w the turned, whitened residual, d_e the shift of each effect of the set Z and v_e what another law adds,
+With w the rotated, whitened residual, d_e the shift of each effect of the set Z and v_e the variance that another law
+adds,
 
     p(w | Z, s, t) = prod_k N(w_k - sum_e d_ek; 0, 1 + sum_e v_ek + m_k),   m = t^2 in forbidden rows, else s^2 a_k
 
-s and t have priors on a grid and are summed over: forbidden and allowed rows are independent given Z. The prior of a
-set of m effects is p(m) over the number of sets of that size, times the priors of the points: freedom to choose the set
-is paid for, as is freedom within an effect.
+s and t have priors on grids and are summed over; given Z, forbidden and allowed rows are independent. The prior of a
+set of m effects is p(m) divided by the number of sets of that size, times the priors of the points. So choosing among
+more sets, or among more points of an effect, costs evidence.
 
 References:
     George, McCulloch. Variable selection via Gibbs sampling. JASA 88(423), 1993 (spike and slab). Scott, Berger. Bayes
@@ -28,9 +29,9 @@ from cusick_bench.diagnosis.inference.sets.misfit import ANY_PRIOR, ANY_SIZES, M
 from cusick_bench.diagnosis.inference.sets.point_likelihood import log_densities
 
 MOST = 5
-"""Effects of a set."""
+"""Largest number of effects in a set."""
 COUNT_PRIOR: Final = np.array([0.5, 0.27, 0.13, 0.06, 0.03, 0.01])
-"""Probability of so many effects."""
+"""Prior probability of 0, 1, 2, ... effects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +54,14 @@ class Likelihoods:
 
 @dataclass(frozen=True, eq=False)
 class SetModel:
-    """What a fabric's residual says of sets of effects.
+    """Joint probability of sets of effects, given a fabric's residual.
 
     Attributes:
         white: w in the turned rows.
         misfit: The rows, and the pattern of the misfit.
         points: All effects' points.
         listed: Effects that a set is chosen from, those without a point included.
-        freedom: Degrees of freedom of what makes all rows together noisier or quieter.
+        freedom: Degrees of freedom of Student's t of all rows together, as in `Residual`.
     """
 
     white: Float[ndarray, "kept"]
@@ -70,10 +71,10 @@ class SetModel:
     freedom: float = np.inf
 
     def null_noise(self, draws: int, generator: np.random.Generator) -> Float[ndarray, "draws kept"]:
-        """Noise of fabrics on which nothing acts, in units of what its standard deviation is taken to be.
+        """Noise of fabrics without effect, in units of its estimated standard deviation.
 
-        That is known from a dozen samples only, and what widens a fabric's scatter widens that of all statistics:
-        Student's t of all rows together.
+        The standard deviation is estimated from about a dozen samples, and its error is common to all statistics: the
+        rows together have a multivariate Student's t distribution.
 
         Args:
             draws: Number of fabrics.

@@ -1,9 +1,9 @@
 """Posterior over sets of effects by Gibbs sampling of one effect at a time, out of all points of all effects.
 
-A set has up to `MOST` places. One place at a time is emptied and filled anew given the others: with nothing, or with
-any point of any effect that is not in the set. So look-alikes are exchanged in one step, and every step gives the
-probabilities of all effects, which are averaged (Rao-Blackwell) instead of what happened to be drawn. Chains start from
-the empty set and from forward selection; one whose sets are far less likely than another's is left out.
+A set has up to `MOST` places. One place at a time is emptied and drawn again given the others: nothing, or any point of
+any effect that is not in the set. So look-alikes are exchanged in one step. Every step gives the conditional
+probabilities of all effects, and these are averaged (Rao-Blackwell) instead of the effects that were drawn. Chains
+start from the empty set and from forward selection; a chain whose sets are far less likely than another's is left out.
 
 References:
     Gelfand, Smith. Sampling-based approaches to calculating marginal densities. JASA 85(410), 1990.
@@ -24,10 +24,10 @@ from cusick_bench.diagnosis.inference.sets.set_model import MOST, SetModel, Shar
 from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, UNKNOWN
 
 STEPS: Final = 120
-"""Of each chain, after a fifth as many that are not counted."""
+"""Steps of each chain, after a fifth as many that are not counted."""
 _CHAINS = 3
-_FAR = 8.0  # [nat] below the likeliest chain's mean: a chain that has not found the sets that matter
-_KEPT = 200  # conditionals in memory
+_FAR = 8.0  # [nat] distance below the likeliest chain's mean from which a chain is left out
+_KEPT = 200  # largest number of conditionals in memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
     prior = np.where(taken, -np.inf, points.log_prior) + model.log_prior(min(count + 1, MOST))
     own = float(points.log_prior[list(others)].sum())
     log_joint = likelihoods.total + own + np.append(prior, model.log_prior(count))
-    # places are told apart: a set with one effect more stands in as many more places as are free
+    # Places are distinguishable: one effect more can stand in any of the free places, which share its prior.
     weighed = log_joint - np.append(np.full(len(points), np.log(MOST - count)), 0.0)
     options = np.exp(weighed - float(np.logaddexp.reduce(weighed)))
     effects = np.bincount(points.effect, options[:-1], minlength=len(points.names))
@@ -99,7 +99,7 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
 
 
 def _leading(model: SetModel, others: Sequence[int], options: ndarray, beyond: ndarray) -> Float[ndarray, "causes"]:
-    """What accounts for most: the effect with the largest shift, or what is not listed where that is larger."""
+    """Probability of what accounts for most: the effect with the largest shift, or unlisted causes if larger."""
     points = model.points
     number = len(points.names)
     size = np.append(points.size(), 0.0)
@@ -163,14 +163,14 @@ def draw_option(options: Float[ndarray, "options"], generator: np.random.Generat
 
 
 def forward_selection(model: SetModel, more: SharedShift | None = None) -> list[int]:
-    """The likeliest effect after the other, until nothing is likelier than one more.
+    """Adds the likeliest effect again and again, as long as that makes the set likelier.
 
     Args:
         model: The fabric.
         more: A shift beside that of the set.
 
     Returns:
-        Points.
+        Points of the selected effects.
     """
     chosen: list[int] = []
     while len(chosen) < MOST:

@@ -1,9 +1,9 @@
-"""Simpler ways to name a cause, for comparison: without projecting the base parameters out, without Occam's razor.
+"""Simpler ways to name a cause, for comparison: base parameters are not projected out, and there is no Occam's razor.
 
     largest-marginal-score   the effect whose shift correlates best with data minus the calibrated base model
     lasso-without-projection the largest effect of a sparse regression on all effects' linear shifts
 
-Both take the base model at its best fit as the truth, so whatever a wrong base parameter leaves is put on an effect.
+Both take the base model at its best fit as the truth, so errors of the base parameters are attributed to effects.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Causes that no silhouette tells apart.
 
-They are written out, as frozen answers must mean the same years later.
+They are listed explicitly, since frozen answers must have the same meaning years later.
 """
 
 from collections.abc import Collection
@@ -34,11 +34,11 @@ ABSORBED = Equivalents(
     frozenset({"density-bias"}),
     "a drape depends on stiffness over weight alone: a wrong weight only rescales the stiffness",
 )
-"""Causes that the base model's own parameters take up."""
+"""Causes that the base model's own parameters absorb."""
 
 
 def partners(effect: str, named: Collection[str]) -> frozenset[str]:
-    """Those of some causes that silhouettes do not tell from an effect.
+    """Causes among the given ones that silhouettes do not tell from an effect.
 
     Args:
         effect: The effect.

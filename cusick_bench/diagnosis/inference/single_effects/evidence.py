@@ -4,9 +4,9 @@ With w white noise where the base model holds, and d the shift of w by an effect
 
     log p(w | point) = -1/2 sum_k [ (w_k - d_k)^2 / v_k + ln v_k ],   v_k = 1 + e^2 d_k^2 + u
 
-where e is how far another law for the same effect may differ from ours, where it acts, and u the atlas' own
-uncertainty. Only points with |d| of at least `LEAST_SIZE` have a prior: half of what can be detected. A weaker effect
-is none to whoever looks at this fabric, and a cause without such a point is undetectable here and takes no part.
+where e is the relative difference of another law for the same effect from ours, and u the atlas' own uncertainty. Only
+points with |d| of at least `LEAST_SIZE`, half of what can be detected, have a prior. A weaker effect counts as none in
+this fabric, and a cause without any such point is undetectable here and is left out.
 
 References:
     MacKay. Information theory, inference, and learning algorithms, 2003, Chapter 28 (Occam's razor in the evidence).
@@ -30,8 +30,8 @@ LAW_DIFFERENCE = 0.3
 """e, how far another law for the same effect may differ from ours, as a share of its shift."""
 LEAST_SIZE = 2.2
 """|d| of the weakest points that have a prior [standard deviations of noise]."""
-_USUAL = 4.0  # typical severities; larger ones are met less and less often
-_TOO_WEAK = 0.15  # of its grid: the part that no fabric shows; an effect that only its extremes show is less likely
+_USUAL = 4.0  # [typical severities] from which on severities become less and less likely
+_TOO_WEAK = 0.15  # share of a grid that is too weak in every fabric; effects that only extremes show are less likely
 
 
 def log_sum(values: Float[ndarray, "terms"] | Sequence[float]) -> float:
@@ -162,7 +162,7 @@ def grid_at(emulator: Emulator, hypothesis: Hypothesis, residual: Residual, *, l
 
 
 def severity_weight(hypothesis: Hypothesis) -> Float[ndarray, "points"]:
-    """How likely the severities of a grid are: alike in their logarithm, but for unusual ones.
+    """Prior weight of the severities of a grid: uniform in their logarithm, and smaller for unusual ones.
 
     Args:
         hypothesis: The effect and its frame.

@@ -1,8 +1,8 @@
 """Grids with finer steps about some of their points.
 
-A strong effect that lies between two points of its grid leaves part of its shift to whatever else may account for it:
-half a step of 15 deg leaves 13 %, half a step of severity 20 %. So the cells of points that matter, and those beside
-them, are each split into three along severity, direction and radius, and share the cell's prior.
+A strong effect that lies between two points of its grid leaves part of its shift unexplained, which another effect may
+take up: half a step of 15 deg leaves 13 %, half a step of severity 20 %. So the cells of likely points, and those next
+to them, are each split into three along severity, direction and radius; the parts share the cell's prior.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from cusick_bench.diagnosis.inference.single_effects.hypotheses import (
 from cusick_bench.sim.effects import Parameter
 
 _THIRDS = (-1 / 3, 0.0, 1 / 3)
-_BESIDE = 1.01  # steps: the next point, but for rounding
+_BESIDE = 1.01  # [steps] distance up to which points are neighbours, with a tolerance for rounding
 
 
 def finer_grid(
@@ -76,7 +76,7 @@ def _beside(grid: Grid, point: Mapping[str, float]) -> Bool[ndarray, "points"]:
 
 
 def _steps(hypothesis: Hypothesis, p: Parameter, values: ndarray, point: float) -> Float[ndarray, "points"]:
-    """How many steps of a grid values of a parameter are from one of them; other sizes are out of reach."""
+    """Distance of a parameter's values from one of them, in steps of the grid; infinite for other sizes."""
     if p.role == "severity":
         alike = values * point > 0
         ratio = np.where(alike, values, point) / point

@@ -1,9 +1,10 @@
-"""What may have shifted a fabric's features: every effect with all its severities, directions and places, on a grid.
+"""Hypotheses on what has shifted a fabric's features: every effect, with severities, directions and places on a grid.
 
-A `Hypothesis` is an effect in a frame. At the base parameters of a fabric it is a table of shifts of the features, one
-row a value of its parameters, with prior weights: severities log-uniform from a twentieth of the typical one to ten
-times it, either sign where that means something, directions uniform, patches anywhere on the hanging part. An effect
-that acts with time has a sign too: negative where the captures were taken, or numbered, in the other order.
+A `Hypothesis` is an effect and the frame to which its direction belongs. At the base parameters of a fabric it gives a
+table of shifts of the features, with a row for each value of its parameters. Severities are log-uniform from a
+twentieth of the typical one to ten times it, with either sign where the sign has a meaning; directions are uniform;
+patches lie anywhere on the hanging part. Effects that act with time have a sign too: it is negative where the captures
+were taken, or numbered, in reverse order.
 """
 
 from collections.abc import Mapping
@@ -27,7 +28,7 @@ from cusick_bench.sim.effects import Effect, registered
 
 Frame = Literal["", "cloth", "lab"]
 GRAIN = "grain-skew"
-"""Needs no drapes: the base model's statistics, turned."""
+"""The effect that needs no drapes: its statistics are those of the base model, rotated."""
 DIRECTIONS = 24
 RINGS = (0.0975, 0.1125, 0.1275, 0.1425)
 """Middle radii of four rings of the hanging part [m]."""
@@ -36,7 +37,7 @@ _SEVERITIES = np.geomspace(1 / 20, 10, 14)  # in typical ones; beyond the atlas'
 SEVERITY_STEP: Final = float(_SEVERITIES[1] / _SEVERITIES[0])
 """Ratio of neighbouring severities."""
 _COUNT = len(NAMES)
-_OTHER_FRAME = 0.2  # how likely an effect with a direction keeps to the other frame than one expects
+_OTHER_FRAME = 0.2  # prior probability that the direction of a laboratory's effect belongs to the cloth
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Hypothesis:
 
 
 def hypotheses(emulator: Emulator) -> list[Hypothesis]:
-    """All that can be told from the base model: effects in the atlas, and the turn of the grain.
+    """All hypotheses: effects in the atlas, and the turn of the grain.
 
     Args:
         emulator: The atlas.
@@ -179,14 +180,14 @@ def shifts(
     if response.later:
         orders = (faces[0] + faces[1])[:, list(ORDERS)] / 2 if drift > 0 else orders
         orders[backwards] *= -1
-        share = np.where(backwards, 1 - drift, drift)[:, None]  # of captures on which it has acted
+        share = np.where(backwards, 1 - drift, drift)[:, None]  # share of the captures on which the effect has acted
         faces, spreads = [face * share for face in faces], spreads * share
     up, down = faces
     return Shifts(in_rows(up, down, spreads, orders), variance)
 
 
 def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, ndarray], sd: ndarray) -> Shifts:
-    """Shifts that the fabric's own outlines have."""
+    """Shifts computed by undoing the effect on the fabric's own outlines."""
     severity = np.asarray(given[hypothesis.effect.severity.name], dtype=np.float64)
     warp = outlines.captures.warp_seen_down
     in_cloth = _angle(warp, hypothesis, given, 0), _angle(warp, hypothesis, given, 1)

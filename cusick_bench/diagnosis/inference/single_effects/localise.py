@@ -1,8 +1,8 @@
 """Where on the cloth a local cause acts: how likely each place of a 4 x 16 map is.
 
 The map has four rings of the hanging part, from the plate's edge to the rim, and 16 sectors counter-clockwise from
-warp, face up. A place's share is the probability of a patch there, stiffer or heavier, against patches elsewhere. It
-is worth reading only where a patch explains the data at all, and where the map is narrower than under noise.
+warp, face up. The value of a place is the probability of a stiffer or heavier patch there, given that there is a patch
+anywhere. It is meaningful only where a patch explains the data at all, and where the map is narrower than under noise.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 SECTORS = 16
 EDGES = (PLATE_RADIUS, 0.105, 0.12, 0.135, CLOTH_RADIUS)
 """Radii between the rings [m], of the atlas' cloth, to which silhouettes of any other are scaled."""
-_LEVEL = 0.8  # of the region that is named
+_LEVEL = 0.8  # probability of the region that is named
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def patch_map(white: Float[ndarray, "kept"], grids: Sequence[Grid], only: str | 
         ring = np.array([int(np.argmin(np.abs(np.array(RINGS) - r))) for r in values["radius"]])
         first = values["direction"] * SECTORS / 360
         for row, value in enumerate(likelihood):
-            # a direction between two sectors' middles counts for both
+            # A direction between the middles of two sectors is shared between both.
             for sector in {int(np.floor(first[row])) % SECTORS, int(np.floor(first[row] - 1e-9)) % SECTORS}:
                 cells.setdefault((ring[row], sector), []).append(float(value))
     table = np.full((len(RINGS), SECTORS), -np.inf)

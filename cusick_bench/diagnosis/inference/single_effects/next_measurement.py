@@ -21,8 +21,8 @@ class Measurement:
     """Something that a laboratory can do.
 
     Attributes:
-        name: Short.
-        what: To do, in a sentence.
+        name: Short name.
+        what: What to do, in a sentence.
         decides: Causes that it tells apart from all others, each in a cell of its own.
         groups: Causes that it tells from all others, but not from each other.
     """
@@ -90,7 +90,7 @@ MEASUREMENTS: tuple[Measurement, ...] = (
 
 @dataclass(frozen=True)
 class Advice:
-    """A measurement and what it is worth here.
+    """A measurement and its expected information for a fabric.
 
     Attributes:
         measurement: What to do.
@@ -111,8 +111,8 @@ def advise(
     Args:
         probability: Probability of every cause, `none` and `unknown` included.
         made: Names of measurements that have been made already.
-        most: How many to name.
-        least: Below so many bits a measurement is not worth it.
+        most: Largest number of measurements to name.
+        least: Least expected drop of entropy of a measurement that is named [bit].
 
     Returns:
         The most informative first.

@@ -1,4 +1,4 @@
-"""What a case may hold that no effect of the package describes."""
+"""True laws of effects that are not on the package's list."""
 
 from dataclasses import replace
 

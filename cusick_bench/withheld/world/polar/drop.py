@@ -117,7 +117,7 @@ def drop(plate: PolarPlate, u: Displacements, steps: int) -> tuple[Displacements
 
 
 class _State:
-    """Where the points are, and how the cloth is stretched and bent there."""
+    """Positions, strains and curvatures at the points."""
 
     def __init__(self, grid: PolarGrid) -> None:
         self.grid = grid

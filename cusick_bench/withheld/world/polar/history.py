@@ -37,7 +37,7 @@ class PointVariables:
         raise NotImplementedError
 
     def carried_over(self, curvature: Strains) -> Strains | None:
-        """What outlasts the drop and acts on the sample's next picture.
+        """State that is carried over from this drop to the sample's next picture.
 
         Args:
             curvature: k at the end of the drop [1/m].

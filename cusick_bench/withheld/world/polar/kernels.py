@@ -58,7 +58,7 @@ def strains(
     area: Float[ndarray, "intervals points 3"], strain: Float[ndarray, "intervals points 3"],
     curvature: Float[ndarray, "intervals points 3"],
 ) -> None:  # fmt: skip
-    """Where the points are and how the cloth is stretched and bent there.
+    """Positions, strains and curvatures at the points.
 
     Args:
         unknowns: Numbers of the displacements of each interval.

@@ -22,7 +22,7 @@ _DIFFERENCE = 0.0025  # [m] of the central differences of rest shapes
 
 @dataclass(frozen=True)
 class PlateMaterial:
-    """What a plate is made of, at its points of integration; symmetric tables are 11, 12, 13, 22, 23, 33.
+    """Material of a plate at its points of integration; symmetric tables are 11, 12, 13, 22, 23, 33.
 
     Attributes:
         stretch: C [N/m].

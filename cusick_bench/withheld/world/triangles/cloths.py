@@ -20,7 +20,7 @@ from cusick_bench.withheld.world.triangles.systems import SceneSystems, cloth_po
 from cusick_bench.withheld.world.world import Drape
 
 LAWS = history.LAWS | contact.LAWS
-"""Laws of effects that hang on hinges and faces."""
+"""Laws of effects that depend on hinges and faces."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ class InternalVariables:
         raise NotImplementedError
 
     def carried_over(self, angle: Float[ndarray, "hinges"]) -> Float[ndarray, "hinges"] | None:
-        """What outlasts the drop and acts on the sample's next picture.
+        """State that is carried over from this drop to the sample's next picture.
 
         Args:
             angle: Dihedral angles at the end of the drop [rad].

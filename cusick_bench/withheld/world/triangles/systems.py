@@ -1,9 +1,9 @@
 """The mechanical systems of true scenes on triangle meshes.
 
-Law `paper` bends otherwise than the package's own: a hinge with edge length l between two triangles bends over the
+Law `paper` bends in another way than in the package: a hinge with edge length l between two triangles bends over the
 distance L between their circumcentres (the dual edge): curvature = (2/3) angle / L and stiffness (2/3) B l / L, which
 on equilateral triangles are angle l / (A1 + A2) and B l^2 / (A1 + A2), the simulator's own. Nearly cocircular triangles
-have L -> 0, so L is kept above a part of l. Law `published` is what it is, quirks and springs included.
+have L -> 0, so L is kept above a part of l. Law `published` is unchanged, quirks and springs included.
 
 References:
     Desbrun, Hirani, Leok, Marsden. Discrete exterior calculus, 2005 (circumcentric duals).
