@@ -146,8 +146,9 @@ class Solver(ABC):
         return asdict(self)
 
     def solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress = silent) -> Prediction:
-        """Answers the problem within its budget; the answer does not depend on the number of threads. What it prints goes to
-        standard error.
+        """Answers the problem within its budget; the answer does not depend on the number of threads.
+
+        What the solver prints goes to standard error.
 
         Args:
             problem: The problem, which counts what is spent.

@@ -2,8 +2,9 @@
 
 A cell without physics, or of an oracle, is repeated as a whole. For a simulation the stored parameters are draped again
 with the present code: a drop from the start, an equilibrium from the stored shape, which Newton's method must not
-change; the stiffness of these parameters is computed again. Draws that are the fit itself are repeated with it. Of the draws from a stored posterior, a few random ones are
-drawn and draped again; the pictures of all others are rendered again from the stored shapes, and scored again.
+change; the stiffness of these parameters is computed again. Draws that are the fit itself are repeated with it. Of the
+draws from a stored posterior, a few random ones are drawn and draped again; the pictures of all others are rendered
+again from the stored shapes, and scored again.
 """
 
 import tempfile
