@@ -265,10 +265,18 @@ def require_at_least(solver: Solver, least: int, *names: str) -> None:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Data that an oracle sees: test images, and for each the images of repeats of the same drape."""
+    """Data that an oracle sees.
+
+    Attributes:
+        images: The held-out images.
+        repeats: For each of them, other captures of the same drape.
+        others: For each of them, images of the cloth's other samples with the same face up. If there are none, each
+            held-out image is of a sample of its own, and its others are the training image and the other held-out ones.
+    """
 
     images: Images
     repeats: tuple[Images, ...] = ()
+    others: tuple[Images, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import logging
 import os
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from cusick_bench.datasets import DrapeDataset, DrapeSample
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
@@ -55,6 +56,8 @@ _log = logging.getLogger(__name__)
 # Told the share of the work done, in [0, 1] or NaN, the smallest loss so far, and what goes on.
 Report = Callable[[float, float, str], None]
 
+
+Silhouettes = Float[np.ndarray, "images size size"]
 
 SIMULATORS_KEPT = 8  # simulators that a process reuses; meshing and the linear solver's analysis take a second each
 
@@ -271,12 +274,23 @@ def score_cell(dataset: DrapeDataset, cell: Cell, prediction: Prediction) -> dic
 
 
 def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
-    size = dataset.protocol.image_size_px
-    repeats = [[read_image(dataset, other) for other in dataset.repeats(row)] for row in cell.test]
+    def images(rows: Sequence[int]) -> Silhouettes:
+        size = dataset.protocol.image_size_px
+        return np.stack([read_image(dataset, row) for row in rows]) if rows else np.zeros((0, size, size))
+
+    table, known = dataset.table, (*cell.train, *cell.test)
+    drapes = list(zip(table["sample"], table["side"].astype(str), strict=True))
+    others = [[one for one in known if _is_other_sample(drapes[one], drapes[row])] for row in cell.test]
     return HeldOut(
-        images=np.stack([read_image(dataset, row) for row in cell.test]) if cell.test else np.zeros((0, size, size)),
-        repeats=tuple(np.stack(images) if images else np.zeros((0, size, size)) for images in repeats),
+        images(cell.test),
+        repeats=tuple(images(dataset.repeats(row)) for row in cell.test),
+        others=tuple(map(images, others)),
     )
+
+
+def _is_other_sample(one: tuple[str, str], other: tuple[str, str]) -> bool:
+    """Whether two drapes, each a sample and the side that is up, are of different samples with the same side up."""
+    return one[0] != other[0] and one[1] == other[1]
 
 
 @lru_cache(maxsize=1)

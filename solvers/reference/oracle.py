@@ -1,6 +1,6 @@
 """Reference rows that see the held-out images; no method is expected to be better.
 
-"Others" of a held-out image are the remaining samples of its cloth, the training one among them (11 of 12).
+"Others" of a held-out image are the remaining samples of its cloth, those that train among them (11 of 12).
 """
 
 from __future__ import annotations
@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from cusick_bench.solvers.base import Images, Oracle, Prediction, Progress, SolverError
+from cusick_bench.solvers.base import HeldOut, Images, Oracle, Prediction, Progress, SolverError
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
 
 
-def _others(problem: DrapeProblem, images: Images, index: int) -> Images:
-    return np.concatenate([np.asarray(problem.train_image)[None], np.delete(images, index, axis=0)])
+def _others(problem: DrapeProblem, seen: HeldOut, index: int) -> Images:
+    if not seen.others:
+        return np.concatenate([np.asarray(problem.train_image)[None], np.delete(seen.images, index, axis=0)])
+    if len(seen.others[index]) == 0:
+        raise SolverError(
+            "the oracle needs another sample of the cloth with the same face up, got none"
+        )
+    return seen.others[index]
 
 
 def _nearest(candidates: Images, image: np.ndarray) -> np.ndarray:
@@ -29,11 +35,12 @@ class OracleMean(Oracle):
     """Mean of the other samples' images."""
 
     name: ClassVar[str] = "oracle:mean"
+    version: ClassVar[int] = 2
     summary: ClassVar[str] = "mean image of the cloth's other samples"
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         images = self.seen.images
-        means = np.stack([_others(problem, images, index).mean(0) for index in range(len(images))])
+        means = np.stack([_others(problem, self.seen, index).mean(0) for index in range(len(images))])
         return Prediction(images.mean(0), means, paired=True)
 
 
@@ -42,11 +49,12 @@ class OracleBestOther(Oracle):
     """For every held-out image the nearest of the other samples' images."""
 
     name: ClassVar[str] = "oracle:best-other"
+    version: ClassVar[int] = 2
     summary: ClassVar[str] = "nearest image among the cloth's other samples"
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         images = self.seen.images
-        nearest = [_nearest(_others(problem, images, index), image) for index, image in enumerate(images)]
+        nearest = [_nearest(_others(problem, self.seen, index), image) for index, image in enumerate(images)]
         return Prediction(_nearest(images, problem.train_image), np.stack(nearest), paired=True)
 
 

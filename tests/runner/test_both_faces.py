@@ -15,7 +15,7 @@ from cusick_bench.leaderboard.verification.verify import verify_cell
 from cusick_bench.problem import FieldSpace
 from cusick_bench.problem.field_space import CLOTH
 from cusick_bench.runner import load_prediction
-from cusick_bench.runner.cell import build_problem
+from cusick_bench.runner.cell import build_problem, solve_cell
 from cusick_bench.runner.grid import ProblemSettings, plan
 from cusick_bench.runner.samples import training_rows
 from cusick_bench.solvers.registry import make_solver
@@ -63,6 +63,21 @@ def test_only_cells_that_show_a_sample_twice_are_new_to_a_run(dataset, left_out)
         return dict(cells[0].numerics)
 
     assert numerics("leave-one-sample-out") == numerics("paper") | {"both faces": 1, "repeats": 1}
+
+
+def test_oracles_of_other_samples_do_not_see_other_captures_of_the_one_that_is_left_out(dataset, left_out):
+    table = dataset.index
+    draws = {}
+    for name in ("oracle:mean", "oracle:best-other"):
+        (cell,) = plan(dataset, solvers=[name], splits=[left_out], settings=ProblemSettings(vertices=97))
+        draws[name] = solve_cell(build_problem(dataset, cell), dataset, cell).draws
+    for place, row in enumerate(left_out.test):
+        others = table[(table["sample"] != table["sample"][row]) & (table["side"] == table["side"][row])]
+        assert len(others[others["cloth"] == "fabric_3"]) == 22
+        images = np.stack([dataset.image(one).numpy() for one in others.index[others["cloth"] == "fabric_3"]])
+        errors = np.square(images - dataset.image(row).numpy()).mean((1, 2))
+        assert draws["oracle:mean"][place] == pytest.approx(images.mean(0))
+        assert np.square(draws["oracle:best-other"][place] - dataset.image(row).numpy()).mean() == errors.min()
 
 
 @pytest.fixture(scope="module")
