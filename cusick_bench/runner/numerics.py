@@ -12,6 +12,7 @@ new version. After raising a version: `python tests/support/golden.py --write`.
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.cloth import membrane
+from cusick_bench.sim.effects.registry import parse
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.laws import paper, plate, published
 from cusick_bench.solvers.base import Solver
@@ -76,6 +77,8 @@ def cell_numerics(
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
+        acting = [parse(cause).effect for cause in causes]
+        versions |= {f"effect {one.name}": one.version for one in acting if one.version > 1}  # records omit version 1
     if both_faces:
         versions["both faces"] = BOTH_FACES
     if repeats:

@@ -67,6 +67,7 @@ class Effect(ABC):
             numbers.
         signed: Whether negative severities mean something.
         face_odd: Whether it acts with the opposite sign when the cloth is turned over.
+        version: Raised when it changes drapes in another way; finished cells with it are then computed again.
     """
 
     name: ClassVar[str]
@@ -79,6 +80,7 @@ class Effect(ABC):
     gradient: ClassVar[Literal["adjoint", "differences"]] = "differences"
     signed: ClassVar[bool] = True
     face_odd: ClassVar[bool] = False
+    version: ClassVar[int] = 1
 
     @abstractmethod
     def _apply(self, setup: Setup, value: Values) -> Setup:

@@ -20,9 +20,7 @@ def _others(problem: DrapeProblem, seen: HeldOut, index: int) -> Images:
     if not seen.others:
         return np.concatenate([np.asarray(problem.train_image)[None], np.delete(seen.images, index, axis=0)])
     if len(seen.others[index]) == 0:
-        raise SolverError(
-            "the oracle needs another sample of the cloth with the same face up, got none"
-        )
+        raise SolverError("the oracle needs another sample of the cloth with the same face up, got none")
     return seen.others[index]
 
 

@@ -31,6 +31,7 @@ from cusick_bench.runner import (
 )
 from cusick_bench.runner.environment import code_state, code_text
 from cusick_bench.runner.warm_up import WarmUp
+from cusick_bench.sim.effects.boundary.plate_tilt import PlateTilt
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.solvers.gradient.homo import Homo
@@ -147,6 +148,17 @@ class TestGrid:
         apart = ProblemSettings(vertices=100, drape=DrapeSettings(mode="equilibrium", self_contact=1e-3))
         (cell,) = plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=apart)
         assert "contact" in cell.record()["numerics"]
+
+    def test_a_new_version_of_an_effect_touches_only_cells_with_it(self, dataset, monkeypatch):
+        def cell(cause: str) -> Cell:
+            settings = ProblemSettings(vertices=100, causes=(cause,), budget=Budget(8))
+            return plan(dataset, solvers=["homo"], cloths=["fabric_1"], settings=settings)[0]
+
+        tilted, near = cell("plate-tilt:angle=2"), cell("perspective")
+        monkeypatch.setattr(PlateTilt, "version", 2)
+        assert dict(cell("plate-tilt:angle=2").numerics) == dict(tilted.numerics) | {"effect plate-tilt": 2}
+        assert cell("plate-tilt:angle=2").key != tilted.key
+        assert cell("perspective").key == near.key
 
     def test_shards_are_the_whole_once(self, dataset):
         cells = plan(dataset, solvers=["null:disc", "null:copy"], seeds=[0, 1, 2], settings=SMALL)
