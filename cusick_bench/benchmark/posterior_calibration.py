@@ -27,7 +27,7 @@ from numpy import ndarray
 from cusick_bench.metrics.stiffness import BENDING
 from cusick_bench.runner.memory import memory_returned
 from cusick_bench.sim.constants import DEFAULT_LAW
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.errors import CusickError, stop_behind
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
@@ -96,6 +96,19 @@ class CalibrationFit:
     rank: tuple[float, float, float]
     seconds: float
     numerics: str
+
+
+@dataclass(frozen=True)
+class FailedFit:
+    """A cloth that the solver could not fit.
+
+    Attributes:
+        number: Number of the cloth.
+        failure: Why.
+    """
+
+    number: int
+    failure: str
 
 
 def plan_numerics(plan: CalibrationPlan) -> str:
@@ -221,8 +234,21 @@ def _as_triple(values: Float[ndarray, " bending"]) -> tuple[float, float, float]
     return warp, weft, bias
 
 
-def calibration_fits(plan: CalibrationPlan, numbers: Sequence[int], workers: int = 1) -> Iterator[CalibrationFit]:
-    """Makes several fits.
+def _attempt(plan: CalibrationPlan, number: int, simulators: Simulators | None = None) -> CalibrationFit | FailedFit:
+    try:
+        return calibration_fit(plan, number, simulators)
+    except CalibrationError:
+        raise  # it is the plan that fails
+    except Exception as error:
+        if (stop := stop_behind(error)) is not None:
+            raise stop from error
+        return FailedFit(number, f"{type(error).__name__}: {error}")
+
+
+def calibration_fits(
+    plan: CalibrationPlan, numbers: Sequence[int], workers: int = 1
+) -> Iterator[CalibrationFit | FailedFit]:
+    """Makes several fits; one that fails stops no other.
 
     Args:
         plan: What to fit.
@@ -244,10 +270,10 @@ def calibration_fits(plan: CalibrationPlan, numbers: Sequence[int], workers: int
 
         simulators = Simulators()
         for number in numbers:
-            yield calibration_fit(plan, number, simulators)
+            yield _attempt(plan, number, simulators)
         return
     with process_pool(workers) as pool:
-        for done in as_completed([pool.submit(calibration_fit, plan, number) for number in numbers]):
+        for done in as_completed([pool.submit(_attempt, plan, number) for number in numbers]):
             yield done.result()
 
 

@@ -1,11 +1,14 @@
 """Simulation-based calibration: statistics on ranks that are known, fits that resume, and who cannot be calibrated."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cusick_bench.benchmark import posterior_calibration
 from cusick_bench.benchmark.posterior_calibration import (
     CalibrationError,
     CalibrationFit,
@@ -15,6 +18,7 @@ from cusick_bench.benchmark.posterior_calibration import (
     plan_numerics,
 )
 from cusick_bench.benchmark.posterior_calibration_file import FitFile
+from cusick_bench.cli import app
 
 QUICK = CalibrationPlan("bdp-field,draws=1,first=8,rounds=1,cloths=4,search=3,refinement=0", fits=2, vertices=80)
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -81,6 +85,23 @@ def test_a_fit_depends_on_its_number_alone_and_is_kept(tmp_path: Path) -> None:
     csv, page = file.write_table(rows, [QUICK])
     assert csv.read_text().startswith("solver,direction,fits,cover_50")
     assert plan_numerics(QUICK) in page.read_text()
+
+
+def test_a_fit_that_fails_stops_no_other_and_is_told(tmp_path: Path, monkeypatch) -> None:
+    def fit(plan: CalibrationPlan, number: int, simulators: object = None) -> CalibrationFit:
+        if number == 1:
+            raise ValueError("singular")
+        return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))
+
+    monkeypatch.setattr(posterior_calibration, "calibration_fit", fit)
+    words = ["posterior-calibration", "--solver", QUICK.solver, "--fits", "3", "--vertices", "80", "--budget", "1000"]
+    result = CliRunner().invoke(app, [*words, "--workers", "1", "--out", str(tmp_path), "--json"])
+    assert result.exit_code == 1
+    document = json.loads(result.stdout)
+    assert document["failed"] == [f"{QUICK.solver}, fit 1: ValueError: singular"]
+    assert [row["fits"] for row in document["directions"]] == [2, 2, 2]
+    assert set(FitFile(tmp_path).read(replace(QUICK, fits=3))) == {0, 2}
+    assert "fit 1: ValueError: singular; it is not in the table" in " ".join(result.stderr.split())
 
 
 def test_a_damaged_file_says_where(tmp_path: Path) -> None:

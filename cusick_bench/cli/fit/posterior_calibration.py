@@ -26,7 +26,7 @@ from cusick_bench.cli.options import (
 from cusick_bench.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from cusick_bench.benchmark.posterior_calibration import CalibrationFit, CalibrationPlan
+    from cusick_bench.benchmark.posterior_calibration import CalibrationFit, CalibrationPlan, FailedFit
     from cusick_bench.benchmark.posterior_calibration_file import FitFile
 
 app = typer.Typer()
@@ -51,7 +51,7 @@ def posterior_calibration(
     """Fit cloths whose stiffness is known, and count how often the intervals hold it (simulation-based calibration).
 
     Cloths are drawn from the prior that a solver assumes, so that only its inference is tested. With --out, repeating
-    the command goes on where it was stopped.
+    the command goes on where it was stopped. A fit that fails is not in the table; the exit status is then 1.
     """
     from cusick_bench.benchmark.posterior_calibration import CalibrationPlan, calibration_table
     from cusick_bench.benchmark.posterior_calibration_file import FitFile
@@ -60,32 +60,41 @@ def posterior_calibration(
         CalibrationPlan(one, fits, vertices, budget, law.value, seed) for one in solver or [CalibrationPlan.solver]
     ]
     file = None if out is None else FitFile(out)
-    finished = {plan: _fitted(plan, file, workers) for plan in plans}
+    made = {plan: _fitted(plan, file, workers) for plan in plans}
+    finished = {plan: fits for plan, (fits, _) in made.items()}
+    failed = [f"{plan.solver}, fit {one.number}: {one.failure}" for plan, (_, some) in made.items() for one in some]
+    for text in failed:
+        tell(f"failed: {text}; it is not in the table")
     rows = [{"solver": plan.solver, **row} for plan, some in finished.items() for row in calibration_table(some)]
     if file is not None:
         for path in file.write_table(rows, plans):
             tell(f"wrote {path}")
     if as_json:
         plain = [{**asdict(plan), "made": [asdict(one) for one in some]} for plan, some in finished.items()]
-        print_json({"directions": rows, "plans": plain})
-        return
-    _print_table(rows, plans[0])
+        print_json({"directions": rows, "plans": plain, "failed": failed})
+    else:
+        _print_table(rows, plans[0])
+    if failed:
+        raise typer.Exit(1)
 
 
-def _fitted(plan: CalibrationPlan, file: FitFile | None, workers: int) -> list[CalibrationFit]:
-    """Makes the fits that the file lacks."""
-    from cusick_bench.benchmark.posterior_calibration import calibration_fits
+def _fitted(plan: CalibrationPlan, file: FitFile | None, workers: int) -> tuple[list[CalibrationFit], list[FailedFit]]:
+    """Makes the fits that the file lacks; all that are finished, in order, and those that failed."""
+    from cusick_bench.benchmark.posterior_calibration import FailedFit, calibration_fits
 
-    fits = {} if file is None else file.read(plan)
+    fits, failed = {} if file is None else file.read(plan), []
     lacking = [number for number in range(plan.fits) if number not in fits]
     kept = "nothing was written" if file is None else f"finished fits are kept in {file.out}"
     with progress_bar("fitting", len(lacking)) as bar, interruptible(kept, go_on=file is not None):
         for fit in calibration_fits(plan, lacking, workers):
-            fits[fit.number] = fit
-            if file is not None:
-                file.keep(fit)
+            if isinstance(fit, FailedFit):
+                failed.append(fit)
+            else:
+                fits[fit.number] = fit
+                if file is not None:
+                    file.keep(fit)
             bar.advance()
-    return [fits[number] for number in range(plan.fits)]
+    return [fits[number] for number in sorted(fits)], failed
 
 
 def _print_table(rows: list[dict[str, Any]], plan: CalibrationPlan) -> None:
