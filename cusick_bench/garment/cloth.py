@@ -2,8 +2,9 @@
 
 Where tables come from, in this order:
 
-- `cloths`: cloths drawn from the posterior of `bdp-field` (`posterior_cloths` in `prediction.npz`, whitened). Every
-  garment is made of one of them, homogeneous apart from factors exp(sd N(0, 1)) with a given sd;
+- `cloths`: cloths drawn from the posterior of `bdp-field` (`posterior_cloths` in `prediction.npz`, whitened), or from a
+  Gaussian over whole cloths (as below, of a fit in the space `homo`). Every garment is made of one of them, homogeneous
+  apart from factors exp(sd N(0, 1)) with a given sd;
 - `posterior`: the Gaussian over all elements that `bdp` has learned (`posterior_mean`, `posterior_scale` in
   `prediction.npz`: whitened logarithms). Every element of a garment draws its own tables, as in the paper;
 - `elements`: a fit with a table per element: every element of the garment gets the table of a random element of the
@@ -39,6 +40,7 @@ from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.triangles.system import Law
 
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
+_WHOLE = STRETCH_SIZE + BENDING_SIZE  # logarithms of a cloth whose elements all have the same tables
 _POOL = 4096  # tables drawn from a posterior, of which every element gets one
 _COUPLING = 0.95  # most that |c12| / sqrt(c11 c22) may be: the tables stay positive definite
 
@@ -181,8 +183,8 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     if "posterior_cloths" in arrays:
         source = "cloths"
         tables = _of_cloths(arrays["posterior_cloths"], StiffnessPrior(law, float(density.mean())), folder)
-    elif "posterior_mean" in arrays and arrays["posterior_mean"].shape[:1] in ((), (STRETCH_SIZE + BENDING_SIZE,)):
-        source = "posterior"
+    elif "posterior_mean" in arrays and arrays["posterior_mean"].shape[:1] in ((), (_WHOLE,)):
+        source = "cloths" if arrays.get("tau", np.zeros(0)).shape == (_WHOLE,) else "posterior"
         tables = _pool(arrays, StiffnessPrior(law, float(density.mean())), folder)
     elif any(len(table) > 1 for table in tables.values()):
         source = "elements"
@@ -239,7 +241,7 @@ def _read_arrays(path: Path) -> dict[str, ndarray]:
         return read_npz(
             path,
             remedy="run the cell again",
-            wanted=lambda name: name in (*SHAPES, "density", "faces") or name.startswith("posterior"),
+            wanted=lambda name: name in (*SHAPES, "density", "faces", "tau") or name.startswith("posterior"),
         )
     except BadFile as error:
         raise GarmentError(f"cannot read {path} ({error.what}); {error.remedy}") from error
@@ -261,7 +263,7 @@ def _checked(array: ndarray, shape: tuple[int, int], name: str) -> Float[ndarray
 def _pool(arrays: dict[str, ndarray], prior: StiffnessPrior, folder: Path) -> dict[str, ndarray]:
     """Tables drawn from a posterior over the elements of a cloth, always the same ones."""
     mean, scale = arrays["posterior_mean"], arrays.get("posterior_scale", np.zeros(0))
-    sound = scale.shape == mean.shape == (STRETCH_SIZE + BENDING_SIZE,)
+    sound = scale.shape == mean.shape == (_WHOLE,)
     sound = sound and mean.dtype.kind == scale.dtype.kind == "f" and np.isfinite([mean, scale]).all()
     if not sound or (scale < 0).any():
         raise GarmentError(

@@ -60,6 +60,15 @@ def test_a_posterior_brings_its_own_median_and_spread(tmp_path: Path):
     assert logs.std(0) == pytest.approx(expected, rel=0.1)
 
 
+def test_a_gaussian_over_whole_cloths_is_not_taken_for_one_over_elements(tmp_path: Path):
+    cloth = cloth_of_cell(skirt_cell(tmp_path / "a", tau=np.zeros(39), **learned_posterior()), spread=0.0)
+    drawn = cloth.draw(circular_skirt(SIZE, 200).mesh, 200, np.random.default_rng(0)).bending
+    assert cloth.source == "cloths"
+    assert (drawn == drawn[:, :1]).all()  # the same all over a garment
+    expected = 0.4 * np.sqrt((StiffnessPrior("paper", 0.27).bending_root ** 2).sum(1))
+    assert np.log(drawn[:, 0]).reshape(-1, 15).std(0) == pytest.approx(expected, rel=0.2)
+
+
 def test_every_garment_is_of_one_cloth_of_a_posterior_over_cloths(tmp_path: Path):
     cloths = np.zeros((3, CLOTH))
     cloths[:, FieldSpace.trait_entry("bending")] = [-1.0, 0.0, 1.0]
