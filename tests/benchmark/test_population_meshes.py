@@ -80,7 +80,7 @@ def test_command_says_it_as_a_table_and_as_json():
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--vertices", "97"], "two --vertices or more"),
+        (["--vertices", "97"], "got one size, 97; add --vertices"),
         (["--vertices", "97", "--vertices", "150", "--stretch", "0.1"], "--stretch must be"),
     ],
 )
