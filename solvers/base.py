@@ -269,14 +269,13 @@ class HeldOut:
 
     Attributes:
         images: The held-out images.
+        others: For each of them, images of the cloth's other samples with the same face up, training ones included.
         repeats: For each of them, other captures of the same drape.
-        others: For each of them, images of the cloth's other samples with the same face up. If there are none, each
-            held-out image is of a sample of its own, and its others are the training image and the other held-out ones.
     """
 
     images: Images
-    repeats: tuple[Images, ...] = ()
-    others: tuple[Images, ...] = ()
+    others: tuple[Images, ...]
+    repeats: tuple[Images, ...]
 
 
 @dataclass(frozen=True)

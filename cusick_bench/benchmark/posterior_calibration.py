@@ -25,9 +25,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.metrics.stiffness import BENDING
-from cusick_bench.runner.memory import memory_returned
 from cusick_bench.sim.constants import DEFAULT_LAW
 from cusick_bench.sim.errors import CusickError, stop_behind
+from cusick_bench.sim.memory import memory_returned
 
 if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem

@@ -39,13 +39,13 @@ from cusick_bench.problem.metering.journal import forget
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.memory import memory_returned
 from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
 from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.errors import CusickError, stop_behind
+from cusick_bench.sim.memory import memory_returned
 from cusick_bench.sim.render.camera import Camera, PinholeCamera
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
@@ -278,19 +278,16 @@ def _heldout(dataset: DrapeDataset, cell: Cell) -> HeldOut:
         size = dataset.protocol.image_size_px
         return np.stack([read_image(dataset, row) for row in rows]) if rows else np.zeros((0, size, size))
 
-    table, known = dataset.table, (*cell.train, *cell.test)
-    drapes = list(zip(table["sample"], table["side"].astype(str), strict=True))
-    others = [[one for one in known if _is_other_sample(drapes[one], drapes[row])] for row in cell.test]
+    sample, side = (dataset.table[name].astype(str).tolist() for name in ("sample", "side"))
+
+    def others(row: int) -> list[int]:
+        return [one for one in (*cell.train, *cell.test) if sample[one] != sample[row] and side[one] == side[row]]
+
     return HeldOut(
         images(cell.test),
+        others=tuple(images(others(row)) for row in cell.test),
         repeats=tuple(images(dataset.repeats(row)) for row in cell.test),
-        others=tuple(map(images, others)),
     )
-
-
-def _is_other_sample(one: tuple[str, str], other: tuple[str, str]) -> bool:
-    """Whether two drapes, each a sample and the side that is up, are of different samples with the same side up."""
-    return one[0] != other[0] and one[1] == other[1]
 
 
 @lru_cache(maxsize=1)

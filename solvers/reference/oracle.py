@@ -16,12 +16,10 @@ if TYPE_CHECKING:
     from cusick_bench.problem import DrapeProblem
 
 
-def _others(problem: DrapeProblem, seen: HeldOut, index: int) -> Images:
-    if not seen.others:
-        return np.concatenate([np.asarray(problem.train_image)[None], np.delete(seen.images, index, axis=0)])
-    if len(seen.others[index]) == 0:
+def _others(seen: HeldOut) -> tuple[Images, ...]:
+    if not all(len(images) for images in seen.others):
         raise SolverError("the oracle needs another sample of the cloth with the same face up, got none")
-    return seen.others[index]
+    return seen.others
 
 
 def _nearest(candidates: Images, image: np.ndarray) -> np.ndarray:
@@ -37,9 +35,8 @@ class OracleMean(Oracle):
     summary: ClassVar[str] = "mean image of the cloth's other samples"
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
-        images = self.seen.images
-        means = np.stack([_others(problem, self.seen, index).mean(0) for index in range(len(images))])
-        return Prediction(images.mean(0), means, paired=True)
+        means = np.stack([others.mean(0) for others in _others(self.seen)])
+        return Prediction(self.seen.images.mean(0), means, paired=True)
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ class OracleBestOther(Oracle):
 
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:
         images = self.seen.images
-        nearest = [_nearest(_others(problem, self.seen, index), image) for index, image in enumerate(images)]
+        nearest = [_nearest(others, image) for others, image in zip(_others(self.seen), images, strict=True)]
         return Prediction(_nearest(images, problem.train_image), np.stack(nearest), paired=True)
 
 

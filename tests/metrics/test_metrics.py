@@ -190,9 +190,8 @@ def test_profile_distances_of_known_shapes():
     assert quantile_distance(one, nine) < 2e-4
     assert spectrum_distance(one, nine) == pytest.approx(0.010)
     assert profile_rms_rotated(one, nine) == pytest.approx(0.010, rel=1e-6)
-    assert profile_rms_rotated(one, np.roll(one, 90) + 0.003) == pytest.approx(
-        0.003
-    )  # no turn takes a larger mean away
+    larger = np.roll(one, 90) + 0.003  # no turn takes a larger mean away
+    assert profile_rms_rotated(one, larger) == pytest.approx(0.003)
 
 
 def test_profiles_of_different_sampling_are_refused():

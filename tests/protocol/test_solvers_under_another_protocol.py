@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_problem import toy_image, toy_problem
+from toy_problem import toy_held_out, toy_image, toy_problem
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.problem import LOSSES, Budget
-from cusick_bench.solvers.base import HeldOut, Oracle, Prediction, SolverError
+from cusick_bench.solvers.base import Oracle, Prediction, SolverError
 from cusick_bench.solvers.registry import make_solver, registered
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")
@@ -32,9 +32,6 @@ RADIUS = 3e-4  # [m], root mean square over the outline: a sixth of the larger p
 
 def answered(name: str, protocol: Protocol) -> Prediction:
     solver = make_solver(SHORT.get(name, name))
-    if isinstance(solver, Oracle):
-        others = np.stack([toy_image(sample, bending=STIFF, vertices=60, protocol=protocol) for sample in (1, 2)])
-        solver = solver.revealing(HeldOut(others, tuple(others[None, place] for place in (1, 0))))
     problem = toy_problem(
         budget=Budget(4 if "nlopt:LD_" in name else 6),  # a long step into other folds would tell nothing
         bending=STIFF,
@@ -43,6 +40,10 @@ def answered(name: str, protocol: Protocol) -> Prediction:
         laid_as_true=True,
         protocol=protocol,
     )
+    if isinstance(solver, Oracle):
+        images = np.stack([toy_image(sample, bending=STIFF, vertices=60, protocol=protocol) for sample in (1, 2)])
+        repeats = [images[None, place] for place in (1, 0)]
+        solver = solver.revealing(toy_held_out(problem.train_image, images, repeats))
     return solver.solve(problem, np.random.default_rng(3))
 
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
-from toy_problem import toy_image, toy_problem
+from toy_problem import toy_held_out, toy_image, toy_problem
 from typer.testing import CliRunner
 
 from cusick_bench.cli import app
@@ -63,7 +63,7 @@ class Answering(Solver):
 @pytest.fixture(scope="module")
 def heldout() -> HeldOut:
     images = np.stack([toy_image(sample) for sample in (1, 2, 3)])
-    return HeldOut(images, tuple(image[None] * 0.99 for image in images))
+    return toy_held_out(toy_problem().train_image, images, [image[None] * 0.99 for image in images])
 
 
 def _posed(name: str, **settings) -> DrapeProblem:
@@ -436,7 +436,7 @@ class TestReferenceRows:
     def test_repeat_offers_the_repeat(self, heldout):
         answer = _answer("oracle:repeat", toy_problem(), heldout)
         assert answer.draws == pytest.approx(heldout.images * 0.99)
-        bare = HeldOut(heldout.images, tuple(image[None][:0] for image in heldout.images))
+        bare = replace(heldout, repeats=tuple(image[None][:0] for image in heldout.images))
         with pytest.raises(SolverError, match="repeated capture"):
             _answer("oracle:repeat", toy_problem(), bare)
 
@@ -461,7 +461,7 @@ def test_reference_rows_on_the_real_cloths(text, real_data):
     for split in dataset.split("paper"):
         train = np.asarray(dataset.image(split.train[0]))
         tests = np.stack([np.asarray(dataset.image(row)) for row in split.test])
-        answer = _answer(text, replace(toy_problem(), train_image=train), HeldOut(tests))
+        answer = _answer(text, replace(toy_problem(), train_image=train), toy_held_out(train, tests))
         tables.append(mse_pairs(answer.draws, tests))
     assert len(tables) == 5
     found = {

@@ -21,7 +21,7 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent))  # when run as a script
 
-from toy_problem import toy_image, toy_problem
+from toy_problem import toy_held_out, toy_image, toy_problem
 
 from cusick_bench.benchmark import functions
 from cusick_bench.datasets import DrapeDataset, load
@@ -47,7 +47,7 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.render.camera import ParallelCamera, PinholeCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.sim.setup import Setup, drape_setups
-from cusick_bench.solvers.base import HeldOut, Oracle, Prediction
+from cusick_bench.solvers.base import Oracle, Prediction
 from cusick_bench.solvers.registry import make_solver
 from cusick_bench.withheld import NUMERICS_VERSION as WITHHELD
 from cusick_bench.withheld.world.true_case import TrueCase
@@ -287,11 +287,12 @@ _STIFF = 30.0  # times the prior's median bending: folds form late, so little is
 
 def _solver(text: str, budget: int) -> Values:
     solver = make_solver(text)
-    if isinstance(solver, Oracle):
-        others = np.stack([toy_image(sample, bending=_STIFF, clamp="whole") for sample in (1, 2)])
-        solver = solver.revealing(HeldOut(others, tuple(others[None, place] for place in (1, 0))))
     space = solver.space or "homo"
     problem = toy_problem(budget=Budget(budget), bending=_STIFF, space=space, vertices=60, clamp="whole")
+    if isinstance(solver, Oracle):
+        images = np.stack([toy_image(sample, bending=_STIFF, clamp="whole") for sample in (1, 2)])
+        repeats = [images[None, place] for place in (1, 0)]
+        solver = solver.revealing(toy_held_out(problem.train_image, images, repeats))
     answer = solver.solve(problem, np.random.default_rng(3))
     found = {
         "train_mse": [float(np.square(answer.train_image - problem.train_image).mean())],

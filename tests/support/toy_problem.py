@@ -1,5 +1,6 @@
 """A drape problem of seconds whose answer is known, for examples and for the tests of solvers."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
 from cusick_bench.sim.render.silhouette import render
+from cusick_bench.solvers.base import HeldOut
 
 AREAL_DENSITY = 0.2  # [kg/m2]
 
@@ -98,3 +100,15 @@ def toy_image(
 ) -> np.ndarray:
     """Silhouette of another sample of the toy problem's cloth."""
     return _image(vertices, "drop", bending, sample, protocol, clamp)
+
+
+def toy_held_out(train: np.ndarray, images: np.ndarray, repeats: Sequence[np.ndarray] | None = None) -> HeldOut:
+    """Held-out images of a sample each, as an oracle sees them.
+
+    Args:
+        train: The training image.
+        images: The held-out images.
+        repeats: For each of them, other captures of the same drape; none by default.
+    """
+    others = tuple(np.concatenate([train[None], np.delete(images, place, axis=0)]) for place in range(len(images)))
+    return HeldOut(images, others, tuple(images[:0] for _ in images) if repeats is None else tuple(repeats))

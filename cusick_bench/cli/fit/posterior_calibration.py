@@ -60,9 +60,11 @@ def posterior_calibration(
         CalibrationPlan(one, fits, vertices, budget, law.value, seed) for one in solver or [CalibrationPlan.solver]
     ]
     file = None if out is None else FitFile(out)
-    made = {plan: _fitted(plan, file, workers) for plan in plans}
-    finished = {plan: fits for plan, (fits, _) in made.items()}
-    failed = [f"{plan.solver}, fit {one.number}: {one.failure}" for plan, (_, some) in made.items() for one in some]
+    finished: dict[CalibrationPlan, list[CalibrationFit]] = {}
+    failed: list[str] = []
+    for plan in plans:
+        finished[plan], without_answer = _fitted(plan, file, workers)
+        failed += [f"{plan.solver}, fit {one.number}: {one.failure}" for one in without_answer]
     for text in failed:
         tell(f"failed: {text}; it is not in the table")
     rows = [{"solver": plan.solver, **row} for plan, some in finished.items() for row in calibration_table(some)]

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from cusick_bench.runner import memory
+from cusick_bench.sim import memory
 
 GLIBC = sys.platform == "linux" and hasattr(ctypes.CDLL(None), "malloc_trim")
 SCRIPT = """
 import numpy as np
-from cusick_bench.runner.memory import return_memory
+from cusick_bench.sim.memory import return_memory
 
 def held():
     return int(open("/proc/self/statm").read().split()[1])
