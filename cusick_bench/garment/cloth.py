@@ -31,7 +31,8 @@ from numpy import ndarray
 
 from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.garment.errors import GarmentError
-from cusick_bench.problem.field_space import CLOTH, cloth_tables
+from cusick_bench.problem.cloth_prior import CLOTH
+from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh

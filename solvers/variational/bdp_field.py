@@ -182,7 +182,7 @@ class BdpField(Solver):
 def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
     """Heights with the waves of the training silhouette's folds and the laying field's median amplitude [m]."""
     from cusick_bench.problem import laid_like
-    from cusick_bench.problem.field_space import FIELDS
+    from cusick_bench.problem.cloth_prior import FIELDS
     from cusick_bench.sim.cloth.shape import fade_in
 
     space = problem.space
@@ -197,7 +197,7 @@ def _undulation(problem: DrapeProblem) -> Float[np.ndarray, " vertices"]:
 
 def _known_stiffness(problem: DrapeProblem, cloths: Float[np.ndarray, "cloths numbers"]) -> str:
     """Bending stiffness as far as it is known, the mean of directions and curvatures: median and 90 % interval."""
-    from cusick_bench.problem.field_space import mean_bending
+    from cusick_bench.problem.cloth_tables import mean_bending
 
     low, middle, high = 1e6 * np.quantile(mean_bending(problem.space.prior, cloths), [0.05, 0.5, 0.95])
     return f"bending {middle:.3g} µN m, {low:.2g} to {high:.2g}"

@@ -12,7 +12,8 @@ import torch
 from jaxtyping import Float
 
 from cusick_bench.problem import DrapeProblem
-from cusick_bench.problem.field_space import DISCREPANCY, FieldSpace
+from cusick_bench.problem.cloth_prior import DISCREPANCY
+from cusick_bench.problem.field_space import FieldSpace
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.incumbent import Incumbent
 from cusick_bench.solvers.variational.face import Drapes, Face, Scatter

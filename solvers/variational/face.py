@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.problem.field_space import Leading
+from cusick_bench.problem.leading import Leading
 from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.solvers.variational.linear_correction import PAIRS, LinearCorrection, linear_correction, nearness
 

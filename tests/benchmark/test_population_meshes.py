@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from cusick_bench.benchmark.convergence.population_meshes import GROUPS, population_meshes, with_stretch
 from cusick_bench.cli import app
-from cusick_bench.problem.field_space import CLOTH, cloth_tables
+from cusick_bench.problem.cloth_prior import CLOTH
+from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.population.derivation import PopulationPlan, population_problem, random_cloths
 
 pytestmark = pytest.mark.usefixtures("one_thread", "one_torch_thread")

@@ -9,7 +9,8 @@ import torch
 
 from cusick_bench.garment import GarmentError, circular_skirt, cloth_of_cell
 from cusick_bench.problem import FieldSpace, StiffnessPrior
-from cusick_bench.problem.field_space import CLOTH, TRAITS, cloth_tables
+from cusick_bench.problem.cloth_prior import CLOTH, TRAITS, trait_entry
+from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from tests.support.worn_skirts import SIZE, learned_posterior, skirt_cell, skirt_cloth
 
@@ -71,7 +72,7 @@ def test_a_gaussian_over_whole_cloths_is_not_taken_for_one_over_elements(tmp_pat
 
 def test_every_garment_is_of_one_cloth_of_a_posterior_over_cloths(tmp_path: Path):
     cloths = np.zeros((3, CLOTH))
-    cloths[:, FieldSpace.trait_entry("bending")] = [-1.0, 0.0, 1.0]
+    cloths[:, trait_entry("bending")] = [-1.0, 0.0, 1.0]
     cloth = cloth_of_cell(skirt_cell(tmp_path / "a", law="plate", posterior_cloths=cloths), spread=0.0)
     assert cloth.source == "cloths"
     drawn = cloth.draw(circular_skirt(SIZE, 200).mesh, 40, np.random.default_rng(0))

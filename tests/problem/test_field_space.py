@@ -8,7 +8,9 @@ import torch
 from toy_problem import AREAL_DENSITY, toy_problem
 
 from cusick_bench.problem import FieldSpace, StiffnessPrior
-from cusick_bench.problem.field_space import FIELDS, LEADING, MODES, MOST_POISSON, TRAITS
+from cusick_bench.problem.cloth_prior import FIELDS, MODES, MOST_POISSON, TRAITS, length_entry, trait_entry
+from cusick_bench.problem.cloth_tables import trait
+from cusick_bench.problem.leading import LEADING
 from cusick_bench.problem.priors import BENDING_SLOPE, DENSITY_REFERENCE, STRETCH_REFERENCE
 from cusick_bench.sim.cloth.heterogeneity import hinge_centres
 from cusick_bench.sim.cloth.matern import disc_modes, matern_root
@@ -92,7 +94,7 @@ class TestSpace:
     def test_a_cloth_that_curls_rises_towards_its_face(self, space):
         """A cap of curvature k: its hinges turn by about k times the distance of the triangles' middles, alike."""
         tau = torch.zeros(space.dimension, dtype=torch.float64)
-        tau[space.trait_entry("curl")] = 2.0
+        tau[trait_entry("curl")] = 2.0
         angle = space.specimen(tau).rest_angle
         outside = np.hypot(*hinge_centres(space.mesh).T) > space.plate_radius + 0.015
         assert (
@@ -126,7 +128,7 @@ class TestSpace:
     def test_traits_are_a_standard_deviation_of_theirs_away(self, space):
         tau = torch.zeros(space.dimension, dtype=torch.float64)
         tau[39:46] = torch.tensor([3.0, 1.0, -1.0, 2.0, 0.0, -2.0, 1.5])
-        found = {name: space.trait(tau, name).item() for name in TRAITS}
+        found = {name: trait(tau, name).item() for name in TRAITS}
         sign = dict(zip(TRAITS, (3, 1, -1, 2, 0, -2, 1.5), strict=True))
         assert found == pytest.approx({name: prior.mean + sign[name] * prior.sd for name, prior in TRAITS.items()})
 
@@ -160,8 +162,8 @@ class TestSpace:
     def test_a_stiffer_specimen_has_the_leading_directions_of_a_stiffer_cloth(self, space):
         cloth, level = np.zeros((1, space.specimen_level.start)), np.array([0.4])
         stiffer = cloth.copy()
-        stiffer[0, space.trait_entry("bending")] = 0.4 / TRAITS["bending"].sd
-        stiffer[0, space.trait_entry("stretch")] = 0.4 / TRAITS["stretch"].sd
+        stiffer[0, trait_entry("bending")] = 0.4 / TRAITS["bending"].sd
+        stiffer[0, trait_entry("stretch")] = 0.4 / TRAITS["stretch"].sd
         assert space.leading(cloth, level) == pytest.approx(space.leading(stiffer))
         assert space.leading.scaled(cloth, level) == pytest.approx(space.leading.scaled(stiffer))
         assert space.leading.scaled_level * level == pytest.approx(space.leading.scaled(stiffer)[0])
@@ -179,7 +181,7 @@ class TestSpace:
         other = FieldSpace(disc_mesh(400), space.prior)
         tau = torch.from_numpy(np.random.default_rng(1).standard_normal(space.dimension))
         laying = FIELDS["laying"]
-        tau[space.length("laying")] = math.log(0.04 / laying.length) / laying.length_sd  # longer than edges
+        tau[length_entry("laying")] = math.log(0.04 / laying.length) / laying.length_sd  # longer than edges
         nearest = np.linalg.norm(space.mesh.material[:, None] - other.mesh.material, axis=-1).argmin(0)
         coarse, fine = space.field(tau, "laying")[nearest], other.field(tau, "laying")
         assert np.corrcoef(coarse, fine)[0, 1] > 0.9

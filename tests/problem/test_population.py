@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.field_space import CLOTH, LEADING
+from cusick_bench.problem.leading import LEADING
 from cusick_bench.problem.population.derivation import (
     FABRICS,
     PopulationPlan,

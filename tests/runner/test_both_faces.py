@@ -12,8 +12,7 @@ from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.identify.fits import plan_fits, turned_rows, typical_rows
 from cusick_bench.identify.options import Options
 from cusick_bench.leaderboard.verification.verify import verify_cell
-from cusick_bench.problem import FieldSpace
-from cusick_bench.problem.field_space import CLOTH
+from cusick_bench.problem.cloth_prior import CLOTH, trait_entry
 from cusick_bench.runner import load_prediction
 from cusick_bench.runner.cell import build_problem, solve_cell
 from cusick_bench.runner.grid import ProblemSettings, plan
@@ -124,7 +123,7 @@ def test_turned_draws_are_of_cloths_that_curl_the_other_way(folders, dataset):
     posterior = {"cloths": stored["posterior_cloths"], "seed": stored["posterior_seed"], "faces": np.array(2)}
     (cell,) = plan(dataset, solvers=[CHEAP], cloths=["fabric_3"], settings=ProblemSettings(vertices=97))
     problem, solver = build_problem(dataset, cell), make_solver(CHEAP)
-    curl = FieldSpace.trait_entry("curl")
+    curl = trait_entry("curl")
     for index in range(3):
         shown, turned = (solver.redraw(problem, posterior, 2 * index + face) for face in (0, 1))
         assert turned[curl] == -shown[curl] == -stored["posterior_cloths"][index][curl]

@@ -7,7 +7,8 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
-from cusick_bench.problem.field_space import LEADING
+from cusick_bench.problem.cloth_prior import trait_entry
+from cusick_bench.problem.leading import LEADING
 from cusick_bench.problem.population.expected_statistics import shipped
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.solvers.variational.cloth_inference import ClothInference, mean_covariance
@@ -137,7 +138,7 @@ class TestInference:
         problem = toy_problem(space="field", vertices=97)
         space, leading = problem.space, problem.space.leading
         cloth = np.zeros(space.specimen_level.start)
-        cloth[space.trait_entry("curl")] = curl
+        cloth[trait_entry("curl")] = curl
         faces = [shipped().of(leading, one[None]) for one in (cloth, space.turned(cloth))]
         inference = ClothInference(replace(problem, other_face_images=(problem.train_image,)), seed=0)
         assert len(inference.faces) == 2
@@ -157,13 +158,13 @@ class TestInference:
         found = {}
         for curl in (-1.0, 1.0):
             inference, _ = self._of_both_faces(curl, monkeypatch)
-            found[curl] = inference.cloths[:, inference.problem.space.trait_entry("curl")]
+            found[curl] = inference.cloths[:, trait_entry("curl")]
         assert found[1.0].mean() == pytest.approx(1.0, abs=0.35)
         assert found[-1.0].mean() == pytest.approx(-1.0, abs=0.35)
 
     def test_every_other_drape_lies_the_other_way_up(self, monkeypatch):
-        inference, drapes = self._of_both_faces(1.5, monkeypatch)
-        curls = drapes[:, inference.problem.space.trait_entry("curl")]
+        _, drapes = self._of_both_faces(1.5, monkeypatch)
+        curls = drapes[:, trait_entry("curl")]
         assert curls[::2].mean() > 0.4 > -0.4 > curls[1::2].mean()
 
     def test_samples_of_both_faces_share_their_level(self):

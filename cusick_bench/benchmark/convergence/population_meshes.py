@@ -19,8 +19,8 @@ from numpy import ndarray
 
 from cusick_bench.benchmark.convergence.order import Limit, extrapolated_limit
 from cusick_bench.benchmark.pace import NAMES, TOGETHER, drape_measures, drawn_images
-from cusick_bench.problem import FieldSpace
-from cusick_bench.problem.field_space import CLOTH, TRAITS, cloth_tables, mean_bending
+from cusick_bench.problem.cloth_prior import CLOTH, TRAITS, trait_entry
+from cusick_bench.problem.cloth_tables import cloth_tables, mean_bending
 from cusick_bench.problem.population.derivation import PopulationPlan, population_problem, random_cloths
 from cusick_bench.problem.priors import StiffnessPrior
 from cusick_bench.sim.engine.settings import Membrane
@@ -133,7 +133,7 @@ def with_stretch(
     at_rest = cloth_tables(prior, torch.as_tensor(taus[:, :CLOTH]))[0][:, 0].numpy()
     level = np.log(2 * np.sqrt(at_rest[:, 0] * at_rest[:, 2]))  # of c11 and c22, which the law doubles
     changed = taus.copy()
-    changed[:, FieldSpace.trait_entry("stretch")] += (np.log(stretch) - level) / TRAITS["stretch"].sd
+    changed[:, trait_entry("stretch")] += (np.log(stretch) - level) / TRAITS["stretch"].sd
     return changed
 
 

@@ -37,7 +37,7 @@ def population(
 ) -> None:
     """Derive the priors of `bdp-field` again: how cloths differ, and how much samples of one cloth differ.
 
-    Makes some 3500 drapes. The numbers that `bdp-field` uses are in `cusick_bench.problem.field_space`.
+    Makes some 3500 drapes. The numbers that `bdp-field` uses are in `cusick_bench.problem.cloth_prior`.
     """
     from cusick_bench.problem.population.derivation import (
         PopulationPlan,

@@ -34,9 +34,11 @@ from scipy.optimize import minimize
 
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.problem.cloth_prior import CLOTH, TRAITS, trait_entry
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.field_space import CLOTH, LEADING, TRAITS, FieldSpace
+from cusick_bench.problem.field_space import FieldSpace
+from cusick_bench.problem.leading import LEADING
 from cusick_bench.problem.population.expected_statistics import ExpectedStatistics, learn, least_cloths
 from cusick_bench.problem.priors import DENSITY_REFERENCE, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
@@ -323,7 +325,7 @@ def random_cloths(problem: DrapeProblem, count: int, seed: int) -> Float[ndarray
     numbers = leading.rows.shape[1]
     wanted = np.linspace(*LEVELS, count)[generator.permutation(count)]
     short = wanted - leading(taus[:, :numbers])[:, BENDING]
-    trait = field_space_of(problem).trait_entry("bending")
+    trait = trait_entry("bending")
     taus[:, trait] += short / TRAITS["bending"].sd
     return taus
 

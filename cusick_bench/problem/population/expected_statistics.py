@@ -1,7 +1,7 @@
 """Expected statistics of the drapes of a cloth, learned once: the knowledge of an inference before its first drape.
 
 Random cloths are draped, one specimen of each. Their statistics (`cusick_bench.problem.statistics`) are fitted by a
-polynomial in the numbers `field_space.LEADING`, to which a specimen's own level of stiffness is added. It is of second
+polynomial in the numbers `leading.LEADING`, to which a specimen's own level of stiffness is added. It is of second
 degree, of third degree in products with the bending level, and of fifth degree in the bending level alone; all other
 properties of a cloth, each entry of its tables, enter linearly. The scatter of specimens of the same level is estimated
 from pairs of specimens of one cloth, so that errors of the polynomial are not part of it. It has a constant
@@ -24,7 +24,8 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from cusick_bench.files import read_npz
-from cusick_bench.problem.field_space import ALONG_LEVEL, CLOTH, LEADING, Leading, Levels
+from cusick_bench.problem.cloth_prior import CLOTH
+from cusick_bench.problem.leading import ALONG_LEVEL, LEADING, Leading, Levels
 
 SHIPPED = Path(__file__).parent / "expected_statistics.npz"
 """Made by `cusick-bench population --law plate --out FOLDER`."""
