@@ -6,6 +6,9 @@ seeds. Where samples are left out in turn, a cloth has a cell for each of them, 
 solvers are compared on the same resampled cells, so that effects of the cloth on both cancel. SciPy resamples the
 strata; this module decides which units they hold.
 
+Percentile intervals of few units are too narrow. Of normal values those of 3, 5 and 12 cloths with one seed each hold
+the true mean in 75, 82 and 93 % of cases instead of 95, those of 3 cloths with 3 and with 10 seeds in 81 and 94 %.
+
 References:
     R. Agarwal, M. Schwarzer, P. S. Castro, A. Courville, M. G. Bellemare. Deep reinforcement learning at the
     edge of the statistical precipice. NeurIPS 2021 (interquartile mean, stratified bootstrap).

@@ -48,7 +48,7 @@ class Direction:
         return -value if self.larger else value
 
     def of(self, statistic: Statistic) -> Statistic:
-        """A statistic over cells as a cost; coverage is judged by its mean, as cells may err to either side.
+        """A statistic over cells as a cost: of coverage the miss of the statistic, as cells may err to either side.
 
         Args:
             statistic: Mean or interquartile mean.

@@ -23,7 +23,7 @@ from cusick_bench.runner.environment import code_text
 COMPARED = ("test_mse", "train_mse", "test_hausdorff_m", "spent_forward_equivalents", "spent_wall_seconds")
 """Metrics and costs that are compared, of which smaller is better."""
 
-_LEVEL = 0.05  # of the paired test, whose interval is shown
+_LEVEL = 0.05  # of the paired test, of which only the ratio and its bootstrap interval are shown
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 
 LEVELS = (0.05, 0.95)  # of the interval
-DRAWS = 400  # of the posterior: the bounds of the interval are then known to a tenth of a standard deviation
+DRAWS = 400
+"""Number of draws from the posterior: the bounds of the interval are then known to .11 standard deviations. Where a
+solver has learned both faces, it draws each cloth for both: 400 draws are then 200 cloths, and bounds known to .15."""
 _SPREAD_DRAWS = 8  # whose spread between elements is averaged
 UNITS = {
     "stiffness": "N m",

@@ -123,8 +123,7 @@ def hausdorff(
         first: A surface; give a `Surface` rather than a trimesh when it is compared more than once.
         second: The other surface.
         tolerance: The value returned is at most this far below the true one, and never above it [m].
-        stop_above: Stop as soon as the distance is known to exceed this [m]; then only that is certain of the
-        value.
+        stop_above: Stop as soon as the distance is known to exceed this [m]; then only that is certain of the value.
             For searches of the nearest of many surfaces.
 
     Returns:

@@ -103,7 +103,7 @@ def variogram_score(draws: Float[ndarray, "draws angles"], samples: Float[ndarra
     """Fair variogram score of functions on the circle, p = 1/2.
 
     It sees how values at two angles depend on each other, which the energy score hardly does. A pair of angles
-    weighs as the inverse of its separation, all weights adding up to 1.
+    weighs as the inverse of its separation, one half a turn apart twice as much, all weights adding up to 1.
 
     Args:
         draws: Values of the drawn functions at equidistant angles.

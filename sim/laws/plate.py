@@ -13,7 +13,8 @@ holds the means
 
 of the rows: D11 from row 2, D22 from row 0, D12 = nu sqrt(D11 D22) with Poisson's ratio nu of its own, and D33 from row
 1, since 4 D(45 deg) = D11 + D22 + 2 D12 + 4 D33. A table whose bias row is too soft for a plate would give D33 <= 0;
-below a tenth of sqrt(D11 D22) D33 is therefore bent smoothly towards a twentieth, which keeps D positive definite.
+below a tenth of sqrt(D11 D22) D33 is therefore bent smoothly, to a twentieth where it would be 0, and from there back
+towards a tenth for still softer rows, which keeps D positive definite. So D33 is not monotonic in row 1.
 
 All derivatives are by S = (q / 10 m^-1)^2, in which everything is smooth. Quantities of D come as (11, 22, 12, 33).
 
@@ -120,7 +121,7 @@ def _read(row, shares):
 
 @kernel()
 def _floor(t):
-    """phi(t) = t from 2 on, smooth and at least 1 below; with its first two derivatives."""
+    """phi(t) = t from 2 on; below smooth, 1 at t = 0 and towards 2 again beyond; with its first two derivatives."""
     if t >= 2.0:
         return t, 1.0, 0.0
     y = 2.0 - t

@@ -1,7 +1,8 @@
 """The floor of a gap: how far a fabric's own drapes lie from each other.
 
-The energy distance of two random halves of a fabric's samples is 0 in expectation, but not in a single split. Its
-spread over splits shows how large a gap between simulation and data must be to mean anything.
+The energy distance of two random halves of a fabric's samples is 0 on the mean over all splits, whatever the samples,
+since all three of its means are over pairs of different samples; but not in a single split. Its spread over splits, not
+its mean, shows how large a gap between simulation and data must be to mean anything.
 """
 
 import numpy as np

@@ -2,8 +2,9 @@
 
 G is the unbiased squared energy distance between the statistics of the data's samples and those of simulated samples.
 The statistics of a sample are those of its faces side by side, so that contrasts of faces are compared, too. The floor
-is the distance between two halves of the data. The samples are divided into two folds: base model and cause are fitted
-to one and scored on the other,
+is the mean distance between two random halves of the data. Since G is unbiased, that mean is 0 but for the chance of
+the splits that are drawn. The samples are divided into two folds: base model and cause are fitted to one and scored on
+the other,
 
     closure = (G_base - G_cause) / (G_base - floor),
 
@@ -38,7 +39,7 @@ class Gap:
 
     Attributes:
         base: Squared energy distance of the base model to held-out samples.
-        floor: Squared energy distance between two halves of the data.
+        floor: Mean squared energy distance between random halves of the data: 0 but for the chance of the splits.
         groups: Energy distance of the base model by group of statistics.
         groups_floor: Their floors.
         closure: Share of the gap that the cause closes; NaN where there is no cause or no gap.
@@ -184,7 +185,7 @@ def _observed(distances: Sequence[ClusterDistances]) -> float:
 
 
 def _floor(values: Float[ndarray, "samples numbers"], generator: np.random.Generator) -> float:
-    """Mean distance of random halves; 0 in expectation."""
+    """Mean distance of random halves; over all splits it would be 0, whatever the values."""
     if len(values) < _LEAST:
         return 0.0
     return float(np.mean(split_half_floor(values, np.arange(len(values)), generator, 199)))

@@ -7,9 +7,9 @@ shared grid, and each fabric's own set given the shared one. Several fabrics may
 
 Once the fabrics' own sets have adapted to one of two shared look-alikes (a camera off its place, a plate out of level),
 a single step no longer exchanges it for the other. So short chains start from no shared effect and from each single
-one. The likeliest go on, on grids with finer steps around their points, and are weighted by the mean joint probability
-of what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens of nats, and another
-effect would be added to make up for it.
+one. The likeliest go on, on grids with finer steps around their points, and are weighted by the geometric mean of the
+joint probabilities of what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens
+of nats, and another effect would be added to make up for it.
 """
 
 from collections.abc import Callable, Sequence

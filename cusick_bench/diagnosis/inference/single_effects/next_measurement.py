@@ -83,7 +83,7 @@ MEASUREMENTS: tuple[Measurement, ...] = (
         ("local-stiff-patch", "local-mass-patch", "rim-stiffening"),
     ),
     Measurement(
-        "more samples", "Cut and drape three times as many samples: noise falls by half.", ("stiffness-field", NONE)
+        "more samples", "Cut and drape four times as many samples: noise falls by half.", ("stiffness-field", NONE)
     ),
 )  # fmt: skip
 
