@@ -356,8 +356,9 @@ def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _notes(cells: Cells, rows: tuple[Row, ...], cloths: tuple[str, ...]) -> Iterator[str]:
     yield (
-        "Intervals hold 95 % of bootstrap resamples, of seeds within each cloth, or of cloths where seeds change "
-        "nothing. Rows of one rank cannot be told apart: the interval of their paired difference includes 0."
+        "Intervals of 95 % are found by bootstrap, of seeds within each cloth, or of cloths where seeds change "
+        "nothing, and widened for small numbers of them as Student's t is. Rows of one rank cannot be told apart: the "
+        "interval of their paired difference includes 0."
     )
     if len(cloths) < MINIMUM_UNITS and all(row.cells < MINIMUM_UNITS for row in rows):
         yield (

@@ -129,8 +129,10 @@ def test_split_halves_lie_apart_by_nothing_on_average():
         naive.append(split_half_floor(values, np.arange(24), generator, 200).std())
     assert abs(np.mean(floors)) < 0.01
     assert np.mean([floor.std() for floor in floors]) > 1.3 * np.mean(naive)
-    scaled = split_half_floor(values, labels, np.random.default_rng(0), 50, versus=12)
+    scaled = split_half_floor(values, labels, np.random.default_rng(0), 50, folds=[(12, 12)])
     assert scaled == pytest.approx(split_half_floor(values, labels, np.random.default_rng(0), 50) / 2)
+    twice = split_half_floor(values, labels, np.random.default_rng(0), 50, folds=[(12, 12), (12, 12)])
+    assert twice == pytest.approx(scaled / np.sqrt(2))  # a mean of two scatters less
     with pytest.raises(DiagnosisError, match="at least 4 samples"):
         split_half_floor(values[:6], labels[:6], generator)
 
@@ -141,7 +143,7 @@ def test_split_half_floor_scaled_to_a_simulation_is_the_floor_of_a_gap_that_is_n
     for _ in range(150):
         (values, labels), (simulated, _) = clusters(generator, 12, 2), clusters(generator, 60, 1)
         gaps.append(energy_distance(values, simulated, labels))
-        floors.append(split_half_floor(values, labels, generator, 100, versus=60).std())
+        floors.append(split_half_floor(values, labels, generator, 100, folds=[(12, 60)]).std())
     # 150 gaps tell their standard deviation to 6 % where they are normal, less well with a gap's long tail; halves that
     # are not scaled to 60 simulated samples would be wrong by a factor of 2 or so.
     assert np.mean(floors) == pytest.approx(np.std(gaps), rel=0.3)

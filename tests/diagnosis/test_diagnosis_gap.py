@@ -25,13 +25,13 @@ def test_closure_of_known_gaps() -> None:
     assert right is not None
     assert useless is not None
     assert half is not None
-    assert right.base > 10 * abs(right.floor)
+    assert right.base > 5 * right.floor > 0
     assert right.closure == pytest.approx(1.0, abs=0.15)
     assert right.closure_interval[0] < right.closure < right.closure_interval[1] + 0.1
     assert useless.closure == pytest.approx(0.0, abs=1e-9)
     assert useless.closure_interval == pytest.approx((0.0, 0.0), abs=1e-9)  # the same draws for both models
     for one in (right, half):
-        assert one.closure == pytest.approx((one.base - one.effect) / (one.base - one.floor), rel=1e-9)
+        assert one.closure == pytest.approx((one.base - one.effect) / one.base, rel=1e-9)
     assert 0.4 < half.closure < 0.95
     assert right.groups["size"] > 5 * right.groups["envelope"]  # the shift is in the first statistics
 
@@ -63,6 +63,31 @@ def test_gap_needs_samples_and_uses_the_faces_there_are() -> None:
     found = gap([Fold(values, generator.standard_normal((8, 2, len(NAMES))))], np.ones(len(NAMES)), generator)
     assert found is not None
     assert np.isfinite(found.base)
+
+
+def test_a_right_model_exceeds_the_floor_in_one_of_twenty_cases() -> None:
+    generator = np.random.default_rng(15)
+    sd, above = np.ones(len(NAMES)), []
+    for _ in range(300):
+        folds = [Fold(*(generator.standard_normal((count, 2, len(NAMES))) for count in (6, 24))) for _ in range(2)]
+        found = gap(folds, sd, generator)
+        assert found is not None
+        above.append(
+            [found.base > found.floor, *(found.groups[name] > found.groups_floor[name] for name in found.groups)]
+        )
+    assert np.mean(above, axis=0) == pytest.approx(0.05, abs=0.04)
+
+
+def test_a_gap_that_may_be_chance_has_no_closure() -> None:
+    """Halves of one set of samples, of which a cause changes nothing or a little."""
+    generator = np.random.default_rng(16)
+    closures = []
+    for _ in range(100):
+        data, base, effect = generator.standard_normal((3, 12, 2, len(NAMES)))
+        found = gap([Fold(data, base, effect)], np.ones(len(NAMES)), generator)
+        assert found is not None
+        closures.append(found.closure)
+    assert np.isnan(closures).mean() > 0.88
 
 
 def test_no_gap_has_no_closure() -> None:

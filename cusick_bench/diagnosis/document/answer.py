@@ -39,7 +39,7 @@ class StatedGap(Part):
 
     Attributes:
         base: Between data and base model, on samples that were not fitted [1]; None where nothing was simulated.
-        floor: Between two halves of the data [1].
+        floor: What chance alone exceeds in one of twenty cases [1].
         p: p-value of the base model.
     """
 
@@ -75,7 +75,7 @@ class Closure(Part):
 
     Attributes:
         effect: Names of the effects that were simulated together.
-        fraction: (gap of the base model - gap with them) / (gap of the base model - floor).
+        fraction: (gap of the base model - gap with them) / gap of the base model, where that exceeds its floor.
         ci90: Its 90 % interval over samples.
     """
 

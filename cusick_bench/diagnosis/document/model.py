@@ -79,7 +79,7 @@ class GroupGap(Part):
 
     Attributes:
         gap: Between data and base model [1].
-        floor: Between two halves of the data [1].
+        floor: What chance alone exceeds in one of twenty cases [1].
     """
 
     gap: float | None = None

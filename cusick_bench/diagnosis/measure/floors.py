@@ -5,6 +5,8 @@ since all three of its means are over pairs of different samples; but not in a s
 its mean, shows how large a gap between simulation and data must be to mean anything.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
@@ -20,7 +22,7 @@ def split_half_floor(
     generator: np.random.Generator,
     splits: int = 999,
     *,
-    versus: int | None = None,
+    folds: Sequence[tuple[int, int]] = (),
 ) -> Float[ndarray, " splits"]:
     """Energy distances between random halves of the samples.
 
@@ -29,8 +31,8 @@ def split_half_floor(
         clusters: Sample of each row.
         generator: Random generator of the splits.
         splits: Number of random splits.
-        versus: Scale the distances to those of all n samples from this number m of independent others: for equal
-            distributions they go as 1/n + 1/m. By default they stay those of halves, which are larger.
+        folds: Scale the distances to the mean of those between n and m independent samples, for each (n, m): for equal
+            distributions each goes as 1/n + 1/m. By default they stay those of halves.
 
     Returns:
         A distance for each split.
@@ -46,7 +48,8 @@ def split_half_floor(
     pooled = cluster_distances(values[part], values[~part], row[part], row[~part])
     first = halves_by_cluster(number, generator, splits)
     between = pooled.distance(first, 1 - first)
-    if versus is None:
+    if not folds:
         return between
     half = number // 2
-    return between * (1 / number + 1 / versus) / (1 / half + 1 / (number - half))
+    scale = np.linalg.norm([1 / n + 1 / m for n, m in folds]) / len(folds)
+    return between * scale / (1 / half + 1 / (number - half))

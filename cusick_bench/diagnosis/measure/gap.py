@@ -1,15 +1,15 @@
 """The gap between data and model, against its floor, and how far a cause closes it on samples that it has not seen.
 
 G is the unbiased squared energy distance between the statistics of the data's samples and those of simulated samples.
-The statistics of a sample are those of its faces side by side, so that contrasts of faces are compared, too. The floor
-is the mean distance between two random halves of the data. Since G is unbiased, that mean is 0 but for the chance of
-the splits that are drawn. The samples are divided into two folds: base model and cause are fitted to one and scored on
-the other,
+The statistics of a sample are those of its faces side by side, so that contrasts of faces are compared, too. Without a
+gap G would be 0 on average; its floor is what chance alone exceeds in one of twenty cases, by the distances of random
+halves of the data, scaled to these numbers of samples. The samples are divided into two folds: base model and cause are
+fitted to one and scored on the other,
 
-    closure = (G_base - G_cause) / (G_base - floor),
+    closure = (G_base - G_cause) / G_base,
 
-with an interval from a bootstrap over the scored and the simulated samples. Both models share the random numbers of
-their samples and the bootstrap draws.
+where G_base exceeds its floor, with an interval from a bootstrap over the scored and the simulated samples. Both models
+share the random numbers of their samples and the bootstrap draws.
 
 References:
     Szekely, Rizzo. Energy statistics: a class of statistics based on distances. Journal of Statistical Planning and
@@ -31,6 +31,8 @@ from cusick_bench.metrics.energy import ClusterDistances, cluster_distances
 
 _DRAWS = 400
 _LEAST = 4  # least number of samples for a floor
+_SPLITS = 999  # random halves of the data, for a floor
+_CERTAINTY = 0.95  # that a gap which exceeds its floor is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +41,10 @@ class Gap:
 
     Attributes:
         base: Squared energy distance of the base model to held-out samples.
-        floor: Mean squared energy distance between random halves of the data: 0 but for the chance of the splits.
+        floor: Energy distance that chance alone exceeds in one of twenty cases; 0 where samples are too few to tell.
         groups: Energy distance of the base model by group of statistics.
         groups_floor: Their floors.
-        closure: Share of the gap that the cause closes; NaN where there is no cause or no gap.
+        closure: Share of the gap that the cause closes; NaN where there is no cause or no gap above its floor.
         closure_interval: Its 90 % interval.
         effect: G with the cause; NaN without one.
     """
@@ -157,13 +159,13 @@ def gap(folds: Sequence[Fold], sd: Float[ndarray, "statistics"], generator: np.r
     plain = distances(lambda fold: fold.base)
     if not plain:
         return None
-    values = side_by_side(everything, sd, faces)
     groups = {name: _observed(distances(lambda fold: fold.base, columns)) for name, columns in GROUPS.items()}
-    floors = {
-        name: _floor(side_by_side(_cut(everything, columns), _cut(sd, columns), faces), generator)
-        for name, columns in GROUPS.items()
-    }
-    found = Gap(_observed(plain), _floor(values, generator), groups, floors)
+
+    def floor(columns: Sequence[int] | None = None) -> float:
+        return _floor(side_by_side(_cut(everything, columns), _cut(sd, columns), faces), plain, generator)
+
+    floors = {name: floor(columns) for name, columns in GROUPS.items()}
+    found = Gap(_observed(plain), floor(), groups, floors)
     if folds[0].effect is None:
         return found
     changed = distances(lambda fold: fold.effect)
@@ -184,11 +186,15 @@ def _observed(distances: Sequence[ClusterDistances]) -> float:
     return float(np.mean([one.observed for one in distances])) if distances else nan
 
 
-def _floor(values: Float[ndarray, "samples numbers"], generator: np.random.Generator) -> float:
-    """Mean distance of random halves; over all splits it would be 0, whatever the values."""
+def _floor(
+    values: Float[ndarray, "samples numbers"], compared: Sequence[ClusterDistances], generator: np.random.Generator
+) -> float:
+    """What the mean distance of as many samples as were compared exceeds by chance in one of twenty cases."""
     if len(values) < _LEAST:
         return 0.0
-    return float(np.mean(split_half_floor(values, np.arange(len(values)), generator, 199)))
+    folds = [_counts(one) for one in compared]
+    by_chance = split_half_floor(values, np.arange(len(values)), generator, _SPLITS, folds=folds)
+    return float(np.quantile(by_chance, _CERTAINTY))
 
 
 def _closure(
@@ -202,11 +208,11 @@ def _closure(
         others = simulated if paired else bootstrap_weights(_counts(effect)[1], generator, _DRAWS)
         before += _weighted(base, data, simulated) / len(plain)
         after += _weighted(effect, data, others) / len(plain)
-    total = _observed(plain) - floor
-    good = np.isfinite(before) & np.isfinite(after) & (before - floor > 0.1 * max(total, 0))
-    if total <= 0 or good.sum() < _DRAWS / 2:
+    total = _observed(plain)
+    good = np.isfinite(before) & np.isfinite(after) & (before > 0.1 * max(total, 0))
+    if total <= floor or good.sum() < _DRAWS / 2:
         return nan, (nan, nan)
-    shares = (before - after)[good] / (before - floor)[good]
+    shares = (before - after)[good] / before[good]
     low, high = np.quantile(shares, [0.05, 0.95])
     return (_observed(plain) - _observed(changed)) / total, (float(low), float(high))
 

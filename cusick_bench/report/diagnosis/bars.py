@@ -36,7 +36,7 @@ def gap_graph(bars: Sequence[Bar], floor: float | None) -> Figure:
 
     Args:
         bars: From the largest to what they are read against.
-        floor: Smallest gap that the data allow to see, None if unknown.
+        floor: What chance alone exceeds in one of twenty cases, None if unknown.
 
     Returns:
         The figure.

@@ -120,7 +120,7 @@ def _groups(document: DiagnosisDocument) -> list[Bar]:
     groups, bars = document.gap.groups, []
     for name in _in_order(groups, GROUPS):
         gap, floor = groups[name].gap, groups[name].floor
-        above = gap is not None and floor is not None and gap > max(2 * floor, 0.0)
+        above = gap is not None and floor is not None and gap > floor
         bars.append(Bar(GROUPS.get(name, name), gap, MODEL if above else PALE, floor))
     return bars
 

@@ -113,7 +113,7 @@ def times_floor(base: float, floor: float) -> float | None:
         floor: Its floor.
 
     Returns:
-        The ratio; None where the floor, 0 but for chance, is too small to be a unit.
+        The ratio; None where the floor is too small to be a unit.
     """
     return base / floor if floor > _LEAST_FLOOR * base else None
 
