@@ -32,10 +32,14 @@ def test_directions_go_round() -> None:
     assert both["direction"] == pytest.approx((360 - 22.5 + 1.5, 360 + 22.5 - 1.5))
     one = intervals(np.where(directions == 120, 1.0, 0.0), shift=np.ones(24), direction=directions)
     assert one["direction"] == pytest.approx((120 - 0.9 * 7.5, 120 + 0.9 * 7.5))
+    weight = np.select([directions == 0, directions == 180], [0.8, 0.2])  # what lies opposite has neighbours, too
+    opposite = intervals(weight, shift=np.ones(24), direction=directions)
+    assert opposite["direction"] == pytest.approx((180 - 7.5 + 15 * 0.05 / 0.2, 360 + 7.5 - 15 * 0.05 / 0.8))
 
 
-def test_an_axis_is_the_same_after_half_a_turn() -> None:
+@pytest.mark.parametrize(("first", "second"), [(165, 180), (75, 105)])
+def test_an_axis_is_the_same_after_half_a_turn(first: int, second: int) -> None:
     directions = np.arange(12) * 15.0
-    weight = np.where(np.isin(directions, (165, 0)), 0.5, 0.0)
+    weight = np.where(np.isin(directions, (first, second % 180)), 0.5, 0.0)
     found = intervals(weight, "rest-curvature", curvature=np.ones(12), direction=directions)
-    assert found["direction"] == pytest.approx((165 - 7.5 + 1.5, 180 + 7.5 - 1.5))
+    assert found["direction"] == pytest.approx((first - 7.5 + 1.5, second + 7.5 - 1.5))
