@@ -313,7 +313,7 @@ def test_detectable_severity_moves_the_features_by_what_is_needed(monkeypatch: p
     monkeypatch.setattr(power, "hypotheses", lambda emulator: [offset])
     monkeypatch.setattr(power, "against_base", lambda *data, **how: against_base(*data, **how | {"fixed": True}))
     residual = against_base(emulator, expected_features(emulator, theta, 12), start=theta, fixed=True)
-    for need, inflation in ((3.0, 1.0), (2.0, 2.25)):
+    for need, inflation in ((3.0, 1.0), (2.0, 1.8)):
         found = detectable_at(emulator, float(theta[0]), {"camera-offset": need}, fabrics=1, inflation=inflation)
         value = {"shift": np.full(24, found["camera-offset"]), "direction": np.arange(24) * 15.0}
         moved = residual.whiten(shifts(emulator, offset, theta, residual.sd, residual.drift, value).features)
