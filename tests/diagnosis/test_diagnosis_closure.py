@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD, BaseModel
 from cusick_bench.diagnosis.atlas.emulator import Emulator
@@ -15,11 +16,12 @@ from cusick_bench.diagnosis.inference.residuals.residual import against_base
 from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
 from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
 from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
-from cusick_bench.diagnosis.measure.gap import fit_of
+from cusick_bench.diagnosis.measure.gap import Fold, fit_of
 from cusick_bench.diagnosis.measure.statistics import NAMES
 from cusick_bench.diagnosis.simulation import closure
 from cusick_bench.diagnosis.simulation.closure import Draping, closures
 from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
+from cusick_bench.sim.setup import Setup
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
 RADII = np.zeros((1, 2, 360))
@@ -209,3 +211,59 @@ def test_folds_of_few_samples_are_fitted_on_both_faces(emulator: Emulator, monke
     data = replace(every, specimens=every.specimens[:6], drift=every.drift[:6])
     closures(emulator, data, residual_of(emulator, data), [()], Draping(8))
     assert set(compared) == {(0, 1)}
+
+
+def test_no_fold_is_fitted_to_the_samples_that_score_it(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each half is scored once by models of the other half; those of a fold are draped from the same random numbers."""
+    fitted: list[np.ndarray] = []
+    scored: list[np.ndarray] = []
+    seeds: list[tuple[int, ...]] = []
+    simulate = world(emulator, NOTHING)
+
+    def drape(theta: np.ndarray, causes: Sequence[Candidate], samples: int, seed: tuple[int, ...], **named: object):
+        seeds.append(seed)
+        return simulate(theta, causes, samples, seed, **named)
+
+    def noted(data: np.ndarray, *_: object) -> float:
+        fitted.append(data)
+        return 0.0
+
+    def folded(folds: list[Fold], *_: object) -> None:
+        scored.extend(fold.data for fold in folds)
+
+    def at_once(*data: object, **named: object):  # which base parameters fit best is of no matter here
+        return against_base(*data, **named | {"start": THETA, "fixed": True})  # pyright: ignore[reportArgumentType]
+
+    for name, one in (("simulate", drape), ("fit_of", noted), ("gap", folded), ("against_base", at_once)):
+        monkeypatch.setattr(closure, name, one)
+    scale = Candidate(hypothesis_of(emulator, "camera-scale"), {"error": 0.06}, 0.0, 0.0, 0.0)
+    every = fabric(emulator, [scale], NOTHING)
+    data = replace(every, specimens=every.specimens[:8], drift=every.drift[:8])
+    residual = at_once(emulator, data.features(), scatter=scatter_of(data.specimens), drift=data.later)
+    closures(emulator, data, residual, [(scale,)], Draping(8), refit=False)
+    models = 2 * (1 + closure.ROUNDS)  # drapes of a fold: without and with the cause
+    assert (len(scored), len(fitted), len(seeds)) == (2, 2 * models, 2 * models)
+    for fold, seen in enumerate(scored):
+        own = fitted[fold * models : (fold + 1) * models]
+        assert all((one == own[0]).all() for one in own)
+        samples = [*map(np.sum, own[0]), *map(np.sum, seen)]
+        assert len(set(samples)) == len(samples) == 8
+    assert (scored[0] == fitted[-1]).all()
+    assert len(set(seeds[:models])) == len(set(seeds[models:])) == 1
+    assert seeds[0] != seeds[-1]
+
+
+def test_pictures_count_by_the_share_of_later_ones(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of creep, which acts on later pictures: here as discs that have sunk a tenth of their radius."""
+
+    def sunk(setups: Sequence[Setup], simulators: object) -> list[torch.Tensor]:
+        return [torch.as_tensor(one.mesh.flat * (0.9 if one.later else 1.0)) for one in setups]
+
+    monkeypatch.setattr("cusick_bench.diagnosis.simulation.samples.drape_setups", sunk)
+    creep = Candidate(hypothesis_of(emulator, "creep"), {"loss": 0.3}, 0.0, 0.0, 0.0)
+    model, radius = BaseModel(vertices=100), NAMES.index("mean_radius")
+    first, mixed, last = (
+        simulate(THETA, [creep], 1, (3,), drift=drift, model=model).specimens[..., radius] for drift in (0.0, 0.25, 1.0)
+    )
+    assert last == pytest.approx(0.9 * first)
+    assert mixed == pytest.approx((1 - 0.25 * 0.1) * first)

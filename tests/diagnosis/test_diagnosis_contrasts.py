@@ -1,5 +1,6 @@
 """Contrasts of a sample's faces: means and their covariance whatever faces are missing, and the rows they stand in."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,10 @@ from scipy.linalg import solve_triangular
 from toy_atlas import statistics_of, toy_emulator, toy_outlines, with_planted
 
 from cusick_bench.diagnosis.atlas.base_model import PRIOR_MEAN, PRIOR_SD
-from cusick_bench.diagnosis.inference.detectability.power import expected_features
+from cusick_bench.diagnosis.atlas.store import Calibration
+from cusick_bench.diagnosis.inference.detectability import power
+from cusick_bench.diagnosis.inference.detectability.power import detectable_at, expected_features
+from cusick_bench.diagnosis.inference.findings.budget import budget
 from cusick_bench.diagnosis.inference.residuals import feature_rows
 from cusick_bench.diagnosis.inference.residuals.feature_rows import (
     DRIFT,
@@ -18,13 +22,21 @@ from cusick_bench.diagnosis.inference.residuals.feature_rows import (
     MAY_BE_WRONG,
     ROWS,
     as_seen,
+    faces_of,
     in_rows,
 )
 from cusick_bench.diagnosis.inference.residuals.noise import noise, scatter_of
 from cusick_bench.diagnosis.inference.residuals.residual import against_base, base_vector, feature_vector, inflated
-from cusick_bench.diagnosis.inference.single_effects.hypotheses import hypotheses, shifts
+from cusick_bench.diagnosis.inference.residuals.samples import SampleStatistics
+from cusick_bench.diagnosis.inference.sets.fabric_data import FabricData
+from cusick_bench.diagnosis.inference.sets.fabric_sets import FabricSets
+from cusick_bench.diagnosis.inference.sets.set_sampler import SetPosterior
+from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate, Grid
+from cusick_bench.diagnosis.inference.single_effects.hypotheses import Hypothesis, hypotheses, shifts
+from cusick_bench.diagnosis.inference.single_effects.localise import patch_map
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS, contrast_weights, features
 from cusick_bench.diagnosis.measure.statistics import NAMES, RESOLUTION, mirrored, rotated
+from cusick_bench.sim.effects import effect
 
 COUNT = len(NAMES)
 MISSING = {
@@ -291,3 +303,52 @@ def test_the_noise_is_that_of_fabrics_that_scatter_otherwise_than_the_model() ->
             odd_rows = odd.mean(0) / found.sd
             squares.append(odd_rows @ np.linalg.solve(found.covariance[FACE_ODD, FACE_ODD], odd_rows) / n)
         assert 0.8 < np.mean(squares) < 1.6, (wider, np.mean(squares))  # 2 and more without the scale g
+
+
+def test_detectable_severity_moves_the_features_by_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The median over directions of |d|, where no base parameters are fitted again, and between points of the grid."""
+    emulator, theta = toy_emulator(), PRIOR_MEAN
+    offset = next(one for one in hypotheses(emulator) if one.name == "camera-offset")
+    monkeypatch.setattr(power, "PRIOR_SD", 0 * PRIOR_SD)
+    monkeypatch.setattr(power, "hypotheses", lambda emulator: [offset])
+    monkeypatch.setattr(power, "against_base", lambda *data, **how: against_base(*data, **how | {"fixed": True}))
+    residual = against_base(emulator, expected_features(emulator, theta, 12), start=theta, fixed=True)
+    for need, inflation in ((3.0, 1.0), (2.0, 1.8)):
+        found = detectable_at(emulator, float(theta[0]), {"camera-offset": need}, fabrics=1, inflation=inflation)
+        value = {"shift": np.full(24, found["camera-offset"]), "direction": np.arange(24) * 15.0}
+        moved = residual.whiten(shifts(emulator, offset, theta, residual.sd, residual.drift, value).features)
+        assert np.median(np.linalg.norm(moved, axis=1)) == pytest.approx(need * inflation, rel=0.1)
+
+
+def test_two_effects_that_explain_the_gap_together_leave_nothing_of_it_unexplained(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both make outlines larger: what they explain in common is shared out once."""
+    monkeypatch.setattr(sys.modules[budget.__module__], "_SPLITS", 2)  # halves tell the same here
+    emulator, generator = toy_emulator(), np.random.default_rng(7)
+    listed = {one.name: one for one in hypotheses(emulator)}
+    causes = [Candidate(listed["camera-scale"], {"error": 0.06}), Candidate(listed["threshold"], {"shift": 6e-3})]
+    fabric = FabricData(emulator, Calibration(), expected_features(emulator, PRIOR_MEAN, 12), None, 0.5)
+    at = fabric.against(start=PRIOR_MEAN, fixed=True)
+    moved = faces_of(fabric.shift(causes, at)) * at.sd
+    own, other = (at.whiten(fabric.shift([one], at)[None])[0] for one in causes)
+    assert own @ other > 0.3 * np.linalg.norm(own + other) ** 2 / 4, "they overlap"
+    root = np.linalg.cholesky(emulator.correlation + 1e-9 * np.eye(2 * COUNT))
+    scatter = (generator.standard_normal((16, 2 * COUNT)) @ root.T).reshape(16, 2, COUNT) * emulator.sd(PRIOR_MEAN)
+    samples = SampleStatistics(emulator.mean(PRIOR_MEAN) + moved + scatter, np.full((16, COUNT), np.nan), 0.5)
+    white = replace(at, white=own + other)
+    model = fabric.model(at)
+    sets = FabricSets(white, model, SetPosterior({}, {}, {}, (), np.zeros(len(model.points)), 0.0))
+    found = budget(fabric, sets, samples, causes, generator)
+    assert found is not None
+    assert found.unexplained.value == pytest.approx(0, abs=0.1)
+    assert sum(one.value for one in found.effects.values()) == pytest.approx(1, abs=0.1)
+
+
+def test_a_patch_of_which_nothing_is_seen_may_be_anywhere() -> None:
+    """Sectors and rings of the map are alike, however many points of the grid stand for each."""
+    patch = Hypothesis(effect("local-stiff-patch"), "cloth", 1.0)
+    rows = np.concatenate([np.arange(len(patch.severity())), np.arange(0, len(patch.severity()), 7)])  # some twice
+    values, zeros = {name: column[rows] for name, column in patch.values.items()}, np.zeros(len(rows))
+    grid = Grid(patch, values, np.ones(len(rows)), np.zeros((len(rows), 3)), zeros, zeros)
+    np.testing.assert_allclose(patch_map(np.ones(3), [grid]), 1 / 64)

@@ -9,7 +9,7 @@ from toy_problem import AREAL_DENSITY, toy_problem
 
 from cusick_bench.problem import FieldSpace, StiffnessPrior
 from cusick_bench.problem.cloth_prior import FIELDS, MODES, MOST_POISSON, TRAITS, length_entry, trait_entry
-from cusick_bench.problem.cloth_tables import trait
+from cusick_bench.problem.cloth_tables import mean_bending, trait
 from cusick_bench.problem.leading import LEADING
 from cusick_bench.problem.priors import BENDING_SLOPE, DENSITY_REFERENCE, STRETCH_REFERENCE
 from cusick_bench.sim.cloth.heterogeneity import hinge_centres
@@ -124,6 +124,37 @@ class TestSpace:
         assert found["shear"] == pytest.approx(c33 - (c11 + c22) / 2)
         assert heavier[0] - found["bending"] == pytest.approx((slope - 1) * math.log(2))
         assert space.leading.rest(tau[None, :size].numpy()) @ space.leading.rows.T == pytest.approx(0, abs=1e-9)
+
+    def test_a_cloth_that_drapes_alike_at_half_the_size_has_the_same_leading_directions(self, space):
+        """B / (weight R^3), C / (weight R), curl times R and the laid shape's length over R are the same."""
+        half = FieldSpace(space.mesh, space.prior, space.plate_radius / 2, space.cloth_radius / 2)
+        cloth = np.random.default_rng(8).standard_normal((1, space.specimen_level.start))
+        alike, own = cloth.copy(), {name: TRAITS[name] for name in ("bending", "stretch", "curl")}
+        alike[0, trait_entry("bending")] -= 3 * math.log(2) / own["bending"].sd
+        alike[0, trait_entry("stretch")] -= math.log(2) / own["stretch"].sd
+        alike[0, trait_entry("curl")] *= 2  # of which the mean is 0
+        alike[0, length_entry("laying")] -= math.log(2) / FIELDS["laying"].length_sd
+        assert own["curl"].mean == 0
+        assert half.leading(alike) == pytest.approx(space.leading(cloth))
+
+    def test_turned_over_a_cloth_has_the_other_rest_shape_and_nothing_else(self, space):
+        tau = np.random.default_rng(9).standard_normal(space.dimension)
+        one, other = (space.specimen(torch.from_numpy(each)) for each in (tau, space.turned(tau)))
+        assert one.rest_angle.abs().max() > 0.01
+        assert other.rest_angle.numpy() == pytest.approx(-one.rest_angle.numpy(), abs=1e-12)
+        assert (other.initial == one.initial).all()
+        assert (other.material.bending == one.material.bending).all()
+        assert (space.turned(space.turned(tau)) == tau).all()
+        size = space.specimen_level.start
+        assert (space.turned(tau[:size]) == space.turned(tau)[:size]).all(), "a cloth by itself, without weights"
+
+    def test_stiffness_of_cloths_is_that_of_a_plate_whatever_the_law(self, space):
+        """The published law's tables are four times what they act as."""
+        cloths = np.random.default_rng(10).standard_normal((3, space.specimen_level.start))
+        found = {law: mean_bending(StiffnessPrior(law, AREAL_DENSITY), cloths) for law in ("paper", "published")}
+        assert found["published"] == pytest.approx(found["paper"])
+        cloth = space.specimen(torch.from_numpy(np.concatenate([cloths[0], np.zeros(3 * MODES)])))
+        assert found["paper"][0] == pytest.approx(cloth.material.bending[0].log().mean().exp().item())
 
     def test_traits_are_a_standard_deviation_of_theirs_away(self, space):
         tau = torch.zeros(space.dimension, dtype=torch.float64)

@@ -1,24 +1,35 @@
 """Population: what is expected of a cloth, and how fabrics are placed by it."""
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
+import torch
 
 from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.problem import DrapeProblem, Observation
 from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.errors import ProblemError
-from cusick_bench.problem.leading import LEADING
+from cusick_bench.problem.leading import ALONG_LEVEL, LEADING
+from cusick_bench.problem.population import derivation
 from cusick_bench.problem.population.derivation import (
     FABRICS,
+    Draped,
+    Population,
     PopulationPlan,
     Samples,
+    derive_population,
     drape_population,
     nearest_cloth,
     placed_at,
     population_problem,
 )
 from cusick_bench.problem.population.expected_statistics import learn, shipped
+from cusick_bench.problem.population.levels import compare_levels, turned_over
 from cusick_bench.problem.statistics import STATISTICS
 from cusick_bench.sim.cloth.resolution import cloth_mesh
+from cusick_bench.solvers.reference.silhouettes import silhouette
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -100,6 +111,42 @@ class TestExpected:
         assert found[0, STATISTICS.index("crest_number")] > found[-1, STATISTICS.index("crest_number")] + 0.1
 
 
+class TestLevels:
+    """Pictures that are drawn instead of draped: outlines that a mode of the stiffness moves sideways."""
+
+    def test_specimens_are_described_beside_samples(self, problem, monkeypatch):
+        space, angle = problem.space, np.arange(720) * 2 * np.pi / 720
+        across = int(np.flatnonzero((space.modes.order == 1) & ~space.modes.sine)[0])  # of opposite signs at x and -x
+        where = space.weights("stiffness").start + across
+
+        def picture(side: float) -> np.ndarray:
+            return silhouette(0.12 + 0.01 * np.tanh(side) * np.cos(angle) + 0.004 * np.cos(8 * angle))
+
+        def drawn(self, taus):
+            return [Observation(np.zeros((3, 3)), picture(tau[where]), 0.0) for tau in taus]
+
+        monkeypatch.setattr(DrapeProblem, "draw_batch", drawn)
+        images = {turned: np.stack([picture(-side if turned else side) for side in (0, 1)]) for turned in (False, True)}
+        none = np.zeros((2, len(STATISTICS)))
+        groups = [Samples("any", turned, images[turned], none, images[turned]) for turned in (False, True)]
+        places = {"any": space.leading.origin}
+        rows = compare_levels(problem, Population(shipped(), places, {}, {}, 0.0, []), groups, 6)
+        assert [(row["turned"], row["of"]) for row in rows] == [
+            (turned, of) for turned in ("False", "True") for of in ("samples", "simulated")
+        ]
+        coefficient = 100 * (0.12**2 - 0.09**2) / (0.15**2 - 0.09**2)
+        for row in rows:
+            assert row["dc"] == pytest.approx(coefficient, abs=0.5)
+            assert row["folds"] == 8
+            assert row["depth_mm"] == pytest.approx(4 / np.sqrt(2), rel=0.1)
+            assert row["flip_mse"] == pytest.approx(0, abs=1e-4), "the other face is the mirror image"
+            assert float(row["other_mse"]) > 1e-3
+        assert rows[0]["repeat_mse"] == rows[1]["repeat_mse"] == 0, "laid down again, with the stiffness it has"
+        assert (rows[0]["drapes"], rows[1]["drapes"]) == (2, 6)
+        sample = float(np.square(images[False][0] - images[False][1]).mean())
+        assert rows[0]["other_mse"] == pytest.approx(sample)
+
+
 class TestPopulation:
     def test_fabrics_are_placed_at_the_cloth_they_are_of(self, problem, world):
         """From both faces: where curl has a sign of its own."""
@@ -114,6 +161,48 @@ class TestPopulation:
             groups.append(Samples("any", turned, np.zeros((40, 2, 2)), statistics))
         apart = (nearest_cloth(problem, expected, groups) - true) / np.linalg.norm(leading.rows, axis=1)
         assert np.abs(apart).max() < 0.35
+
+    @pytest.mark.parametrize("unit", [1.0, 0.25])
+    def test_samples_that_differ_more_than_specimens_differ_in_level_and_fabrics_in_traits(
+        self, problem, unit, monkeypatch
+    ):
+        """Two fabrics of known place, whose samples have levels of known spread, by statistics in any unit."""
+        leading, generator, level = problem.space.leading, np.random.default_rng(4), 0.3
+        constant = np.eye(len(shipped().log_sd))[0][:, None]
+        expected = replace(shipped(), mean=shipped().mean / unit, log_sd=shipped().log_sd - np.log(unit) * constant)
+        spread = np.linalg.norm(leading.rows, axis=1)
+        true = {fabric: leading.origin + side * spread for fabric, side in (("a", 1.0), ("b", -1.0))}
+        groups = []
+        for fabric, turned in product(true, (False, True)):
+            cloth = true[fabric] * np.where((np.arange(len(spread)) == CURL) & turned, -1, 1)
+            levels = np.outer(level * generator.standard_normal(400), ALONG_LEVEL)
+            root = np.linalg.cholesky(expected.scatter(cloth[None])[0])
+            statistics = expected(cloth + levels) + generator.standard_normal((400, len(root))) @ root.T
+            groups.append(Samples(fabric, turned, np.zeros((400, 2, 2)), statistics))
+        nothing = Draped(np.zeros((0, CLOTH)), np.zeros(0), np.zeros((0, len(STATISTICS))), np.zeros((0, 2), dtype=int))
+        monkeypatch.setattr(derivation, "population_problem", lambda plan: problem)
+        monkeypatch.setattr(derivation, "drape_population", lambda *_: nothing)
+        monkeypatch.setattr(derivation, "learn", lambda *_: expected)
+        monkeypatch.setattr(derivation, "nearest_cloth", lambda problem, expected, groups: true[groups[0].fabric])
+        found = derive_population(groups, PopulationPlan(vertices=97))
+        assert found.level == pytest.approx(level, rel=0.15)
+        assert unit * max(found.discrepancy.values()) < 0.08
+        assert [(fabric, turned) for fabric, turned, *_ in found.area_spreads] == list(product(true, (False, True)))
+        assert all(samples > specimens > 0 for *_, samples, specimens in found.area_spreads)
+        for name, middle, sd in zip(LEADING, leading.origin, spread, strict=True):
+            # two values at + and - x have the standard deviation sqrt(2) x; of curl, whose sign is anybody's choice, x
+            apart = (1.0 if name == "curl" else np.sqrt(2)) * sd
+            assert found.traits[name] == pytest.approx((middle, apart)), name
+
+    def test_turned_over_about_y_fields_are_mirrored_and_the_rest_shape_reversed(self, problem):
+        space, generator = problem.space, np.random.default_rng(5)
+        tau, points = generator.standard_normal(problem.dimension), 0.1 * generator.standard_normal((30, 2))
+        turned = turned_over(space, tau)
+        for name, sign in (("stiffness", 1), ("rest", -1)):
+            root = space.root(torch.from_numpy(tau), name).numpy()
+            here, there = (root * one[space.weights(name)] for one in (tau, turned))
+            assert space.modes(points * [-1, 1]) @ there == pytest.approx(sign * (space.modes(points) @ here))
+        assert (turned[space.weights("laying")] == tau[space.weights("laying")]).all()
 
     def test_a_specimen_is_of_the_cloth_it_is_placed_at(self, problem):
         place = problem.space.leading.origin + np.linspace(-0.3, 0.3, len(LEADING))

@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from cusick_bench.cli import app
 from cusick_bench.problem import Budget
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers.base import SolverError
-from cusick_bench.solvers.bayesian_optimisation import gaussian_process
+from cusick_bench.solvers.bayesian_optimisation import gaussian_process, trust_region
 from cusick_bench.solvers.bayesian_optimisation.baxus import nesting
 from cusick_bench.solvers.bayesian_optimisation.embedding import (
     balanced_embedding,
@@ -29,7 +30,12 @@ from cusick_bench.solvers.bayesian_optimisation.embedding import (
 )
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
 from cusick_bench.solvers.bayesian_optimisation.rembo import in_turn
-from cusick_bench.solvers.bayesian_optimisation.trust_region import LONGEST, TrustRegion, candidates_around
+from cusick_bench.solvers.bayesian_optimisation.trust_region import (
+    LONGEST,
+    TrustRegion,
+    candidates_around,
+    local_search,
+)
 from cusick_bench.solvers.bayesian_optimisation.vanilla_bo import VanillaBo
 from cusick_bench.solvers.black_box.box import digestible, run_search
 from cusick_bench.solvers.black_box.cmaes import CmaEs
@@ -312,6 +318,24 @@ class TestTrustRegion:
         assert moved.mean() == pytest.approx(20.8, abs=1.0)
         assert np.prod(sides ** (1 / 100)) == pytest.approx(0.2)
 
+    def test_follows_the_best_point_and_what_becomes_of_it(self, monkeypatch):
+        """Three improvements double its side, as many failures as it tolerates halve it; a thousandth is none."""
+        seen, surrogate = [], SimpleNamespace(hyperparameters=None, lengthscale=np.ones(1))
+
+        def around(centre, lengthscale, length, most, generator):
+            seen.append((centre[0], length))
+            return np.array([[0.01 * len(seen)]])
+
+        monkeypatch.setattr(gaussian_process, "fit", lambda points, losses, **how: surrogate)
+        monkeypatch.setattr(gaussian_process, "thompson", lambda surrogate, offered: offered[0])
+        monkeypatch.setattr(trust_region, "candidates_around", around)
+        losses = [0.9, 0.8, 0.7, 0.6995, 0.75, 0.5]
+        search = local_search(np.array([[0.5]]), [math.inf], TrustRegion(tolerance=2), 9, np.random.default_rng(0))
+        asked = [next(search)[0], *(search.send(loss)[0] for loss in losses)]
+        assert asked == pytest.approx([2 * 0.01 * (number + 1) - 1 for number in range(7)])
+        assert [centre for centre, _ in seen] == pytest.approx([0.5, 0.01, 0.02, 0.03, 0.04, 0.04, 0.06])
+        assert [length for _, length in seen] == [0.8, 0.8, 0.8, 1.6, 1.6, 0.8, 0.8]
+
     def test_nested_subspaces_spend_the_budget(self):
         assert nesting(100, 4) == nesting(128, 4), "2 x 4 x 4 x 4 is nearest to both"
         plan = nesting(128, 4)
@@ -368,6 +392,18 @@ class TestDrapes:
         with pytest.raises(DrapeDiverged):
             self._answer("vanilla-bo", problem)
         assert told == [math.inf] * 5
+
+    @pytest.mark.parametrize(("budget", "expected"), [(Budget(6), 5), (Budget(1), 1), (Budget(seconds=60), 500)])
+    def test_a_search_plans_with_what_the_last_drape_leaves_of_the_budget(self, budget, expected, monkeypatch):
+        plans = []
+
+        def planned(self, dimension, evaluations, generator):
+            plans.append(evaluations)
+            return (np.zeros(dimension) for _ in range(1))
+
+        monkeypatch.setattr(VanillaBo, "search", planned)
+        self._answer("vanilla-bo", toy_problem(budget=budget, vertices=60))
+        assert plans == [expected]
 
     def test_progress_is_told(self):
         heard: list[tuple[str, float]] = []

@@ -25,6 +25,10 @@ def _solve(text, problem, seed=0):
     return make_solver(text).solve(problem, np.random.default_rng(seed))
 
 
+def _stop():
+    raise KeyboardInterrupt
+
+
 def _draws_tried(problem):
     return sum(entry.kind == "draw" for entry in problem.meter.trace)
 
@@ -181,6 +185,32 @@ class TestLearning:
             problem = toy_problem(space="heter", budget=Budget(60))
             found.append(_solve(f"bdp,draws=2,steps=5,reduction={reduction}", problem).posterior["mean"])
         assert np.abs(found[0] - found[1]).max() > 1e-3
+
+    @pytest.mark.parametrize("reduction", ["sum", "mean"])
+    def test_bdp_steps_down_the_slopes_of_its_bound(self, reduction, monkeypatch):
+        """KL(q || N(0, I)) + E |I - D|^2 / (2 sigma^2), in sums over pixels and parameters, or in means of both."""
+        problem = toy_problem(space="heter", budget=Budget(9), vertices=60)
+        mesh, size, slopes = problem.simulator.mesh, problem.dimension, []
+        slope = np.random.default_rng(4).standard_normal(size)
+
+        def answer(self, taus, measure=None):  # one of three drapes fails
+            losses, gradients = np.array([0.1, math.inf, 0.2]), np.tile(slope, (3, 1))
+            gradients[1] = 0
+            return losses, gradients
+
+        monkeypatch.setattr(DrapeProblem, "evaluate_and_gradient_batch", answer)
+        monkeypatch.setattr(Adam, "step", lambda self, gradients, rate: slopes.append(gradients) or _stop())
+        for factor in (1.0, 0.0):
+            slope *= factor
+            with pytest.raises(KeyboardInterrupt):
+                _solve(f"bdp,draws=1,steps=1,samples=3,search=0,sigma=0.02,reduction={reduction}", problem)
+            stretch, bending = np.split(slope, [24 * len(mesh.faces)])
+            of_pairs = np.concatenate([stretch.reshape(-1, 24).sum(0), bending.reshape(-1, 15).sum(0)])
+            pixels, parameters = (256**2, 1) if reduction == "sum" else (1, size)
+            assert slopes[-1]["mean"] == pytest.approx(pixels / (2 * 0.02**2) * of_pairs)  # and the mean is the prior's
+        entries = np.repeat([len(mesh.faces), len(mesh.hinges)], [24, 15])
+        by_scale = entries * (0.3 - 1 / 0.3) / parameters
+        assert slopes[-1]["raw"] == pytest.approx(by_scale * (1 - math.exp(-0.3)))  # of the scale, softplus(raw)
 
     def test_only_the_pixel_loss_has_a_gaussian_likelihood(self):
         from dataclasses import replace

@@ -7,6 +7,7 @@ import pytest
 import torch
 from toy_problem import toy_problem
 
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.problem import Budget
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.solvers.base import SolverError
@@ -80,6 +81,14 @@ class TestField:
             StiffnessField(mesh, **{"amplitude": 0.4, "length": 0.04, name: value})
 
 
+def _protocol(cloth: float, finer: float, size: int) -> Protocol:
+    """Of a cloth that is so many times as large, in pictures of so many times as many pixels to the metre."""
+    return Protocol(
+        cloth_radius_m=cloth * RELEASE.cloth_radius_m, plate_radius_m=cloth * RELEASE.plate_radius_m,
+        px_per_m=finer * RELEASE.px_per_m, image_size_px=size, centre_px=((size - 1) / 2, (size - 1) / 2),
+    )  # fmt: skip
+
+
 class TestBlurredMisfit:
     def test_grows_with_the_square_of_small_shifts_where_pixels_differ_in_proportion(self):
         """A disc shifted by u: area between the outlines ~ |u|, blurred ~ u^2."""
@@ -96,6 +105,21 @@ class TestBlurredMisfit:
         y, x = torch.meshgrid(torch.arange(256.0), torch.arange(256.0), indexing="ij")
         disc = [(radius - torch.hypot(x - 127.5, y - 127.5)).clamp(0, 1).double() for radius in (90.0, 90.3)]
         assert float(BlurredMisfit(disc[0].numpy(), 2.0)({0: disc[1]})) == pytest.approx(FLOOR, rel=0.3)
+
+    @pytest.mark.parametrize(("cloth", "finer", "size"), [(2.0, 1.0, 600), (1.0, 2.0, 512), (0.5, 3.0, 400)])
+    def test_is_the_same_number_under_any_protocol(self, cloth, finer, size):
+        """The same outlines in units of the cloth, of another size, resolution and field of view."""
+        found = []
+        for pixels, protocol in ((256, RELEASE), (size, _protocol(cloth, finer, size))):
+            scale, middle = protocol.px_per_m / RELEASE.px_per_m * protocol.cloth_scale, (pixels - 1) / 2
+            y, x = torch.meshgrid(*[torch.arange(float(pixels))] * 2, indexing="ij")
+            waves = 1 + 0.1 * torch.cos(7 * torch.atan2(y - middle, x - middle))
+            rings = [r * scale * waves - torch.hypot(x - middle, y - middle) for r in (80.0, 81.0)]
+            first, second = ((ring + 0.5).clamp(0, 1).double() for ring in rings)
+            misfit = BlurredMisfit(first.numpy(), 3.0, protocol)
+            found.append(float(misfit({0: second})))
+            assert misfit.residual @ misfit.residual == pytest.approx(found[-1], rel=1e-3)
+        assert found[1] == pytest.approx(found[0], rel=0.02)
 
 
 @pytest.fixture(scope="module")
