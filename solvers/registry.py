@@ -13,7 +13,7 @@ from typing import Any, get_type_hints
 
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
-from cusick_bench.sim.errors import did_you_mean
+from cusick_bench.sim.errors import did_you_mean, failure_text, raise_stop
 from cusick_bench.sim.plugins import registered_classes
 from cusick_bench.solvers.base import Solver, SolverError
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
@@ -124,8 +124,13 @@ def make_solver(text: str) -> Solver:
             raise SolverError(f"{name} needs the option {option}; write {text},{option}=VALUE")
     try:
         return cls(**options)
+    except SolverError:
+        raise
     except (TypeError, ValueError) as error:  # one of another package may refuse its options in its own way
-        raise error if isinstance(error, SolverError) else SolverError(f"{text}: {error}") from error
+        raise SolverError(f"{text}: {error}") from error
+    except SystemExit as error:
+        raise_stop(error)
+        raise SolverError(f"{text} cannot be made: {failure_text(error)}") from error
 
 
 def default_options(cls: type[Solver]) -> dict[str, Any]:
