@@ -43,7 +43,7 @@ from cusick_bench.cli.options import (
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.problem import Budget as Limits
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
-from cusick_bench.runner import RunnerError, Store
+from cusick_bench.runner import RunnerError
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 if TYPE_CHECKING:
@@ -150,7 +150,6 @@ def run_command(
         budget=Limits(budget, seconds),
         causes=tuple(with_effect or ()),
     )
-    Store(out).prepare()
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     with progress_bar("reading data"):
         dataset = load_once(source)
