@@ -75,10 +75,11 @@ def raise_stop(error: BaseException) -> None:
         KeyboardInterrupt, TimeLimit: It is one, or was caused by one.
     """
     stop = stop_behind(error)
+    if stop is None:
+        return
     if stop is error:
         raise stop
-    if stop is not None:
-        raise stop from error
+    raise stop from error
 
 
 def failure_text(error: BaseException) -> str:
