@@ -8,7 +8,7 @@ import ast
 import math
 from collections.abc import Callable
 from dataclasses import MISSING, fields
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, get_type_hints
 
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
@@ -70,6 +70,20 @@ def solver_names() -> list[str]:
     """Names of all registered solvers; nothing of other packages is imported."""
     names = [solver.name for solver in _BUILT_IN] + [f"nlopt:{algorithm}" for algorithm in BENCHMARKED]
     return [*names, *(entry.name for entry in entry_points(group=ENTRY_POINTS))]
+
+
+def entry_point_of(name: str) -> EntryPoint | None:
+    """Entry point by which another package registers a solver; nothing of the package is imported.
+
+    Args:
+        name: Name of the solver, without options.
+
+    Returns:
+        The entry point, whose `dist` is the package where that is known; None of a solver that is built in, or unknown.
+    """
+    if name.partition(":")[0] in _FAMILIES or name in {solver.name for solver in _BUILT_IN}:
+        return None
+    return next((entry for entry in entry_points(group=ENTRY_POINTS) if entry.name == name), None)
 
 
 def solver_class(name: str) -> type[Solver]:
