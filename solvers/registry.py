@@ -72,6 +72,19 @@ def solver_names() -> list[str]:
     return [*names, *(entry.name for entry in entry_points(group=ENTRY_POINTS))]
 
 
+def is_built_in(text: str) -> bool:
+    """Whether a solver is this package's own.
+
+    Args:
+        text: Name, with or without options.
+
+    Returns:
+        False of a solver of another package, or one that nobody knows.
+    """
+    name = text.partition(",")[0].strip()
+    return name.partition(":")[0] in _FAMILIES or name in {solver.name for solver in _BUILT_IN}
+
+
 def entry_point_of(name: str) -> EntryPoint | None:
     """Entry point by which another package registers a solver; nothing of the package is imported.
 
@@ -81,7 +94,7 @@ def entry_point_of(name: str) -> EntryPoint | None:
     Returns:
         The entry point, whose `dist` is the package where that is known; None of a solver that is built in, or unknown.
     """
-    if name.partition(":")[0] in _FAMILIES or name in {solver.name for solver in _BUILT_IN}:
+    if is_built_in(name):
         return None
     return next((entry for entry in entry_points(group=ENTRY_POINTS) if entry.name == name), None)
 
