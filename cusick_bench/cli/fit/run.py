@@ -11,7 +11,6 @@ from rich.table import Table
 from cusick_bench.cli.common import command_with, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
-    LARGEST_FIRST_SEED,
     LAW,
     Budget,
     CameraName,
@@ -19,6 +18,7 @@ from cusick_bench.cli.options import (
     Data,
     DropMode,
     FabricsCsv,
+    FirstSeed,
     FittedCloths,
     Force,
     Json,
@@ -83,7 +83,7 @@ def run_command(
     budget: Budget = DEFAULT_BUDGET,
     seconds: Annotated[float | None, fit_option(max=1e9, help="Wall time that a cell may spend [s].")] = None,
     seeds: Seeds = 1,
-    seed: Annotated[int, fit_option(min=0, max=LARGEST_FIRST_SEED, help="First seed.")] = 0,
+    seed: FirstSeed = 0,
     vertices: VerticesByLaw = None,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
