@@ -43,22 +43,60 @@ class MembersDiverged(DrapeDiverged):
         self.members, self.steps = tuple(int(member) for member in members), steps
 
 
+class TimeLimit(SystemExit):
+    """The end of a task's time limit: a request to stop that is kept apart from a plug-in's own `sys.exit`."""
+
+
 def stop_behind(error: BaseException) -> BaseException | None:
     """The request to stop (Ctrl-C, SIGTERM, the end of a time limit) that an error stands for.
 
     A request that arrives while a compiled kernel runs comes out of it as the cause of a SystemError. Other exceptions
-    that are no errors (the end of a generator) are no request.
+    that are no errors (the end of a generator, a solver of another package that calls `sys.exit`) are no request.
 
     Args:
         error: What was raised.
 
     Returns:
-        The KeyboardInterrupt or SystemExit that it is or was caused by, None where there is none.
+        The KeyboardInterrupt or TimeLimit that it is or was caused by, None where there is none.
     """
     behind: BaseException | None = error
-    while behind is not None and not isinstance(behind, KeyboardInterrupt | SystemExit):
+    while behind is not None and not isinstance(behind, KeyboardInterrupt | TimeLimit):
         behind = behind.__cause__ or behind.__context__
     return behind
+
+
+def raise_stop(error: BaseException) -> None:
+    """Passes on the request to stop that an error stands for; does nothing where it stands for none.
+
+    Args:
+        error: What was raised.
+
+    Raises:
+        KeyboardInterrupt, TimeLimit: It is one, or was caused by one.
+    """
+    stop = stop_behind(error)
+    if stop is None:
+        return
+    if stop is error:
+        raise stop
+    raise stop from error
+
+
+def failure_text(error: BaseException) -> str:
+    """What went wrong, in a line with the kind of the error.
+
+    Args:
+        error: What was raised.
+
+    Returns:
+        Kind and message; of a `SystemExit`, whose message is a number or nothing, also where it was raised.
+    """
+    if not isinstance(error, SystemExit):
+        return f"{type(error).__name__}: {error}"
+    place, traced = "", error.__traceback__
+    while traced is not None:
+        place, traced = f" in {traced.tb_frame.f_code.co_filename}, line {traced.tb_lineno}", traced.tb_next
+    return f"SystemExit: a solver or an effect called sys.exit({error.code!r}){place}; let it raise an error instead"
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:

@@ -8,6 +8,8 @@ from importlib.metadata import entry_points
 from inspect import isabstract
 from typing import Any, TypeVar
 
+from cusick_bench.sim.errors import raise_stop
+
 T = TypeVar("T")
 
 
@@ -32,7 +34,8 @@ def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dic
             continue
         try:
             loaded = entry.load()
-        except Exception as error:  # a module may raise anything while it is imported
+        except (Exception, SystemExit) as error:  # a module may raise anything while it is imported
+            raise_stop(error)
             leave_out(group, entry.name, entry.value, f"cannot be imported ({type(error).__name__}: {error}); mend it")
             continue
         if why := _fault(loaded, base, entry.name):

@@ -8,12 +8,12 @@ import ast
 import math
 from collections.abc import Callable
 from dataclasses import MISSING, fields
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, get_type_hints
 
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
-from cusick_bench.sim.errors import did_you_mean
+from cusick_bench.sim.errors import did_you_mean, failure_text, raise_stop
 from cusick_bench.sim.plugins import registered_classes
 from cusick_bench.solvers.base import Solver, SolverError
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
@@ -72,6 +72,33 @@ def solver_names() -> list[str]:
     return [*names, *(entry.name for entry in entry_points(group=ENTRY_POINTS))]
 
 
+def is_built_in(text: str) -> bool:
+    """Whether a solver is this package's own.
+
+    Args:
+        text: Name, with or without options.
+
+    Returns:
+        False of a solver of another package, or one that nobody knows.
+    """
+    name = text.partition(",")[0].strip()
+    return name.partition(":")[0] in _FAMILIES or name in {solver.name for solver in _BUILT_IN}
+
+
+def entry_point_of(name: str) -> EntryPoint | None:
+    """Entry point by which another package registers a solver; nothing of the package is imported.
+
+    Args:
+        name: Name of the solver, without options.
+
+    Returns:
+        The entry point, whose `dist` is the package where that is known; None of a solver that is built in, or unknown.
+    """
+    if is_built_in(name):
+        return None
+    return next((entry for entry in entry_points(group=ENTRY_POINTS) if entry.name == name), None)
+
+
 def solver_class(name: str) -> type[Solver]:
     """The solver of a name.
 
@@ -124,8 +151,13 @@ def make_solver(text: str) -> Solver:
             raise SolverError(f"{name} needs the option {option}; write {text},{option}=VALUE")
     try:
         return cls(**options)
+    except SolverError:
+        raise
     except (TypeError, ValueError) as error:  # one of another package may refuse its options in its own way
-        raise error if isinstance(error, SolverError) else SolverError(f"{text}: {error}") from error
+        raise SolverError(f"{text}: {error}") from error
+    except SystemExit as error:
+        raise_stop(error)
+        raise SolverError(f"{text} cannot be made: {failure_text(error)}") from error
 
 
 def default_options(cls: type[Solver]) -> dict[str, Any]:

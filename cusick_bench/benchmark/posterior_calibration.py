@@ -26,7 +26,7 @@ from numpy import ndarray
 
 from cusick_bench.metrics.stiffness import BENDING
 from cusick_bench.sim.constants import DEFAULT_LAW
-from cusick_bench.sim.errors import CusickError, stop_behind
+from cusick_bench.sim.errors import CusickError, failure_text, raise_stop
 from cusick_bench.sim.memory import memory_returned
 
 if TYPE_CHECKING:
@@ -239,10 +239,9 @@ def _attempt(plan: CalibrationPlan, number: int, simulators: Simulators | None =
         return calibration_fit(plan, number, simulators)
     except CalibrationError:
         raise  # it is the plan that fails
-    except Exception as error:
-        if (stop := stop_behind(error)) is not None:
-            raise stop from error
-        return FailedFit(number, f"{type(error).__name__}: {error}")
+    except (Exception, SystemExit) as error:
+        raise_stop(error)
+        return FailedFit(number, failure_text(error))
 
 
 def calibration_fits(

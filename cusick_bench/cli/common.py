@@ -10,7 +10,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Any, ParamSpec, TypeVar
 
 import typer
@@ -18,7 +18,7 @@ from rich.text import Text
 
 from cusick_bench.cli.screen import Screen, harmless
 from cusick_bench.files.json_text import json_text
-from cusick_bench.sim.errors import CusickError, stop_behind
+from cusick_bench.sim.errors import CusickError, failure_text, stop_behind
 
 INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
 TERMINATED = 143  # exit status: 128 + SIGTERM
@@ -32,8 +32,12 @@ R = TypeVar("R")
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """Writes one JSON document to standard output; NaN and infinities become null."""
-    sys.stdout.write(json_text(document, indent=2))
+    """Writes one JSON document to standard output; NaN and infinities become null.
+
+    Args:
+        document: What it holds.
+    """
+    output.file.write(json_text(document, indent=2))
 
 
 def quiet() -> bool:
@@ -141,13 +145,35 @@ def _of_file(error: OSError, form: str) -> str:
     return form.format(text if len(text) <= _LONGEST_PATH else f"...{text[-_LONGEST_PATH:]}")
 
 
+@contextmanager
+def _output_of_results_alone() -> Iterator[None]:
+    """What is printed in a command goes to standard error, except by `output` and `print_json`.
+
+    Solvers and effects of other packages print where they like: while they are imported, made or asked for a draw.
+    """
+    with output.writing_to(sys.stdout), redirect_stdout(sys.stderr):
+        yield
+
+
 def user_errors(command: Callable[P, R]) -> Callable[P, R]:
-    """Turns errors that the user can correct into one message and exit status 2; bugs keep their traceback."""
+    """Turns errors that the user can correct into one message and exit status 2; bugs keep their traceback.
+
+    Nothing but the command's results goes to standard output.
+
+    Args:
+        command: What a command runs.
+
+    Returns:
+        The same, guarded.
+    """
 
     @functools.wraps(command)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            return command(*args, **kwargs)
+            with _output_of_results_alone():
+                return command(*args, **kwargs)
+        except SystemExit as error:  # no command ends like this by itself
+            message, cause = failure_text(error), error
         except CusickError as error:
             message, cause = str(error), error
         except BrokenPipeError:

@@ -224,6 +224,7 @@ Budget = Annotated[
     fit_option(min=1, max=1e9, help="Drapes that a cell (solver, cloth, seed) may spend; a gradient counts as two."),
 ]
 Seeds = Annotated[int, fit_option(min=1, max=MOST_SEEDS, help="Number of seeds.")]
+FirstSeed = Annotated[int, fit_option("--seed", min=0, max=LARGEST_FIRST_SEED, help="First seed.")]
 
 
 def not_one(samples: int) -> int:

@@ -7,10 +7,11 @@ terminal (or COLUMNS) its words are folded first, then its headings, and then ea
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import IO, Any
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderableType
@@ -72,6 +73,22 @@ class Screen(Console):
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False, **options)
         self._width = options.get("width")  # COLUMNS is read where a table is printed, not when this is made
         self._terminal: bool | None = options.get("force_terminal")
+
+    @contextmanager
+    def writing_to(self, file: IO[str]) -> Iterator[None]:
+        """Writes to one file for a while, whatever becomes of `sys.stdout` and `sys.stderr` meanwhile.
+
+        Args:
+            file: Where to write.
+
+        Returns:
+            A context manager.
+        """
+        before, self._file = self._file, file
+        try:
+            yield
+        finally:
+            self._file = before
 
     @property
     def on_terminal(self) -> bool:

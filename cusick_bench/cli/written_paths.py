@@ -1,6 +1,11 @@
-"""Where commands may write: anywhere but into the installed package, which other users may share."""
+"""Where commands may write: anywhere but into the installed package, which other users may share.
 
-from collections.abc import Iterable
+A folder is made before long work, which so ends at once where it cannot be written, and leaves nothing behind that is
+empty.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +14,27 @@ import typer
 import cusick_bench
 
 PACKAGE = Path(cusick_bench.__file__).resolve().parent
+
+
+@contextmanager
+def folder_made(folder: Path) -> Iterator[None]:
+    """Makes a folder; where the work then fails or is interrupted before anything is written, it is removed again.
+
+    Args:
+        folder: The folder; one that exists stays in any case.
+
+    Returns:
+        A context manager.
+    """
+    new = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        for one in new:
+            with suppress(OSError):  # something is in it
+                one.rmdir()
+        raise
 
 
 def outside_package(value: Any) -> Any:

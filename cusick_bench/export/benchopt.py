@@ -21,7 +21,7 @@ from cusick_bench.export.errors import ExportError
 from cusick_bench.export.written import fill, require_new
 from cusick_bench.runner import ProblemSettings, Source, load_once
 from cusick_bench.solvers.base import Solver
-from cusick_bench.solvers.registry import make_solver
+from cusick_bench.solvers.registry import entry_point_of, make_solver
 
 SOLVERS = ("homo", "cmaes", "nlopt:LN_BOBYQA", "null:disc", "null:copy")
 """What is compared where nothing else is asked for: one of a kind."""
@@ -76,13 +76,26 @@ def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSet
     }
     if data != _SHIPPED:
         texts[folder / "datasets" / "drapes.py"] = _dataset("drapes", data)
+    packages: dict[str, str] = {}
+    unknown: dict[str, str] = {}
     for text in solvers:
         solver = make_solver(text)
+        entry = entry_point_of(solver.name)
+        if entry is not None and entry.dist is not None:
+            packages[solver.name] = entry.dist.name
+        elif entry is not None:
+            unknown[solver.name] = entry.value.partition(":")[0]
         path = folder / "solvers" / f"{re.sub(r'[^a-z0-9]+', '_', solver.name.lower())}.py"
         if path in texts:
             raise ExportError(f"a solver's file is {path.name}, and two are asked for; give each solver once")
-        texts[path] = _solver(solver, text)
-    texts[folder / "README.md"] = fill("benchopt/README.md", command=command, version=__version__)
+        texts[path] = _solver(solver, text, packages.get(solver.name))
+    texts[folder / "README.md"] = fill(
+        "benchopt/README.md",
+        command=command,
+        version=__version__,
+        packages=sorted(set(packages.values())),
+        unknown=unknown,
+    )
     return texts
 
 
@@ -102,7 +115,7 @@ def _dataset(name: str, data: str) -> str:
     )
 
 
-def _solver(solver: Solver, text: str) -> str:
+def _solver(solver: Solver, text: str, package: str | None) -> str:
     given = [setting.partition("=")[0].strip() for setting in text.split(",")[1:]]
     return fill(
         "benchopt/solver.py",
@@ -110,5 +123,6 @@ def _solver(solver: Solver, text: str) -> str:
         reference=json.dumps(solver.reference) if solver.reference else "",
         name=json.dumps(solver.name),
         parameters=repr({option: [solver.options[option]] for option in given}),
+        requirements=json.dumps(["pip::cusick-bench", *([] if package is None else [f"pip::{package}"])]),
         searches=solver.kind == "solver",
     )

@@ -2,9 +2,10 @@
 
 Where tables come from, in this order:
 
-- `cloths`: cloths drawn from the posterior of `bdp-field` (`posterior_cloths` in `prediction.npz`, whitened), or from a
-  Gaussian over whole cloths (as below, of a fit in the space `homo`). Every garment is made of one of them, homogeneous
-  apart from factors exp(sd N(0, 1)) with a given sd;
+- `cloths`: cloths drawn from the posterior of `bdp-field` (`posterior_cloths` in `prediction.npz`, whitened), from a
+  Gaussian over whole cloths (as below, of a fit in the space `homo`), or by a solver of another package, whose `redraw`
+  is asked for them (`redrawn`). Every garment is made of one of them, homogeneous apart from factors exp(sd N(0, 1))
+  with a given sd;
 - `posterior`: the Gaussian over all elements that `bdp` has learned (`posterior_mean`, `posterior_scale` in
   `prediction.npz`: whitened logarithms). Every element of a garment draws its own tables, as in the paper;
 - `elements`: a fit with a table per element: every element of the garment gets the table of a random element of the
@@ -31,6 +32,7 @@ from numpy import ndarray
 
 from cusick_bench.files import BadFile, read_json_object, read_npz
 from cusick_bench.garment.errors import GarmentError
+from cusick_bench.garment.redrawn import redrawn_tables
 from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
@@ -39,7 +41,9 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.triangles.system import Law
+from cusick_bench.solvers.registry import is_built_in
 
+_PREFIX = "posterior_"  # of the arrays of a posterior in `prediction.npz`
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
 _WHOLE = STRETCH_SIZE + BENDING_SIZE  # logarithms of a cloth whose elements all have the same tables
 _POOL = 4096  # tables drawn from a posterior, of which every element gets one
@@ -164,29 +168,23 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     Raises:
         GarmentError: No such folder, a damaged file, a predictor without stiffness, or tables of another problem.
     """
-    record, arrays = _read_record(folder), _read_arrays(folder / "prediction.npz")
-    missing = [name for name in ("stretch", "bending", "density") if name not in arrays]
-    if missing:
-        raise GarmentError(
-            f"{folder} has no {', '.join(missing)}: its solver ({record.get('solver', 'unknown')}) predicts drapes "
-            "without simulating a cloth; give a cell of a solver that fits stiffness, such as homo"
-        )
+    record, arrays, density = _found_by(folder)
     law: Any = (record.get("settings") or {}).get("drape", {}).get("law", "paper")
     if law not in BENDING_TABLE_FACTOR:
         raise GarmentError(f"{folder / 'cell.json'}: law must be plate, paper or published, got {law!r}")
-    density = arrays["density"]
-    light, heavy = LIGHTEST_CLOTH, HEAVIEST_CLOTH
-    if density.dtype.kind != "f" or not density.size or not ((density >= light) & (density <= heavy)).all():
-        raise GarmentError(f"{folder}: areal density must be {light} to {heavy} kg/m2 everywhere; run the cell again")
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
     source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
-    if "posterior_cloths" in arrays:
+    posterior = {name[len(_PREFIX) :]: array for name, array in arrays.items() if name.startswith(_PREFIX)}
+    if posterior and not is_built_in(str(record.get("solver"))):
+        source, drawn = "cloths", redrawn_tables(folder, record, posterior)
+        tables = {key: _checked(drawn[key], shape, f"{folder}: redrawn {key}") for key, shape in SHAPES.items()}
+    elif "posterior_cloths" in arrays:
         source = "cloths"
-        tables = _of_cloths(arrays["posterior_cloths"], StiffnessPrior(law, float(density.mean())), folder)
+        tables = _of_cloths(arrays["posterior_cloths"], StiffnessPrior(law, density), folder)
     elif "posterior_mean" in arrays and arrays["posterior_mean"].shape[:1] in ((), (_WHOLE,)):
         source = "cloths" if arrays.get("tau", np.zeros(0)).shape == (_WHOLE,) else "posterior"
-        tables = _pool(arrays, StiffnessPrior(law, float(density.mean())), folder)
+        tables = _pool(arrays, StiffnessPrior(law, density), folder)
     elif any(len(table) > 1 for table in tables.values()):
         source = "elements"
         _check_elements(arrays, tables, folder)
@@ -195,13 +193,44 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
         name,
         source,
         law_of_garment(law),
-        float(density.mean()),
+        density,
         tables["stretch"],
         tables["bending"],
         sds["stretch"],
         sds["bending"],
     )
     return cloth.spread_by(spread)
+
+
+def density_of_cell(folder: Path) -> float:
+    """The areal density that a cell's cloth was fitted with.
+
+    Args:
+        folder: The cell's folder, with `cell.json` and `prediction.npz`.
+
+    Returns:
+        Its mean over the cloth [kg/m2].
+
+    Raises:
+        GarmentError: No such folder, a damaged file, or a predictor without stiffness.
+    """
+    return _found_by(folder)[2]
+
+
+def _found_by(folder: Path) -> tuple[dict[str, Any], dict[str, ndarray], float]:
+    """Record and arrays of a cell that has found stiffness, and its areal density [kg/m2]."""
+    record, arrays = _read_record(folder), _read_arrays(folder / "prediction.npz")
+    missing = [name for name in ("stretch", "bending", "density") if name not in arrays]
+    if missing:
+        raise GarmentError(
+            f"{folder} has no {', '.join(missing)}: its solver ({record.get('solver', 'unknown')}) predicts drapes "
+            "without simulating a cloth; give a cell of a solver that fits stiffness, such as homo"
+        )
+    density = arrays["density"]
+    light, heavy = LIGHTEST_CLOTH, HEAVIEST_CLOTH
+    if density.dtype.kind != "f" or not density.size or not ((density >= light) & (density <= heavy)).all():
+        raise GarmentError(f"{folder}: areal density must be {light} to {heavy} kg/m2 everywhere; run the cell again")
+    return record, arrays, float(density.mean())
 
 
 def law_of_garment(law: str) -> Law:

@@ -123,6 +123,7 @@ def _prepared(
     """Photographs as a data set in the workspace, made anew only where they or the options have changed."""
     found = find_pictures(folder)
     setting = replace(setting_of(text, folder, sorted({one.fabric for one in found.drapes})), image_size=image_size)
+    workspace.prepare()
     shown = [one.name for one in found.drapes]  # which a folder's name may say, and not the file's
     key = fingerprint({"folder": folder.resolve(), "setting": asdict(setting), "drapes": shown}, _files(found))
     record = workspace.data_record

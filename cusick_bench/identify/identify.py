@@ -38,6 +38,7 @@ from cusick_bench.runner import Source, Watcher, load_once
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.solvers.registry import make_solver
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,16 +204,17 @@ def begin(
         The identification, whose steps follow.
 
     Raises:
-        CusickError: The folder is neither, a picture or table cannot be used, or a cloth is not there.
+        CusickError: The folder is neither, a picture or table cannot be used, or a cloth or solver is not there.
     """
     workspace = Workspace(out)
-    workspace.prepare()
+    make_solver(options.solver)  # a wrong command line is told before anything is written
     data, preparation = as_data_set(given, workspace, text or SettingText(), image_size, photographs, prepared)
     source = Source(data)
     dataset = load_once(source)
     unknown = [name for name in options.cloths if name not in dataset.cloths]
     if unknown:
         raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"use one of {', '.join(dataset.cloths)}")
+    workspace.prepare()
     cloths = tuple(dict.fromkeys(options.cloths)) or tuple(dataset.cloths)
     return Identification(given, workspace, options, source, dataset, cloths, preparation)
 

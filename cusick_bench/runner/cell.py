@@ -44,7 +44,7 @@ from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.errors import CusickError, stop_behind
+from cusick_bench.sim.errors import CusickError, failure_text, raise_stop
 from cusick_bench.sim.memory import memory_returned
 from cusick_bench.sim.render.camera import Camera, PinholeCamera
 from cusick_bench.sim.setup import Simulators
@@ -213,9 +213,8 @@ def _attempt(
         if error.errno in FATAL:
             raise
         outcome = _failed(error)
-    except Exception as error:
-        if (stop := stop_behind(error)) is not None:
-            raise stop from error
+    except (Exception, SystemExit) as error:  # a solver or an effect of another package may call sys.exit
+        raise_stop(error)
         outcome = _failed(error)
     finally:
         if problem is not None:
@@ -305,10 +304,10 @@ def true_stiffness(dataset: DrapeDataset, cloth: str) -> ClothStiffness | None:
     return None if true is None else cloth_stiffness(true.stretch, true.bending, true.law, poisson=true.poisson)
 
 
-def _failed(error: Exception) -> dict[str, Any]:
+def _failed(error: BaseException) -> dict[str, Any]:
     """Record of a failure, with a traceback only if it is a bug."""
     trace = "" if isinstance(error, CusickError) else traceback.format_exc()
-    return {"status": "failed", "failure": f"{type(error).__name__}: {error}", "traceback": trace, "metrics": {}}
+    return {"status": "failed", "failure": failure_text(error), "traceback": trace, "metrics": {}}
 
 
 def _spent(meter: Meter | None) -> dict[str, float]:

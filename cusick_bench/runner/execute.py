@@ -60,9 +60,9 @@ def run(
     if workers < 1:
         raise RunnerError(f"workers must be >= 1, got {workers}")
     store, watcher = Store(out), watcher or Unwatched()
-    store.prepare()
     dataset = load_once(source)
     forced = require_possible(dataset, {row for cell in cells for row in (*cell.train, *cell.test)}, force=force)
+    store.prepare()
     with disk_errors(out), locked(out):
         _record_run(store, source, dataset, cells, command, forced)
     waiting = [cell for cell in cells if not store.is_done(cell.key)]

@@ -14,7 +14,7 @@ from cusick_bench.problem import LOSSES, Budget, ProblemError, canonical
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
 from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import labelled, unspaced
-from cusick_bench.runner.numerics import LAWS, cell_numerics
+from cusick_bench.runner.numerics import cell_numerics
 from cusick_bench.runner.samples import seen_of_samples
 from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.engine.settings import DrapeSettings
@@ -62,7 +62,6 @@ class ProblemSettings:
             ("renderer", self.renderer, RENDERERS),
             ("loss", self.loss, LOSSES),
             ("laying", self.laying, LAYINGS),
-            ("law", self.drape.law, LAWS),
         ):
             if value not in options:
                 raise ProblemError(f"unknown {name} {value!r}; use one of {', '.join(options)}")

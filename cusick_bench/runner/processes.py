@@ -8,10 +8,11 @@ within a worker would come too late for a library that is already loaded.
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import TracebackType
@@ -128,9 +129,13 @@ class _Process(SpawnProcess):
             super().start()
 
     def run(self) -> None:
-        """In the new process: works until the process that started it ends, however that ends."""
+        """In the new process: works until the process that started it ends, however that ends.
+
+        What is printed goes to standard error, for standard output is that of the parent's results.
+        """
         threading.Thread(target=_end_with_parent, name="end-with-parent", daemon=True).start()
-        super().run()
+        with redirect_stdout(sys.stderr):
+            super().run()
 
 
 def _end_with_parent() -> None:

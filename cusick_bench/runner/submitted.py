@@ -27,6 +27,7 @@ from cusick_bench.runner.processes import threads_of_new_processes
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source
 from cusick_bench.runner.store import Store, disk_errors
+from cusick_bench.sim.errors import TimeLimit
 
 CLUSTERS = ("slurm", "local")
 
@@ -54,7 +55,7 @@ def _stopping() -> Iterator[None]:
 
     submitit's handler of the signal tells of it by an ordinary error, out of whatever runs by then: a cell would take
     it for its own and be recorded as failed, or a solver for a matrix that cannot be factorised. In here it is a
-    SystemExit, which leaves a cell as it is, to be gone on with; outside submitit sees its own error.
+    TimeLimit, which leaves a cell as it is, to be gone on with; outside submitit sees its own error.
     """
     from submitit.core.job_environment import JobEnvironment
     from submitit.core.utils import UncompletedJobError
@@ -73,12 +74,12 @@ def _stopping() -> Iterator[None]:
             handler(*arguments)
         except UncompletedJobError as error:
             told = error
-            raise SystemExit(str(error)) from error
+            raise TimeLimit(str(error)) from error
 
     signal.signal(number, stop)
     try:
         yield
-    except SystemExit:
+    except TimeLimit:
         if told is None:
             raise
         raise told from None

@@ -22,7 +22,7 @@ from cusick_bench.problem import Budget
 from cusick_bench.runner.cell import build_problem
 from cusick_bench.runner.grid import Cell, record_key
 from cusick_bench.runner.store import locked
-from cusick_bench.sim.errors import stop_behind
+from cusick_bench.sim.errors import raise_stop
 from cusick_bench.solvers.registry import make_solver
 
 VERTICES, STEPS = 97, 3  # of the tiny problem
@@ -61,9 +61,8 @@ class WarmUp:
         with _alone(Path(configuration.CACHE_DIR), kind), event.install_listener("numba:compile", _Teller()):
             try:
                 solver.solve(build_problem(dataset, tiny), np.random.default_rng(0))
-            except Exception as error:  # the cell itself will say what is wrong with it
-                if (stop := stop_behind(error)) is not None:
-                    raise stop from error
+            except (Exception, SystemExit) as error:  # the cell itself will say what is wrong with it
+                raise_stop(error)
                 _log.debug("the warm-up of %s stopped: %s", cell.solver, error)
 
 

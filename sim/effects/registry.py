@@ -36,7 +36,7 @@ from cusick_bench.sim.effects.material.local_stiff_patch import LocalStiffPatch
 from cusick_bench.sim.effects.material.rest_curvature import RestCurvature
 from cusick_bench.sim.effects.material.rim_stiffening import RimStiffening
 from cusick_bench.sim.effects.material.stiffness_field import StiffnessField
-from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.errors import SimulationError, raise_stop
 from cusick_bench.sim.plugins import leave_out, registered_classes
 
 if TYPE_CHECKING:
@@ -104,7 +104,8 @@ def registered() -> dict[str, Effect]:
     for name, kind in others.items():
         try:
             made = kind()
-        except Exception as error:  # a class of another package may raise anything
+        except (Exception, SystemExit) as error:  # a class of another package may raise anything
+            raise_stop(error)
             leave_out(ENTRY_POINTS, name, kind, f"cannot be made ({type(error).__name__}: {error}); mend it")
             continue
         if why := _fault(made):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -24,6 +25,27 @@ Membrane = Literal["softened", "given"]
 MOST_HALVINGS = 2
 """How often a drop that flies apart is begun again with half the step. Of 1000 random cloths 17 fly apart in steps of
 50 ms (law `plate`, 297 vertices), and none in shorter ones."""
+
+
+_LAWS = ("plate", "paper", "published")
+_WHOLE = ("steps", "iterations", "seed")
+_REAL = (
+    "step_seconds",
+    "gravity",
+    "plate_radius",
+    "laying_amplitude",
+    "laying_length",
+    "rest_amplitude",
+    "rest_length",
+    "self_contact",
+    "tolerance",
+)
+
+
+def _require_number(name: str, value: object, kind: type, what: str) -> None:
+    """Refuses what is no number of a kind: text, nothing, a tensor, or a truth value, which Python takes for 0 or 1."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, kind):
+        raise SimulationError(f"{name} must be {what}, got {value!r:.60}; leave it out for the usual one")
 
 
 @dataclass(frozen=True)
@@ -61,7 +83,7 @@ class DrapeSettings:
         backend: Linear solver.
 
     Raises:
-        SimulationError: A value out of range.
+        SimulationError: A value out of range or of another type; it is a ValueError.
     """
 
     law: Law = "paper"
@@ -88,6 +110,7 @@ class DrapeSettings:
         from cusick_bench.sim.cloth.shape import smooth_field
 
         for name, options in (
+            ("law", _LAWS),
             ("mode", ("drop", "equilibrium")),
             ("support", ("fixed", "springs")),
             ("pace", ("steady", "brisk")),
@@ -107,10 +130,18 @@ class DrapeSettings:
             raise SimulationError(
                 f"membrane 'softened' is for law 'plate', got law {self.law!r}; use membrane 'given', or leave it out"
             )
+        for name in _WHOLE:
+            _require_number(name, getattr(self, name), Integral, "a whole number")
+        for name in _REAL:
+            _require_number(name, getattr(self, name), Real, "a number")
+        if not isinstance(self.backend, str):
+            raise SimulationError(f"backend must be the name of a linear solver, or auto, got {self.backend!r}")
         for name in ("steps", "step_seconds", "gravity", "plate_radius", "tolerance", "iterations"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise SimulationError(f"{name} must be > 0 and finite, got {value}")
+        if self.seed < 0:
+            raise SimulationError(f"seed must be >= 0, got {self.seed}")
         for name in ("laying", "rest"):
             smooth_field(getattr(self, f"{name}_amplitude"), getattr(self, f"{name}_length"), np.random.default_rng(0))
         if not (np.isfinite(self.self_contact) and self.self_contact >= 0):

@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
@@ -19,6 +20,7 @@ from cusick_bench.export.drape_task import FEWEST_DRAPES
 from cusick_bench.export.errors import ExportError
 from cusick_bench.runner import ProblemSettings, Source, load_once, plan, run
 from cusick_bench.sim.engine.settings import DrapeSettings
+from tests.support.other_package import REPLIES, install
 
 TOY = ProblemSettings(vertices=97, drape=DrapeSettings(law="plate", steps=3))
 
@@ -147,6 +149,49 @@ def test_own_data_are_a_data_set_beside_the_shipped_one(tmp_path: Path, stand_in
     data = _class(tmp_path / "b/datasets/drapes.py", "Dataset")
     assert data.name == "drapes"
     assert load_once(Source(data().get_data()["data"])).cloths == data.parameters["cloth"]
+
+
+ANOTHER = f"""{REPLIES}
+@dataclass(frozen=True)
+class Mirror(Solver):
+    name: ClassVar[str] = "mirror"
+
+    def _solve(self, problem, generator, progress):
+        return answer(problem)
+"""
+
+
+@pytest.fixture
+def another_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A solver of a package whose name is unlike its module's."""
+    site = tmp_path / "site"
+    install(monkeypatch, site, "cusick_mirror", ANOTHER, {"mirror": "Mirror"}, distribution="silk-mirrors")
+    return site
+
+
+@pytest.mark.usefixtures("stand_in", "another_package")
+def test_a_solver_of_another_package_asks_for_that_package(tmp_path: Path):
+    write_benchmark(tmp_path / "b", solvers=["mirror", "null:disc"], settings=TOY)
+    asked = {name: _class(tmp_path / f"b/solvers/{name}.py", "Solver").requirements for name in ("mirror", "null_disc")}
+    assert asked == {"mirror": ["pip::cusick-bench", "pip::silk-mirrors"], "null_disc": ["pip::cusick-bench"]}
+    assert 'pip install "benchopt[test]" cusick-bench silk-mirrors\n' in (tmp_path / "b/README.md").read_text()
+
+
+@pytest.mark.usefixtures("another_package")
+def test_a_package_without_a_name_is_told_by_its_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    nameless = EntryPoint("mirror", "cusick_mirror:Mirror", "cusick_bench.solvers")
+    monkeypatch.setattr("cusick_bench.export.benchopt.entry_point_of", lambda name: nameless)
+    write_benchmark(tmp_path / "b", solvers=["mirror"], settings=TOY)
+    assert (
+        "the package with the module `cusick_mirror`, which has the solver `mirror`"
+        in (tmp_path / "b/README.md").read_text()
+    )
+
+
+def test_the_readme_of_solvers_that_are_built_in_asks_for_nothing_else(benchmark: Path):
+    text = (benchmark / "README.md").read_text()
+    assert 'pip install "benchopt[test]" cusick-bench\nbenchopt test .' in text
+    assert "Install besides" not in text
 
 
 def test_a_folder_with_files_is_left_alone(tmp_path: Path):

@@ -33,7 +33,7 @@ from cusick_bench.runner.environment import code_state, code_text
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.effects.boundary.plate_tilt import PlateTilt
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.errors import CusickError
+from cusick_bench.sim.errors import CusickError, TimeLimit
 from cusick_bench.solvers.gradient.homo import Homo
 
 DENSITY = 0.2  # [kg/m2], of every cloth that make_lab makes
@@ -275,7 +275,7 @@ class TestCells:
 
 
 class TestStop:
-    @pytest.mark.parametrize("stop", [KeyboardInterrupt(), SystemExit(3)])
+    @pytest.mark.parametrize("stop", [KeyboardInterrupt(), TimeLimit("of the task")])
     def test_a_stop_that_comes_out_of_a_kernel_as_another_error_is_no_failure(
         self, data, tmp_path, dataset, monkeypatch, stop
     ):
@@ -292,7 +292,7 @@ class TestStop:
             run_cell(dataset, cell, store, lambda *_: None)
         assert not (store.folder(cell.key) / "result.json").exists()
 
-    @pytest.mark.parametrize("stop", [KeyboardInterrupt(), SystemExit(3)])
+    @pytest.mark.parametrize("stop", [KeyboardInterrupt(), TimeLimit("of the task")])
     def test_a_stop_while_kernels_are_compiled_is_heard(self, dataset, monkeypatch, stop):
         """An ordinary error of the warm-up is the cell's to tell."""
 

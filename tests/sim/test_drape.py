@@ -148,6 +148,9 @@ def test_impossible_fields_are_refused(amplitude: float, length: float):
 # --- settings and drapes ----------------------------------------------------------------------------------------------
 
 
+NUMBERS = [field.name for field in dataclasses.fields(DrapeSettings) if field.type == "float"]
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -159,17 +162,35 @@ def test_impossible_fields_are_refused(amplitude: float, length: float):
         ({"gravity": float("nan")}, "gravity must be > 0 and finite, got nan"),
         ({"plate_radius": 0.0}, "plate_radius must be > 0"),
         ({"mode": "equilibrium", "law": "published"}, "no energy"),
+        ({"law": None}, "law must be one of plate, paper, published, got None"),
+        ({"law": "hooke"}, "law must be one of plate, paper, published, got 'hooke'"),
+        ({"steps": "100"}, "steps must be a whole number, got '100'"),
+        ({"steps": 1.5}, "steps must be a whole number, got 1.5"),
+        ({"steps": True}, "steps must be a whole number, got True"),
+        ({"iterations": float("inf")}, "iterations must be a whole number, got inf"),
+        ({"seed": -1}, "seed must be >= 0, got -1"),
+        ({"seed": None}, "seed must be a whole number, got None"),
+        ({"backend": None}, "backend must be the name of a linear solver, or auto, got None"),
+        *(({name: "1"}, f"{name} must be a number, got '1'") for name in NUMBERS),
+        *(({name: None}, f"{name} must be a number, got None") for name in NUMBERS),
+        *(({name: float("nan")}, "got.* nan") for name in NUMBERS),
+        *(({name: float("inf")}, "got.* inf") for name in NUMBERS),
     ],
 )
 def test_impossible_settings_are_refused(changes: dict, message: str):
     with pytest.raises(SimulationError, match=message):
         DrapeSettings(**changes)
+    assert issubclass(SimulationError, ValueError)
+
+
+def test_numbers_of_numpy_are_settings():
+    asked = DrapeSettings(steps=np.int64(7), gravity=np.float32(9.5), seed=np.uint8(3))  # pyright: ignore[reportArgumentType]
+    assert asked == DrapeSettings(steps=7, gravity=9.5, seed=3)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"law": "hooke"}, "law must be one of"),
         ({"plate_radius": 0.2}, "larger than the cloth"),
         ({"plate_radius": 1e-6}, "nothing holds the cloth"),
         ({"laying_amplitude": -1.0}, "amplitude >= 0"),

@@ -19,6 +19,7 @@ from cusick_bench.cli.options import (
     MOST_VERTICES,
     Atlas,
     Json,
+    Seed,
     Workers,
     output_option,
     simulation_option,
@@ -207,6 +208,7 @@ def power(
     samples: Annotated[
         int, typer.Option(min=2, max=MOST_SAMPLES, help="Samples of a fabric, on both sides, each captured twice.")
     ] = 12,
+    seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Detectable severity of every effect: found in 80 % of fabrics, at 5 % false alarms over all causes together."""
@@ -216,7 +218,7 @@ def power(
 
     emulator, calibration = load(atlas)
     with progress_bar("fabrics", len(STIFFNESS) * FABRICS) as bar:
-        shift = needed(emulator, calibration, np.random.default_rng(0))
+        shift = needed(emulator, calibration, np.random.default_rng(seed))
         inflation = calibration.inflation
         severity = detectable(emulator, shift, inflation=inflation, samples=samples, step=bar.advance)
     found = {"stiffness": STIFFNESS, "severity": dict(severity)}

@@ -89,13 +89,13 @@ def diagnose_controls(
     over = {one.fabric for one in judgements}
     if over:
         tell(f"going on with {out}, which has {', '.join(sorted(over))}")
-    out.parent.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
     kept = interruptible(lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written")
     with progress_bar("reading data", len(chosen)) as bar, kept:
         for number, name in enumerate(chosen):
             if name in over:
                 continue
             under = fabric_under_control(dataset, name, halves=halves, seed=seed, force=force)
+            out.parent.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
                 bar.tell(f"{name}: {what}", number + share)

@@ -67,16 +67,15 @@ def diagnose_data(
     with progress_bar("reading data") as bar:
         dataset = load(data, progress=bar.show)
     chosen = list(dict.fromkeys(fabric or _with_samples(dataset)))
-    out.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
-    if summary is not None:
-        if summary.is_dir():
-            raise DiagnosisError(f"--table must name a file, got the folder {summary}; give for instance diagnosis.csv")
-        summary.parent.mkdir(parents=True, exist_ok=True)
+    if summary is not None and summary.is_dir():
+        raise DiagnosisError(f"--table must name a file, got the folder {summary}; give for instance diagnosis.csv")
     written: list[_Written] = []
     folders = folder_names(dataset.cloths)
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     with progress_bar("reading data", len(chosen) + 1) as bar, kept:
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
+        for folder in (out, *([] if summary is None else [summary.parent])):
+            folder.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
         diagnosis = data_set_diagnosis(captures, emulator, calibration, options, bar.tell)
         shared = diagnosis.shared
         write_laboratory(shared, out)

@@ -20,6 +20,7 @@ from cusick_bench.cli.options import (
     Data,
     DropMode,
     FabricsCsv,
+    FirstSeed,
     FittedCloths,
     Force,
     Json,
@@ -88,7 +89,7 @@ class _Grid:
     solvers: list[str] | None
     settings: list[ProblemSettings]
     draws: int
-    seeds: int
+    seeds: range
     workers: int
     out: Path
     force: bool
@@ -106,6 +107,7 @@ def table_1(
     vertices: Vertices = VERTICES_OF_PAPER,
     draws: Draws = 1000,
     seeds: Seeds = 1,
+    seed: FirstSeed = 0,
     budget: DrapesBudget = 500,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
@@ -128,7 +130,7 @@ def table_1(
 
     settings = _settings(vertices, mode, steps, Budget(budget), membrane, law, second_law)
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
-    grid = _Grid("table-1", source, cloth, solver, settings, draws, seeds, workers, out, force)
+    grid = _Grid("table-1", source, cloth, solver, settings, draws, range(seed, seed + seeds), workers, out, force)
     cells, left_out = _run(grid)
     with _setting(out):
         (board,) = leaderboards(cells, by="test_mse")
@@ -151,6 +153,7 @@ def table_2(
     vertices: Vertices = VERTICES_OF_PAPER,
     draws: Draws = 1,
     seeds: Seeds = 1,
+    seed: FirstSeed = 0,
     budget: DrapesBudget = 500,
     seconds: Seconds = None,
     mode: DropMode = Mode.drop,
@@ -177,7 +180,9 @@ def table_2(
     tables, everything = [], []
     for suffix, limit in budgets.items():
         settings = _settings(vertices, mode, steps, limit, membrane, law, second_law)
-        cells, left_out = _run(_Grid("table-2", source, cloth, solver, settings, draws, seeds, workers, out, force))
+        cells, left_out = _run(
+            _Grid("table-2", source, cloth, solver, settings, draws, range(seed, seed + seeds), workers, out, force)
+        )
         everything.append(cells)
         with _setting(out):
             (board,) = leaderboards(cells, by="train_mse")
@@ -240,7 +245,7 @@ def _run(grid: _Grid) -> tuple[Cells, list[str]]:
                     dataset,
                     solvers=asked,
                     cloths=grid.cloths,
-                    seeds=list(range(grid.seeds)),
+                    seeds=list(grid.seeds),
                     settings=replace(settings, space=space or settings.space),
                 )
     planned = list({cell.key: cell for cell in planned}.values())

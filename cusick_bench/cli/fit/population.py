@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +13,7 @@ from rich.table import Table
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.options import LAW, MOST_CASES, Data, Json, Law, Vertices, output_option, simulation_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.sim.constants import VERTICES_OF_POPULATION
 
 app = typer.Typer()
@@ -49,9 +51,8 @@ def population(
 
     plan = PopulationPlan(law.value, vertices, cloths)
     groups = population_samples(data)
-    if out is not None:  # before the work, which is long
-        out.mkdir(parents=True, exist_ok=True)
-    with progress_bar("draping", None) as bar, interruptible("nothing was written"):
+    made = nullcontext() if out is None else folder_made(out)
+    with interruptible("nothing was written"), made, progress_bar("draping", None) as bar:
         found = derive_population(groups, plan, done=bar.advance)
         levels = compare_levels(population_problem(plan), found, groups, specimens, done=bar.advance)
     if out is not None:

@@ -11,7 +11,6 @@ from rich.table import Table
 from cusick_bench.cli.common import command_with, interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
-    LARGEST_FIRST_SEED,
     LAW,
     Budget,
     CameraName,
@@ -19,6 +18,7 @@ from cusick_bench.cli.options import (
     Data,
     DropMode,
     FabricsCsv,
+    FirstSeed,
     FittedCloths,
     Force,
     Json,
@@ -43,7 +43,7 @@ from cusick_bench.cli.options import (
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.problem import Budget as Limits
 from cusick_bench.problem.spaces import DEFAULT_SPACE, SPACES
-from cusick_bench.runner import RunnerError, Store
+from cusick_bench.runner import RunnerError
 from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def run_command(
     budget: Budget = DEFAULT_BUDGET,
     seconds: Annotated[float | None, fit_option(max=1e9, help="Wall time that a cell may spend [s].")] = None,
     seeds: Seeds = 1,
-    seed: Annotated[int, fit_option(min=0, max=LARGEST_FIRST_SEED, help="First seed.")] = 0,
+    seed: FirstSeed = 0,
     vertices: VerticesByLaw = None,
     mode: DropMode = Mode.drop,
     steps: Steps = 100,
@@ -150,7 +150,6 @@ def run_command(
         budget=Limits(budget, seconds),
         causes=tuple(with_effect or ()),
     )
-    Store(out).prepare()
     source = Source(data, None if fabrics_csv is None else str(fabrics_csv))
     with progress_bar("reading data"):
         dataset = load_once(source)

@@ -20,6 +20,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.files.json_text import json_text
 from cusick_bench.runner.store import write_atomically
 
@@ -93,9 +94,8 @@ def benchmark(
         law=law.value, support="springs" if springs else "fixed", reference_steps=reference_steps,
         gradient_vertices=gradient_vertices, device=device, **asked,
     )  # fmt: skip
-    out.parent.mkdir(parents=True, exist_ok=True)
     kept = _Kept(out)
-    with interruptible(kept.said), progress_bar("measuring", work(plan)) as bar:
+    with interruptible(kept.said), folder_made(out.parent), progress_bar("measuring", work(plan)) as bar:
 
         def done(name: str, share: float) -> None:
             bar.say(name)

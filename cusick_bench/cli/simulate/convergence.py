@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -31,6 +32,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import Bar, progress_bar
+from cusick_bench.cli.written_paths import folder_made
 
 if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.linear_plate import LinearPlate
@@ -138,21 +140,20 @@ def convergence(
 
     asked: dict[str, Any] = {"clamp": clamp_by_law(clamp, law), "membrane": membrane_asked(membrane)}
     resting = DrapeSettings(law=law.value, mode="equilibrium", **asked)  # or refuses the law
-    if picture is not None:
-        _make_room(picture)
     hinges: ClampOfDrape = "half" if resting.half_hinges else "whole"
     used: MembraneOfDrape = "softened" if resting.softens_membrane else "given"
     common = _Common(law.value, None if resting.law == "plate" else hinges, used, meshes, jitter, seed)
-    if reference is not None:
-        sizes = sorted(set(vertices or _REFERENCE_SIZES))
-        document, panels = _study_reference(reference, sizes, common, show=not as_json)
-        title = f"law {law.value} against {reference.name}"
-    else:
-        sizes = sorted(set(vertices or _SIZES))
-        cloth = {"density": checked_density(density), "bending": checked_bending(bending)}
-        study = _Study(sizes, cloth, draws, sorted({max(steps // share, 1) for share in _SHARES}), halvings)
-        document, panels = _study_meshes(study, common, show=not as_json)
-        title = f"law {law.value}, {density:g} kg/m2, {bending:g} N m, {draws} drapes each"
+    with _room_for(picture):
+        if reference is not None:
+            sizes = sorted(set(vertices or _REFERENCE_SIZES))
+            document, panels = _study_reference(reference, sizes, common, show=not as_json)
+            title = f"law {law.value} against {reference.name}"
+        else:
+            sizes = sorted(set(vertices or _SIZES))
+            cloth = {"density": checked_density(density), "bending": checked_bending(bending)}
+            study = _Study(sizes, cloth, draws, sorted({max(steps // share, 1) for share in _SHARES}), halvings)
+            document, panels = _study_meshes(study, common, show=not as_json)
+            title = f"law {law.value}, {density:g} kg/m2, {bending:g} N m, {draws} drapes each"
     if picture is not None:
         from cusick_bench.report.figures.convergence import save_convergence
 
@@ -162,11 +163,13 @@ def convergence(
         print_json(document)
 
 
-def _make_room(picture: Path) -> None:
+def _room_for(picture: Path | None) -> AbstractContextManager[None]:
     """Makes the folder of the picture before minutes are spent on what it shows."""
+    if picture is None:
+        return nullcontext()
     if picture.is_dir():
         raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
-    picture.parent.mkdir(parents=True, exist_ok=True)
+    return folder_made(picture.parent)
 
 
 def _study_reference(

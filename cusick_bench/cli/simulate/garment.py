@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,6 +47,7 @@ from cusick_bench.cli.simulate.garment_options import (
     waist_motion,
     wearing_of,
 )
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.garment import GarmentError
 from cusick_bench.runner.store import disk_errors, write_json
 
@@ -111,10 +113,11 @@ def skirt(
         kind, skirt_size(kind, waist, length, hem), hip, moving,
         vertices=vertices, draws=draws, laying_height=laying_height, seed=seed,
     )  # fmt: skip
-    if out is not None:
-        with disk_errors(out):
-            out.mkdir(parents=True, exist_ok=True)
-    with progress_bar("hanging the skirts (at most so many steps)") as bar:
+    with (
+        nullcontext() if out is None else disk_errors(out),
+        nullcontext() if out is None else folder_made(out),
+        progress_bar("hanging the skirts (at most so many steps)") as bar,
+    ):
         worn = wear(cloth, wearing, bar.tell)
     document = worn.document() | {"seconds": time.perf_counter() - clock}
     if out is not None:
@@ -177,10 +180,13 @@ def compare(
     )  # fmt: skip
     cloths = [replace(cloth_of_cell(folder, spread=heterogeneity), name=name) for name, folder in cells.items()]
     folder = out or run / "garments"
-    with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
     worn = []
-    with progress_bar("cloths", len(cloths)) as bar, interruptible("nothing was written"):
+    with (
+        disk_errors(folder),
+        interruptible("nothing was written"),
+        folder_made(folder),
+        progress_bar("cloths", len(cloths)) as bar,
+    ):
         for number, cloth in enumerate(cloths):
             bar.say(cloth.name)
             bar.show(number)

@@ -240,10 +240,6 @@ def simulate(
         shear=shear,
         poisson=poisson,
     )
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / ".writable").touch()
-        (out / ".writable").unlink()
     name = law.value
     size = vertices_by_law(vertices, law, VERTICES_OF_TRUTH)
     sheet = cloth_mesh(name, size, seed=seed) if mesh is None else _read_mesh(mesh, name)
@@ -261,6 +257,9 @@ def simulate(
     drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
     sight = Sight.of(camera, *((CLOTH_RADIUS, CLOTH_RADIUS) if mesh is None else _size_of(sheet)))
     if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / ".writable").touch()
+        (out / ".writable").unlink()
         forget_drapes(out)
     clock = time.perf_counter()
     results = _simulated(drawn, draws, sight, out)

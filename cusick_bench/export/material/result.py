@@ -7,7 +7,7 @@ from pathlib import Path
 from cusick_bench.export.errors import ExportError
 from cusick_bench.export.material.fabric import FabricMaterial
 from cusick_bench.files import read_json_object
-from cusick_bench.garment import cloth_of_cell
+from cusick_bench.garment.cloth import density_of_cell
 from cusick_bench.identify.document import FabricIdentity, IdentifyDocument
 from cusick_bench.metrics.found_stiffness import Quantity, read_stiffness
 
@@ -60,7 +60,7 @@ def _of_cell(folder: Path, fabric: str | None, density: float | None) -> FabricM
             f"{folder} has no stiffness: its solver ({solver}) predicts drapes without simulating a cloth; give a cell "
             "of a solver that fits stiffness, such as homo"
         )
-    weight = cloth_of_cell(folder).density
+    weight = density_of_cell(folder)
     material = FabricMaterial(cloth, solver, f"cell {folder.name}", weight, found.bending, found.stretch, found.curve)
     return material if density is None else material.weighing(density)
 
