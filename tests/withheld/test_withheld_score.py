@@ -111,8 +111,7 @@ class TestKnownScores:
         )
         asked = (ANSWERS, "expected calibration error", CLEAR)
         (figure,) = (f for f in found.figures if (f.method, f.name, f.subset) == asked)
-        assert figure.value == pytest.approx(0.4)
-        assert figure.low < 0.4 < figure.high
+        assert np.isnan(figure.low), "chance adds to it, and once more to what is resampled"
         assert figure.reached == "no"
 
     def test_effects_that_nobody_can_see_do_not_count_against_the_goal_of_calibration(self, tmp_path):
