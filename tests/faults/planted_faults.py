@@ -140,8 +140,8 @@ FAULTS = (
         "swallowed error",
         "a solver that fails counts as done",
         "cusick_bench/runner/cell.py",
-        "            raise stop from error\n        outcome = _failed(error)\n",
-        '            raise stop from error\n        outcome = _failed(error) | {"status": "done"}\n',
+        "        raise_stop(error)\n        outcome = _failed(error)\n",
+        '        raise_stop(error)\n        outcome = _failed(error) | {"status": "done"}\n',
         "tests/runner/test_runner.py::TestCells::test_one_failure_stays_alone_and_is_tried_again",
     ),
 )
