@@ -20,7 +20,7 @@ References:
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 import numpy as np
@@ -127,9 +127,11 @@ def estimate(values: Values, statistic: Statistic, generator: np.random.Generato
         generator: Source of the resamples.
 
     Returns:
-        The statistic with its 95 % interval.
+        The statistic with its 95 % interval, which ends at 0 where no value is negative.
     """
-    return _interval([values], lambda columns: statistic(columns[0]), generator)
+    found = _interval([values], lambda columns: statistic(columns[0]), generator)
+    none_negative = min(values.values(), default=-1.0) >= 0  # nor is their mean, however few they are
+    return replace(found, low=max(found.low, 0.0)) if none_negative and isfinite(found.low) else found
 
 
 def beside(values: Values, others: Values, statistic: Statistic) -> float:

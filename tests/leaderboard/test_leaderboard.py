@@ -114,6 +114,12 @@ def test_intervals_of_few_units_hold_the_true_mean_as_often_as_they_say(cloths, 
     assert hits / trials == pytest.approx(0.95, abs=0.03)
 
 
+def test_a_mean_of_values_that_are_never_negative_is_not_negative(noise):
+    errors = {("blue", 0): 0.001, ("red", 0): 0.001, ("white", 0): 0.1}
+    assert estimate(errors, mean, noise).low == 0
+    assert difference(errors, {cell: 0.0 for cell in errors}, mean, noise).low < 0
+
+
 def test_cloths_are_resampled_where_seeds_change_nothing(noise):
     single = {(cloth, 0): level for cloth, level in DIFFICULTY.items()}
     repeated = {(cloth, seed): level for cloth, level in DIFFICULTY.items() for seed in range(3)}

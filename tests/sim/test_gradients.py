@@ -105,8 +105,10 @@ def _relative(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-def _assert_slope(function, base: np.ndarray, direction: np.ndarray, expected: float, steps: list[float]) -> None:
-    """Some step of the ladder gives the expected slope to 1e-6.
+def _assert_slope(
+    function, base: np.ndarray, direction: np.ndarray, expected: float, steps: list[float], noise: float = 0.0
+) -> None:
+    """Some step of the ladder gives the expected slope to 1e-6, or to the noise of a difference of rounded values.
 
     max(G, 0) and the published tables make drops piecewise smooth: a difference across a kink is off however right the
     gradient, and a smaller one is needed. A wrong gradient matches none of them.
@@ -114,7 +116,7 @@ def _assert_slope(function, base: np.ndarray, direction: np.ndarray, expected: f
     slopes = []
     for step in steps:
         slopes.append(_slope(function, base, direction, step))
-        if slopes[-1] == pytest.approx(expected, rel=1e-6):
+        if slopes[-1] == pytest.approx(expected, rel=1e-6, abs=noise):
             return
     pytest.fail(f"gradient says {expected:.10g}, central differences {slopes} at steps {steps}")
 
@@ -365,6 +367,7 @@ def test_drape_is_differentiable_through_torch_from_end_to_end(law, mode, elemen
         material = Material(**{name: leaf for name, leaf in leaves.items() if name not in ("initial", "rest_angle")})
         warm = simulator.drape(material, initial=leaves["initial"], rest_angle=leaves["rest_angle"])
     loss(leaves).backward()
+    steepest = 0.0
     for name, value in given.items():
         scale = 1e-3 if name == "initial" else (0.1 if name == "rest_angle" else np.abs(value))
         direction = generator.normal(size=value.shape) * scale
@@ -380,7 +383,8 @@ def test_drape_is_differentiable_through_torch_from_end_to_end(law, mode, elemen
         assert gradient is not None
         assert gradient.shape == value.shape
         expected = float((gradient.numpy() * direction).sum())
-        _assert_slope(moved, value, direction, expected, [1e-4, 1e-5, 1e-6])
+        steepest = max(steepest, abs(expected))  # beside which a parameter that hardly matters is rounding
+        _assert_slope(moved, value, direction, expected, [1e-4, 1e-5, 1e-6], noise=1e-9 * steepest)
 
 
 def test_drape_without_gradients_is_the_same_drape():
