@@ -5,6 +5,8 @@ References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024 (gravity, size of the images).
 """
 
+from typing import Literal
+
 CLOTH_RADIUS = 0.15  # [m], ISO 9073-9: sample of 30 cm
 PLATE_RADIUS = 0.09  # [m], ISO 9073-9: plate of 18 cm
 GRAVITY = 9.8  # [m/s2], the published program's
@@ -17,7 +19,10 @@ FIELD_OF_VIEW = 0.5  # [rad], of the published scripts' camera
 EYE_HEIGHT = 0.7  # [m], of the published scripts' camera
 FIELD_LENGTH = 0.02  # [m], correlation length of stiffness over a cloth, assumed: some ten yarn repeats
 
-DEFAULT_LAW = "plate"
+Law = Literal["plate", "paper", "published"]
+"""Material laws."""
+
+DEFAULT_LAW: Law = "plate"
 """Default material law of commands that predict or fit: the law that converges with the mesh.
 `DrapeSettings` has law `paper` for its default; every record names its law."""
 

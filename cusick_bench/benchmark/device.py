@@ -17,9 +17,9 @@ from cusick_bench.benchmark.timing import Timing
 from cusick_bench.benchmark.workload import LOCKSTEP, STEPS, cloth
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import Method, render

@@ -9,8 +9,8 @@ from cusick_bench.benchmark.convergence.reference import PlateComparison, compar
 from cusick_bench.benchmark.timing import paired_ratio, time_in_turn
 from cusick_bench.benchmark.workload import Workload
 from cusick_bench.datasets.files.plate_drapes import PlateDrape
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.engine.dynamics.drop import Stepper, drop, evaluated, too_far
-from cusick_bench.sim.engine.triangles.system import Law
 
 LAWS: tuple[Law, Law] = ("plate", "paper")
 """The laws compared: the time of the first is held against that of the second."""

@@ -9,8 +9,8 @@ import torch
 
 from cusick_bench.problem.priors import BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
 from cusick_bench.sim.cloth.material import Material
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.drape import DrapeSimulator
-from cusick_bench.sim.engine.triangles.system import Law
 
 # Range of 618 measured fabrics (Feng, Huang, Xu, Wang, ACM TOG 41(6), 2022).
 DENSITY_RANGE = (0.0153, 0.8703)  # [kg/m2]

@@ -19,9 +19,9 @@ from cusick_bench.benchmark.workload import CASES, FLOOR_SHARE, LOCKSTEP, STEPS,
 from cusick_bench.datasets.files.plate_drapes import PlateDrape
 from cusick_bench.runner.environment import environment
 from cusick_bench.sim.cloth.resolution import cloth_mesh
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.torch_engine.engine import torch_device
 

@@ -10,11 +10,11 @@ from torch import Tensor
 
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.drape import Drape, DrapeSimulator
 from cusick_bench.sim.engine.cloth_system import ClothSystem, Evaluated
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.linear.interface import Factor, LinearSolver, available_backends, solver
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render

@@ -5,7 +5,7 @@ empty.
 """
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +17,18 @@ PACKAGE = Path(cusick_bench.__file__).resolve().parent
 
 
 @contextmanager
-def folder_made(folder: Path) -> Iterator[None]:
+def folder_made(folder: Path | None) -> Iterator[None]:
     """Makes a folder; where the work then fails or is interrupted before anything is written, it is removed again.
 
     Args:
-        folder: The folder; one that exists stays in any case.
+        folder: The folder; one that exists stays in any case. None: nothing is to be written.
 
     Returns:
         A context manager.
     """
+    if folder is None:
+        yield
+        return
     new = [one for one in (folder, *folder.parents) if not one.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -35,6 +38,23 @@ def folder_made(folder: Path) -> Iterator[None]:
             with suppress(OSError):  # something is in it
                 one.rmdir()
         raise
+
+
+def room_for_picture(picture: Path | None) -> AbstractContextManager[None]:
+    """Makes the folder of a picture before minutes are spent on what it shows, as `folder_made` does.
+
+    Args:
+        picture: What `--picture` names; None for no picture.
+
+    Returns:
+        A context manager.
+
+    Raises:
+        typer.BadParameter: It names a folder.
+    """
+    if picture is not None and picture.is_dir():
+        raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
+    return folder_made(None if picture is None else picture.parent)
 
 
 def outside_package(value: Any) -> Any:

@@ -18,7 +18,7 @@ from cusick_bench.sim.errors import CusickError
 from cusick_bench.solvers.base import Prediction
 
 if TYPE_CHECKING:
-    from cusick_bench.sim.engine.triangles.system import Law
+    from cusick_bench.sim.constants import Law
 
 FEWEST_DRAPES = DRAPES
 """Forward-equivalents with which every solver can answer."""

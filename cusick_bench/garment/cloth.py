@@ -36,14 +36,13 @@ from cusick_bench.garment.redrawn import redrawn_tables
 from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.cloth_tables import cloth_tables
 from cusick_bench.problem.priors import BENDING_SIZE, BENDING_TABLE_FACTOR, STRETCH_SIZE, StiffnessPrior
+from cusick_bench.runner.cell import stored_posterior
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh
-from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH
+from cusick_bench.sim.constants import HEAVIEST_CLOTH, LIGHTEST_CLOTH, Law
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.solvers.registry import is_built_in
 
-_PREFIX = "posterior_"  # of the arrays of a posterior in `prediction.npz`
 SHAPES = {"stretch": (6, 4), "bending": (3, 5)}
 _WHOLE = STRETCH_SIZE + BENDING_SIZE  # logarithms of a cloth whose elements all have the same tables
 _POOL = 4096  # tables drawn from a posterior, of which every element gets one
@@ -175,7 +174,7 @@ def cloth_of_cell(folder: Path, *, spread: float = 0.0) -> Cloth:
     name = str(record.get("cloth", "cloth"))
     tables = {key: _checked(arrays[key], shape, f"{folder}: {key}") for key, shape in SHAPES.items()}
     source, sds = "spread", {key: np.zeros(shape) for key, shape in SHAPES.items()}
-    posterior = {name[len(_PREFIX) :]: array for name, array in arrays.items() if name.startswith(_PREFIX)}
+    posterior = stored_posterior(arrays)
     if posterior and not is_built_in(str(record.get("solver"))):
         source, drawn = "cloths", redrawn_tables(folder, record, posterior)
         tables = {key: _checked(drawn[key], shape, f"{folder}: redrawn {key}") for key, shape in SHAPES.items()}

@@ -30,10 +30,10 @@ from cusick_bench.garment.body import Body, contact_stiffness
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.garment.motion import STILL, WaistMotion
 from cusick_bench.garment.skirt import Skirt
-from cusick_bench.sim.constants import GRAVITY
+from cusick_bench.sim.constants import GRAVITY, Law
 from cusick_bench.sim.engine.dynamics.step_kernels import move, right_hand_side
 from cusick_bench.sim.engine.parameters import Parameters
-from cusick_bench.sim.engine.triangles.system import DrapeSystem, Law
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.linear.interface import Factor
 

@@ -15,6 +15,7 @@ from numpy import ndarray
 from cusick_bench.garment.errors import GarmentError
 from cusick_bench.leaderboard.cells import load_cells
 from cusick_bench.leaderboard.source import load_data_of
+from cusick_bench.metrics.found_stiffness import DRAWS
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.cloth_tables import cloth_tables
@@ -23,8 +24,6 @@ from cusick_bench.runner import Cell, build_problem
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
-
-DRAWS = 400  # of the posterior, as many as its interval of the stiffness is of
 
 
 def redrawn_tables(folder: Path, record: dict[str, Any], posterior: dict[str, ndarray]) -> dict[str, ndarray]:

@@ -199,11 +199,11 @@ class FieldSpace(ParameterSpace):
         Returns:
             The parameter vector.
         """
-        table, traits = self.prior.bending_level_sd, TRAITS["bending"].sd
-        share = table**2 / (table**2 + traits**2)
+        table_sd, trait_sd = self.prior.bending_level_sd, TRAITS["bending"].sd
+        share = table_sd**2 / (table_sd**2 + trait_sd**2)
         level = np.zeros(self.dimension)
         level[STRETCH_SIZE:HOMOGENEOUS] = share * self.prior.bending_level(factor)
-        level[trait_entry("bending")] = (1 - share) * math.log(factor) / traits
+        level[trait_entry("bending")] = (1 - share) * math.log(factor) / trait_sd
         return level
 
     def laid_like(self, height: Float[np.ndarray, " vertices"]) -> Float[np.ndarray, " modes"]:

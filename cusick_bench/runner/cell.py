@@ -3,7 +3,7 @@
 import logging
 import os
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -59,6 +59,7 @@ Report = Callable[[float, float, str], None]
 
 Silhouettes = Float[np.ndarray, "images size size"]
 
+_POSTERIOR = "posterior_"  # before names of a posterior's arrays in `prediction.npz`
 SIMULATORS_KEPT = 8  # simulators that a process reuses; meshing and the linear solver's analysis take a second each
 
 
@@ -328,7 +329,7 @@ def _write_prediction(
         if value is not None:
             arrays[name] = np.asarray(value)
     if prediction.posterior is not None:
-        arrays |= {f"posterior_{name}": value for name, value in prediction.posterior.items()}
+        arrays |= {f"{_POSTERIOR}{name}": value for name, value in prediction.posterior.items()}
     if prediction.tau is not None:
         with torch.no_grad():
             material = problem.space.specimen(torch.as_tensor(prediction.tau)).material
@@ -353,6 +354,18 @@ def load_prediction(folder: Path) -> dict[str, np.ndarray]:
         Arrays by name: `train_image`, `train_target`, `draws`, and what else the solver answered.
     """
     return read_npz(folder / "prediction.npz", remedy="delete the cell's folder and run it again")
+
+
+def stored_posterior(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The posterior among the arrays of a cell's `prediction.npz`, as the solver gave it.
+
+    Args:
+        arrays: From `load_prediction`.
+
+    Returns:
+        Arrays by the solver's own names; none where it gave no posterior.
+    """
+    return {name.removeprefix(_POSTERIOR): one for name, one in arrays.items() if name.startswith(_POSTERIOR)}
 
 
 def load_cell(folder: Path) -> dict[str, Any]:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, get_args
 
 import numpy as np
 
-from cusick_bench.sim.constants import GRAVITY, PLATE_RADIUS
+from cusick_bench.sim.constants import GRAVITY, PLATE_RADIUS, Law
 from cusick_bench.sim.engine.pace import PaceName
 from cusick_bench.sim.errors import SimulationError
-
-if TYPE_CHECKING:
-    from cusick_bench.sim.engine.triangles.system import Law
-
 
 Clamp = Literal["half", "whole"]
 """How hinges on the plate's edge bend: their free half alone, or all of them."""
@@ -27,7 +23,6 @@ MOST_HALVINGS = 2
 50 ms (law `plate`, 297 vertices), and none in shorter ones."""
 
 
-_LAWS = ("plate", "paper", "published")
 _WHOLE = ("steps", "iterations", "seed")
 _REAL = (
     "step_seconds",
@@ -110,7 +105,7 @@ class DrapeSettings:
         from cusick_bench.sim.cloth.shape import smooth_field
 
         for name, options in (
-            ("law", _LAWS),
+            ("law", get_args(Law)),
             ("mode", ("drop", "equilibrium")),
             ("support", ("fixed", "springs")),
             ("pace", ("steady", "brisk")),

@@ -18,9 +18,9 @@ from cusick_bench.cli.simulate.simulate import Draws
 from cusick_bench.sim import drape as drape_module
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.drape import DrapeBatch, DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import DrapeDiverged, SimulationError
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render

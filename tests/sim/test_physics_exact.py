@@ -18,13 +18,13 @@ from scipy.spatial import Delaunay
 
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
-from cusick_bench.sim.constants import PLATE_RADIUS
+from cusick_bench.sim.constants import PLATE_RADIUS, Law
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.statics.equilibrium import Equilibrium, equilibrium
-from cusick_bench.sim.engine.triangles.system import DrapeSystem, Law
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 
 GRAVITY = 9.8  # [m/s2]
 STRAIN_SAMPLE = ((7 / 6) ** 2 - 1) / 2  # Green strain at a stretch of 1 + 1/6

@@ -7,11 +7,11 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
-from cusick_bench.sim.constants import PLATE_RADIUS
+from cusick_bench.sim.constants import PLATE_RADIUS, Law
 from cusick_bench.sim.engine.dynamics.drop import drop
 from cusick_bench.sim.engine.parameters import Parameters
 from cusick_bench.sim.engine.statics.equilibrium import equilibrium
-from cusick_bench.sim.engine.triangles.system import DrapeSystem, Law
+from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.linear.interface import NotPositiveDefinite
 
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -22,10 +22,9 @@ from cusick_bench.benchmark.convergence.plate_cloth import plate_cloth, poisson_
 from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS, Law
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import Clamp, DrapeSettings
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import DrapeDiverged
 
 

@@ -14,7 +14,7 @@ from cusick_bench.sim.constants import CLOTH_RADIUS
 
 if TYPE_CHECKING:
     from cusick_bench.sim.cloth.material import Material
-    from cusick_bench.sim.engine.triangles.system import Law
+    from cusick_bench.sim.constants import Law
 
 DENSITY = 0.2  # [kg/m2]
 GRAVITY = 9.8  # [m/s2]

@@ -20,11 +20,10 @@ from cusick_bench.sim.cloth.irregular import jittered_mesh
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.cloth.rim import rim_curve
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS, Law
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import Clamp, DrapeSettings, Membrane
 from cusick_bench.sim.engine.statics.branch import rim_folds
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import DrapeDiverged
 
 _RAISED = 6e-3  # [m]

@@ -14,7 +14,7 @@ from cusick_bench.benchmark.convergence.plate_cloth import STRETCH
 from cusick_bench.sim.release import STEP_SECONDS, STEPS
 
 if TYPE_CHECKING:
-    from cusick_bench.sim.engine.triangles.system import Law
+    from cusick_bench.sim.constants import Law
 
 SLOW_STAGES = 8  # parts in which the weight is laid on the cloth where it is released slowly
 

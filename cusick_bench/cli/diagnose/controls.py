@@ -14,6 +14,7 @@ from rich.text import Text
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED, Options, repeated_option
@@ -90,12 +91,11 @@ def diagnose_controls(
     if over:
         tell(f"going on with {out}, which has {', '.join(sorted(over))}")
     kept = interruptible(lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written")
-    with progress_bar("reading data", len(chosen)) as bar, kept:
+    with progress_bar("reading data", len(chosen)) as bar, kept, folder_made(out.parent):
         for number, name in enumerate(chosen):
             if name in over:
                 continue
             under = fabric_under_control(dataset, name, halves=halves, seed=seed, force=force)
-            out.parent.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
 
             def step(what: str, share: float, name: str = name, number: int = number) -> None:
                 bar.tell(f"{name}: {what}", number + share)

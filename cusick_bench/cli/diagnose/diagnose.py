@@ -21,6 +21,7 @@ from cusick_bench.cli.options import (
     output_option,
 )
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
 
@@ -72,10 +73,9 @@ def diagnose_data(
     written: list[_Written] = []
     folders = folder_names(dataset.cloths)
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
-    with progress_bar("reading data", len(chosen) + 1) as bar, kept:
+    room = (folder_made(out), folder_made(None if summary is None else summary.parent))
+    with progress_bar("reading data", len(chosen) + 1) as bar, kept, room[0], room[1]:
         captures = {name: read_captures(dataset, name, force=force) for name in chosen}
-        for folder in (out, *([] if summary is None else [summary.parent])):
-            folder.mkdir(parents=True, exist_ok=True)  # before minutes of work, not after
         diagnosis = data_set_diagnosis(captures, emulator, calibration, options, bar.tell)
         shared = diagnosis.shared
         write_laboratory(shared, out)

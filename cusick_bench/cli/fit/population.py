@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,8 +50,7 @@ def population(
 
     plan = PopulationPlan(law.value, vertices, cloths)
     groups = population_samples(data)
-    made = nullcontext() if out is None else folder_made(out)
-    with interruptible("nothing was written"), made, progress_bar("draping", None) as bar:
+    with interruptible("nothing was written"), folder_made(out), progress_bar("draping", None) as bar:
         found = derive_population(groups, plan, done=bar.advance)
         levels = compare_levels(population_problem(plan), found, groups, specimens, done=bar.advance)
     if out is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -32,7 +31,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import Bar, progress_bar
-from cusick_bench.cli.written_paths import folder_made
+from cusick_bench.cli.written_paths import room_for_picture
 
 if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.linear_plate import LinearPlate
@@ -41,9 +40,9 @@ if TYPE_CHECKING:
     from cusick_bench.benchmark.convergence.reference import PlateComparison, PlateOrder
     from cusick_bench.benchmark.convergence.time_step import TimeStep
     from cusick_bench.report.figures.convergence import Panel
+    from cusick_bench.sim.constants import Law as LawOfDrape
     from cusick_bench.sim.engine.settings import Clamp as ClampOfDrape
     from cusick_bench.sim.engine.settings import Membrane as MembraneOfDrape
-    from cusick_bench.sim.engine.triangles.system import Law as LawOfDrape
 
 app = typer.Typer()
 
@@ -143,7 +142,7 @@ def convergence(
     hinges: ClampOfDrape = "half" if resting.half_hinges else "whole"
     used: MembraneOfDrape = "softened" if resting.softens_membrane else "given"
     common = _Common(law.value, None if resting.law == "plate" else hinges, used, meshes, jitter, seed)
-    with _room_for(picture):
+    with room_for_picture(picture):
         if reference is not None:
             sizes = sorted(set(vertices or _REFERENCE_SIZES))
             document, panels = _study_reference(reference, sizes, common, show=not as_json)
@@ -161,15 +160,6 @@ def convergence(
         tell(f"wrote {picture}")
     if as_json:
         print_json(document)
-
-
-def _room_for(picture: Path | None) -> AbstractContextManager[None]:
-    """Makes the folder of the picture before minutes are spent on what it shows."""
-    if picture is None:
-        return nullcontext()
-    if picture.is_dir():
-        raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
-    return folder_made(picture.parent)
 
 
 def _study_reference(

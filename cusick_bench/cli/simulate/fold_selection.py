@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -28,7 +27,7 @@ from cusick_bench.cli.options import (
     simulation_option,
 )
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.cli.written_paths import folder_made
+from cusick_bench.cli.written_paths import room_for_picture
 from cusick_bench.sim.errors import CusickError
 
 if TYPE_CHECKING:
@@ -81,8 +80,7 @@ def fold_selection(
     """
     from cusick_bench.benchmark.fold_selection.study import fold_rows
 
-    if picture is not None and picture.is_dir():
-        raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
+    room = room_for_picture(picture)
     if law is LawName.published and (factor is None or FactorName.release in factor):
         raise CusickError(
             "law 'published' has no rests, which factor 'release' needs; name other factors, or law paper"
@@ -90,7 +88,6 @@ def fold_selection(
     names = [one.value for one in factor] if factor else list(FACTORS)
     asked = levels(Condition(law=law.value, vertices=vertices), list(dict.fromkeys(names)))
     cloths = _real(data) if data is not None else []
-    room = nullcontext() if picture is None else folder_made(picture.parent)
     with room, progress_bar("draping", len(asked)) as bar:
         rows = fold_rows(asked, draws, seed=seed, done=lambda level: bar.advance(1))
     if picture is not None:

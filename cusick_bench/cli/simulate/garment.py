@@ -115,7 +115,7 @@ def skirt(
     )  # fmt: skip
     with (
         nullcontext() if out is None else disk_errors(out),
-        nullcontext() if out is None else folder_made(out),
+        folder_made(out),
         progress_bar("hanging the skirts (at most so many steps)") as bar,
     ):
         worn = wear(cloth, wearing, bar.tell)

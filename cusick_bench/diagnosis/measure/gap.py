@@ -214,7 +214,7 @@ def _closure(
         return nan, (nan, nan)
     shares = (before - after)[good] / before[good]
     low, high = np.quantile(shares, [0.05, 0.95])
-    return (_observed(plain) - _observed(changed)) / total, (float(low), float(high))
+    return (total - _observed(changed)) / total, (float(low), float(high))
 
 
 def _counts(distances: ClusterDistances) -> tuple[int, int]:

@@ -34,7 +34,7 @@ from cusick_bench.metrics.found_stiffness import FoundStiffness, find_stiffness
 from cusick_bench.metrics.prediction_score import from_levels
 from cusick_bench.problem import Budget, DrapeProblem
 from cusick_bench.runner import Cell, Store, build_problem, load_prediction, run_cell
-from cusick_bench.runner.cell import score_cell, true_stiffness
+from cusick_bench.runner.cell import score_cell, stored_posterior, true_stiffness
 from cusick_bench.runner.store import read_json
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.setup import Simulators
@@ -206,18 +206,13 @@ def _with_stiffness(
     fit: Repetition, stored: dict[str, ndarray], problem: DrapeProblem, cell: Cell, dataset: DrapeDataset
 ) -> Repetition:
     """A repeated fit with the stiffness of its parameters, or of draws from its posterior."""
-    prediction = replace(fit.prediction, posterior=_posterior(stored) or None)
+    prediction = replace(fit.prediction, posterior=stored_posterior(stored) or None)
     true = true_stiffness(dataset, cell.cloth)
     found, drawn = find_stiffness(make_solver(cell.solver), problem, prediction, true)
     again = replace(fit, stiffness=found)
     if drawn is None or "bending_draws" not in stored:
         return again
     return replace(again, checks=(*fit.checks, relative("stiffness of draws", stored["bending_draws"], drawn)))
-
-
-def _posterior(stored: dict[str, ndarray]) -> dict[str, ndarray]:
-    """The stored posterior, as the solver gave it; empty without one."""
-    return {name.removeprefix("posterior_"): a for name, a in stored.items() if name.startswith("posterior_")}
 
 
 def _draped(problem: DrapeProblem, tau: ndarray, start: ndarray) -> tuple[Material, ndarray, ndarray]:
@@ -245,7 +240,7 @@ def _with_draws(
     if shapes is not None and chosen and all(check.holds for check in checks):
         redone = True
         solver, numbers = make_solver(cell.solver), stored["posterior_draws"]
-        posterior = _posterior(stored)
+        posterior = stored_posterior(stored)
         draping, pairs = problem.at_pace(solver.pace_of_draws), []
         for place in chosen:
             tau = solver.redraw(problem, posterior, int(numbers[place]))

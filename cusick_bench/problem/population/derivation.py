@@ -43,10 +43,9 @@ from cusick_bench.problem.population.expected_statistics import ExpectedStatisti
 from cusick_bench.problem.priors import DENSITY_REFERENCE, StiffnessPrior
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
 from cusick_bench.sim.cloth.resolution import cloth_mesh
-from cusick_bench.sim.constants import VERTICES_OF_POPULATION
+from cusick_bench.sim.constants import VERTICES_OF_POPULATION, Law
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings, Membrane
-from cusick_bench.sim.engine.triangles.system import Law
 
 FABRICS = ("fabric_9", "fabric_12", "fabric_14", "fabric_20", "fabric_21")
 LEVELS = (-4.0, 2.5)  # range of log bending stiffness over that of the median fabric, from limp silk to canvas

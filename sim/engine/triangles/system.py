@@ -7,13 +7,13 @@ gradients. `dynamics.drop` and `statics.equilibrium` are two ways to a drape on 
 import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from cusick_bench.sim.cloth.mesh import Mesh
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.engine.parameters import ParameterGradient, Parameters
 from cusick_bench.sim.engine.triangles import assembly, face_kernels, hinge_kernels
 from cusick_bench.sim.engine.triangles.elements import Elements, elements_of
@@ -24,7 +24,6 @@ from cusick_bench.sim.laws import tables
 from cusick_bench.sim.linear.interface import BlockPattern, LinearSolver, solver
 from cusick_bench.sim.threads import check_fork, thread_pool
 
-Law = Literal["plate", "paper", "published"]
 _VERTEX_MEMORY = 1400  # [bytes] of the elements of a cloth, for each of its vertices
 _LAWS = {"published": tables.PUBLISHED, "paper": tables.PAPER}
 

@@ -11,10 +11,10 @@ from torch import Tensor
 from cusick_bench.sim.cloth.material import uniform_material
 from cusick_bench.sim.cloth.mesh import disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
+from cusick_bench.sim.constants import Law
 from cusick_bench.sim.effects import Effect, Parameter, apply_all, effect, parse, registered
 from cusick_bench.sim.effects.registry import Cause
 from cusick_bench.sim.engine.settings import DrapeSettings
-from cusick_bench.sim.engine.triangles.system import Law
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.setup import Setup, Side, Simulators, drape_setups
 
