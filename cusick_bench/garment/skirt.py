@@ -22,6 +22,7 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import SmoothField
 
 MINIMUM_VERTICES = 150
+_ROUND_WAIST = 8  # least number of vertices of a waist that is to be round
 _FRONT = -np.pi / 2  # [rad] azimuth of the front panel's centre line
 
 
@@ -92,11 +93,18 @@ class Skirt:
         return np.column_stack([np.sqrt(1 - flare**2) * outwards, np.full(len(self.start), flare)])
 
 
-def _spacing(area: float, vertices: int) -> float:
+def _spacing(area: float, waist: float, vertices: int) -> float:
     """Distance between the vertices of an equilateral mesh [m]."""
     if vertices < MINIMUM_VERTICES:
         raise GarmentError(f"a skirt needs at least {MINIMUM_VERTICES} vertices, got {vertices}")
-    return float(np.sqrt(2 / np.sqrt(3) * area / vertices))
+    spacing = float(np.sqrt(2 / np.sqrt(3) * area / vertices))
+    narrowest = _ROUND_WAIST * spacing / (2 * np.pi)
+    if waist < narrowest:
+        raise GarmentError(
+            f"a mesh of {vertices} vertices is too coarse for a waist of {waist:g} m in radius: with this length the "
+            f"radius must be {narrowest:.2g} m or more; take a wider waist, a shorter skirt or more vertices"
+        )
+    return spacing
 
 
 def circular_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Skirt:
@@ -111,10 +119,10 @@ def circular_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> S
         The skirt.
 
     Raises:
-        GarmentError: Too few vertices.
+        GarmentError: Too few vertices, at all or for the waist.
     """
     ring = Sector(size.waist, size.waist + size.length, 2 * np.pi)
-    panel = mesh_sector(ring, _spacing(ring.area, vertices), np.random.default_rng([seed, vertices]))
+    panel = mesh_sector(ring, _spacing(ring.area, size.waist, vertices), np.random.default_rng([seed, vertices]))
     mesh = Mesh(panel.points, panel.faces)
     start = np.column_stack([mesh.material[:, 1], -mesh.material[:, 0], np.zeros(mesh.vertices)])  # warp to the front
     return Skirt("circular", size, mesh, start, _marked(panel.inner, mesh.vertices), panel.outer)
@@ -143,7 +151,7 @@ def a_line_skirt(size: SkirtSize, vertices: int = 2500, *, seed: int = 0) -> Ski
     opening = np.pi * (size.hem - size.waist) / size.length
     apex = size.waist * size.length / (size.hem - size.waist)  # slant from the cone's tip to the waist
     sector = Sector(apex, apex + size.length, opening)
-    spacing = _spacing(2 * sector.area, vertices)
+    spacing = _spacing(2 * sector.area, size.waist, vertices)
     generator = np.random.default_rng([seed, vertices])
     front, back = (mesh_sector(sector, spacing, generator) for _ in range(2))
     numbers, count = _sew(front, back)

@@ -38,6 +38,7 @@ from cusick_bench.runner import Source, Watcher, load_once
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.solvers.registry import make_solver
 
 
@@ -204,10 +205,12 @@ def begin(
         The identification, whose steps follow.
 
     Raises:
-        CusickError: The folder is neither, a picture or table cannot be used, or a cloth or solver is not there.
+        CusickError: The folder is neither, a picture or table cannot be used, a cloth or solver is not there, or there
+            are too few vertices.
     """
     workspace = Workspace(out)
     make_solver(options.solver)  # a wrong command line is told before anything is written
+    cloth_mesh("plate", options.vertices)
     data, preparation = as_data_set(given, workspace, text or SettingText(), image_size, photographs, prepared)
     source = Source(data)
     dataset = load_once(source)

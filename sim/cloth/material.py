@@ -40,9 +40,9 @@ class Material:
         SimulationError: Wrong shape, a value that is not finite, or a density that is not positive.
     """
 
-    stretch: Float[Tensor, "*faces 6 4"]
+    stretch: Float[Tensor, "*#faces 6 4"]
     bending: Float[Tensor, "*hinges 3 5"]
-    density: Float[Tensor, "*faces"]
+    density: Float[Tensor, "*#faces"]
     poisson: Float[Tensor, ""] = field(default_factory=lambda: torch.zeros((), dtype=torch.float64))
 
     def __post_init__(self) -> None:

@@ -74,6 +74,8 @@ def test_command_gives_the_same_numbers_for_the_same_seed_and_others_for_another
         ([*NUMBERS, "--kind", "a-line", "--hip", "0.4"], "must fit into the skirt"),
         ([*NUMBERS, "--hip", "0.05"], "waist <= hip"),
         ([*NUMBERS, "--vertices", "20"], "at least 150 vertices"),
+        ([*NUMBERS, "--waist", "0.001"], "too coarse for a waist of 0.001 m in radius"),
+        ([*NUMBERS, "--kind", "a-line", "--waist", "0.001"], "too coarse for a waist"),
         ([*NUMBERS, "--heterogeneity", "-0.1"], "spread of log stiffness"),
         ([*NUMBERS, "--motion", "sway"], "--motion is about a waist that moves; leave it out, or give --dynamic"),
         ([*NUMBERS, "--amplitude", "0.1"], "--amplitude is about a waist that moves"),

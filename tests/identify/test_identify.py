@@ -306,6 +306,7 @@ def test_photographs_without_a_sure_outline_are_refused_together(photographs, tm
         (["synthetic", "--solver", "homo", "--solver", "heter"], "identify fits with one solver, got 2: homo, heter"),
         (["synthetic", "--cloth", "silk"], "unknown cloth silk: use one of fabric_1"),
         (["synthetic", "--cloth", "fabric_1", "--solver", "homoo"], "did you mean 'homo'?"),
+        (["synthetic", "--vertices", "10"], "at least 60 vertices"),
     ],
 )
 def test_bad_words_end_with_a_line(words, says, tmp_path):
