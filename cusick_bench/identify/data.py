@@ -15,6 +15,7 @@ from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.workspace import Workspace, fingerprint, is_record, keep, kept
+from cusick_bench.photographs import NUMERICS_VERSION
 from cusick_bench.photographs.preparation.pictures import Pictures, find_pictures
 from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
 from cusick_bench.photographs.preparation.prepare import Setting, prepare, require_free
@@ -120,12 +121,13 @@ def _prepared(
     begin: Callable[[int], None],
     done: Callable[[str], None],
 ) -> Preparation:
-    """Photographs as a data set in the workspace, made anew only where they or the options have changed."""
+    """Photographs as a data set in the workspace, made anew only where they, options or the code have changed."""
     found = find_pictures(folder)
     setting = replace(setting_of(text, folder, sorted({one.fabric for one in found.drapes})), image_size=image_size)
     workspace.prepare()
     shown = [one.name for one in found.drapes]  # which a folder's name may say, and not the file's
-    key = fingerprint({"folder": folder.resolve(), "setting": asdict(setting), "drapes": shown}, _files(found))
+    decided = {"folder": folder.resolve(), "setting": asdict(setting), "drapes": shown, "numerics": NUMERICS_VERSION}
+    key = fingerprint(decided, _files(found))
     record = workspace.data_record
     if workspace.data.is_dir() and (earlier := kept(record, key)) is not None:
         try:

@@ -4,3 +4,5 @@ reading: `Photograph`; board, sheet: the printed board; calibration: the camera 
 cloth's outline and its confidence; preparation: from a folder of photographs to a data set; studio: synthetic
 photographs whose outline is known; accuracy: errors of outlines on these. All raise `BadPhotograph` (errors).
 """
+
+NUMERICS_VERSION = 1  # raised when outlines, silhouettes or their confidence change: see runner/numerics.py

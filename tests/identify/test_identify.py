@@ -16,6 +16,7 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.datasets.stats import statistics
 from cusick_bench.diagnosis.atlas.store import Calibration, save
+from cusick_bench.identify import data as data_of_folder
 from cusick_bench.identify.data import as_data_set, holds_photographs
 from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
@@ -219,7 +220,7 @@ def test_one_photograph_gets_its_stiffness_and_the_reason_why_no_diagnosis(photo
     assert any("board" in step for step in document["next"])
 
 
-def test_photographs_are_prepared_again_only_where_they_or_the_options_changed(photographs, tmp_path):
+def test_photographs_are_prepared_again_only_where_they_options_or_the_code_changed(photographs, tmp_path, monkeypatch):
     workspace = Workspace(tmp_path / "out")
     workspace.prepare()
     read: list[str] = []
@@ -237,6 +238,9 @@ def test_photographs_are_prepared_again_only_where_they_or_the_options_changed(p
     assert len(read) == 1
     assert "0.2," in prepared("200 g/m2")
     assert len(read) == 2
+    monkeypatch.setattr(data_of_folder, "NUMERICS_VERSION", data_of_folder.NUMERICS_VERSION + 1)
+    prepared("200 g/m2")
+    assert len(read) == 3
 
 
 def test_photographs_whose_folder_is_renamed_become_another_fabric(photographs, tmp_path):

@@ -34,6 +34,8 @@ from cusick_bench.diagnosis.diagnose import Options, diagnose
 from cusick_bench.diagnosis.measure.captures import read_captures
 from cusick_bench.diagnosis.measure.statistics import specimen_statistics
 from cusick_bench.metrics.prediction_score import score
+from cusick_bench.photographs import NUMERICS_VERSION as PHOTOGRAPHS
+from cusick_bench.photographs import accuracy
 from cusick_bench.problem import LOSSES, SPACES, Budget, StiffnessPrior, laid_like
 from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics
 from cusick_bench.sim.cloth import membrane
@@ -312,6 +314,14 @@ def _diagnosis() -> Values:
     }
 
 
+def _photographs() -> Values:
+    (measured,) = accuracy.measure(1, 4)
+    return {
+        "errors of an outline [mm]": [measured.rms_mm, measured.bias_mm, measured.largest_mm],
+        "confidence": [measured.confidence],
+    }
+
+
 def _withheld() -> Values:
     (picture, *_) = TrueCase((5, 1), {}, vertices=200, steps=4).pictures(1)
     return {"picture": _summary(picture.levels)}
@@ -347,6 +357,7 @@ def goldens() -> dict[str, Golden]:
         "withheld": Golden(
             {"withheld": WITHHELD, **{name: drape[name] for name in ("engine", "law paper")}}, _withheld, SHORT
         ),
+        "photographs": Golden({"photographs": PHOTOGRAPHS}, _photographs, LIBRARY),
         "test functions": Golden({"test functions": functions.NUMERICS_VERSION}, _functions, EXACT),
     }
     for text, budget in _SOLVERS.values():
