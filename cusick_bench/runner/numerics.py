@@ -98,5 +98,4 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
     versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
     for law in ("paper", "plate"):  # of an atlas' cheaper drapes, and of the base model
         versions |= drape_numerics(law, with_effects=True)
-    versions["membrane"] = membrane.NUMERICS_VERSION  # softened in drapes for closures
     return dict(sorted(versions.items()))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -187,23 +186,6 @@ def test_too_few_samples_have_pictures_but_no_gap(
     assert found.gap is None
     assert len(found.base.specimens) == 8
     assert found.effect is not None
-
-
-def test_membranes_of_limp_cloth_do_not_lock(emulator: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are softened in all drapes, though those of the atlas are not."""
-    models: list[BaseModel] = []
-    simulate = world(emulator, NOTHING)
-
-    def noted(*drapes: Any, model: BaseModel, **named: Any) -> Simulated:
-        models.append(model)
-        return simulate(*drapes, model=model, **named)
-
-    monkeypatch.setattr(closure, "simulate", noted)
-    data = fabric(emulator, [], NOTHING)
-    closures(emulator, data, residual_of(emulator, data), [()], Draping(8))
-    assert models
-    assert all(one.settings.softens_membrane for one in models)
-    assert not BaseModel().settings.softens_membrane
 
 
 def test_distance_to_what_is_fitted() -> None:

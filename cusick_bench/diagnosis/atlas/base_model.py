@@ -68,7 +68,8 @@ _OTHER_LENGTHS = (-0.5, 0.4)  # ln of correlation lengths over those of the base
 DENSITY = 0.15  # [kg/m2]; only ratios to weight matter
 STRETCH = 300.0  # [N/m] at that density: nearly inextensible
 SETTINGS = DrapeSettings(law="plate", membrane="given", steps=STEPS, step_seconds=STEP_SECONDS)
-"""How cloths of an atlas are draped; the shipped one was made before membranes were softened."""
+"""How cloths of the base model are draped. The shipped atlas was made before membranes were softened, and closures are
+simulated alike: with softened membranes corrections of its predictions (`simulation.closure`) diverge in limp cloth."""
 MESHES = 8  # meshes in turn, so that no mesh's own asymmetry is taken for a property of the cloth
 
 

@@ -108,7 +108,9 @@ class Emulator:
         return covariance
 
 
-def nearness_to_ends(bending: Float[ndarray, "*rows"]) -> tuple[Float[ndarray, "*rows"], Float[ndarray, "*rows"]]:
+def nearness_to_ends(
+    bending: float | Float[ndarray, "*rows"],
+) -> tuple[Float[ndarray, "*rows"], Float[ndarray, "*rows"]]:
     """How near cloth is to the limp and to the stiff end of the atlas.
 
     Args:
@@ -118,4 +120,4 @@ def nearness_to_ends(bending: Float[ndarray, "*rows"]) -> tuple[Float[ndarray, "
         Shares of the two ends, which add up to 1.
     """
     share = np.clip((bending - LOW[0]) / (HIGH[0] - LOW[0]), 0, 1)
-    return 1 - share, share
+    return np.asarray(1 - share), np.asarray(share)

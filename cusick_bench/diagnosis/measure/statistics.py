@@ -110,7 +110,7 @@ def capture_statistics(
 
 
 def rotated(
-    statistics: Float[ndarray, "*rows statistics"], angle: float | Float[ndarray, "*rows"]
+    statistics: Float[ndarray, "*rows statistics"], angle: float | Float[ndarray, "*#rows"]
 ) -> Float[ndarray, "*rows statistics"]:
     """Statistics of the same drapes turned counter-clockwise.
 

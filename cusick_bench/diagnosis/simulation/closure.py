@@ -22,7 +22,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
-from cusick_bench.diagnosis.atlas.base_model import SETTINGS, BaseModel
+from cusick_bench.diagnosis.atlas.base_model import BaseModel
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.inference.residuals.feature_rows import MEANS
@@ -39,7 +39,6 @@ from cusick_bench.sim.setup import Simulators
 
 ROUNDS = 1
 """Number of corrections; of all rounds the one nearest to the fitted samples is used."""
-_DRAPED = replace(SETTINGS, membrane="softened")  # unlike the atlas: limp cloth whose membrane locks hangs too high
 _LEAST = 4  # least number of samples for two folds
 _SEED = 20
 _SWEEPS = 3  # alternating fits of causes and base parameters in one round
@@ -175,7 +174,7 @@ class _Model:
         seed: tuple[int, ...],
     ) -> None:  # fmt: skip
         self.emulator, self.draping, self.seed = emulator, draping, seed
-        self.base_model = BaseModel(settings=_DRAPED)
+        self.base_model = BaseModel()
         self.specimens, self.features = samples.specimens[chosen], samples.features(chosen)
         self.scatter, self.drift = scatter_of(self.specimens), samples.later
         self.start, self.sd, self.faces = residual.theta, residual.sd, faces_of(samples.specimens)
