@@ -6,6 +6,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import array_checks  # noqa: F401, before the package, whose annotations it checks
+import jaxtyping
 import numba
 import numpy as np
 import pytest
@@ -20,6 +22,12 @@ from cusick_bench.sim.threads import thread_pool
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
+
+
+@pytest.fixture
+def unchecked_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests of what users are told, whose arrays are not checked before a function sees them."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
 
 
 @pytest.fixture(scope="session")

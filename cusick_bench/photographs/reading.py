@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Shaped, UInt8
 from numpy import ndarray
 from PIL import ExifTags, Image, ImageOps
 
@@ -83,11 +83,11 @@ def read_photograph(path: Path) -> Photograph:
     return Photograph(np.ascontiguousarray(np.asarray(upright)[:, :, ::-1]), focal, turn)
 
 
-def linear_light(levels: ndarray) -> Float[ndarray, "*places 3"]:
+def linear_light(levels: Shaped[ndarray, "*places"]) -> Float[ndarray, "*places"]:
     """Undoes the curve of sRGB, so that a pixel half covered by cloth has half of the cloth's light.
 
     Args:
-        levels: Levels 0 to 255 (*places, 3); whole, or interpolated between pixels.
+        levels: Levels 0 to 255; whole, or interpolated between pixels.
 
     Returns:
         Light, 0 to 1.

@@ -39,9 +39,9 @@ class CellView:
         both_faces: Whether every other draw lies with the other face up.
     """
 
-    fit: Float[ndarray, "256 256"]
-    target: Float[ndarray, "256 256"]
-    draws: Float[ndarray, "draws 256 256"]
+    fit: Float[ndarray, "size size"]
+    target: Float[ndarray, "size size"]
+    draws: Float[ndarray, "draws size size"]
     vertices: Float[ndarray, "vertices 3"]
     faces: Int[ndarray, "faces 3"]
     simulated: bool

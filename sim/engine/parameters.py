@@ -15,14 +15,14 @@ class Parameters:
         stretch: C, one shared table (1, 6, 4) or one per face [N/m].
         bending: B, one shared table (1, 3, 5) or one per hinge [N m].
         mass: Vertex masses [kg].
-        rest_angle: Stress-free dihedral angle of every hinge [rad].
+        rest_angle: Stress-free dihedral angle of every hinge [rad]; of a shell's points the curvatures at rest [1/m].
         poisson: Poisson's ratio of bending, which law `plate` has (one number of each cloth).
     """
 
     stretch: Float[ndarray, "*members stretch_tables 6 4"]
     bending: Float[ndarray, "*members bending_tables 3 5"]
     mass: Float[ndarray, "*members vertices"]
-    rest_angle: Float[ndarray, "*members hinges"]
+    rest_angle: Float[ndarray, "*members rest_angles"]
     poisson: Float[ndarray, "*members"] = field(default_factory=lambda: np.zeros(()))
 
     def __post_init__(self) -> None:
@@ -42,7 +42,7 @@ class Parameters:
         Returns:
             Its parameters, in the same memory.
         """
-        return Parameters(*(array[index] for array in vars(self).values()))
+        return Parameters(*(np.asarray(array[index]) for array in vars(self).values()))
 
     def part(self, members: slice) -> "Parameters":
         """Neighbouring cloths of this batch.
@@ -76,7 +76,7 @@ class ParameterGradient:
     stretch: Float[ndarray, "*members faces 6 4"]
     bending: Float[ndarray, "*members hinges 3 5"]
     mass: Float[ndarray, "*members vertices"]
-    rest_angle: Float[ndarray, "*members hinges"]
+    rest_angle: Float[ndarray, "*members rest_angles"]
     poisson: Float[ndarray, "*members"] = field(default_factory=lambda: np.zeros(()))
 
     def batch(self) -> "ParameterGradient":
@@ -92,7 +92,7 @@ class ParameterGradient:
         Returns:
             Its gradient, in the same memory.
         """
-        return ParameterGradient(*(array[index] for array in vars(self).values()))
+        return ParameterGradient(*(np.asarray(array[index]) for array in vars(self).values()))
 
     def part(self, members: slice) -> "ParameterGradient":
         """Gradients of neighbouring members.

@@ -46,7 +46,7 @@ class BatchParameters:
     stretch: Float[Tensor, "#members #faces 6 4"]
     bending: Float[Tensor, "#members #hinges 3 5"]
     mass: Float[Tensor, "#members vertices"]
-    rest_angle: Float[Tensor, "#members hinges"]
+    rest_angle: Float[Tensor, "#members rest_angles"]
     poisson: Float[Tensor, "#members"] = field(default_factory=lambda: torch.zeros(1, dtype=torch.float64))
 
     def member(self, first: int, end: int) -> "BatchParameters":

@@ -46,7 +46,7 @@ class _Points:
     area: Float[Tensor, "points"]
     blocks: GatherProducts
 
-    def derivatives(self, field: Float[Tensor, "members rows 3"]) -> Float[Tensor, "members points rows 3"]:
+    def derivatives(self, field: Float[Tensor, "members nodes 3"]) -> Float[Tensor, "members points rows 3"]:
         """sum_i W_ri field_i."""
         return self.weights @ field[:, self.nodes]
 

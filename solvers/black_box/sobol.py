@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
 from cusick_bench.solvers.black_box.box import BoxSolver, Point, Points, Search
 
@@ -56,7 +57,7 @@ def _sequence(dimension: int, generator: np.random.Generator) -> Callable[[int],
     return lambda count: engine.draw(count, dtype=torch.float64).numpy()
 
 
-def _with_rest(known: Points, dimension: int, generator: np.random.Generator) -> Points:
+def _with_rest(known: Points, dimension: int, generator: np.random.Generator) -> Float[np.ndarray, "points every"]:
     return np.hstack([known, generator.random((len(known), dimension - known.shape[1]))])
 
 

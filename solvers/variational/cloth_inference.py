@@ -172,7 +172,7 @@ class ClothInference:
 
 def mean_covariance(
     scatters: Sequence[Scatter], samples: Sequence[int], level_sd: float
-) -> Float[np.ndarray, "faces*statistics faces*statistics"]:
+) -> Float[np.ndarray, "rows rows"]:
     """Covariance of the mean statistics of a cloth's samples, face by face, about what is expected.
 
     The part that comes from the samples' level of stiffness is common to both faces, which are assumed to be those of
@@ -185,7 +185,7 @@ def mean_covariance(
         level_sd: Standard deviation of the level between specimens [log].
 
     Returns:
-        The covariance, without the doubt of what is expected.
+        The covariance, without the doubt of what is expected; a row for each face and statistic.
     """
     size = len(STATISTICS)
     covariance = np.empty((len(scatters) * size,) * 2)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.optimize import minimize_scalar
 
@@ -55,7 +55,7 @@ class Limit:
     order_90: tuple[float, float]
 
 
-def mesh_spacing(vertices: int | Float[ndarray, "*sizes"]) -> Float[ndarray, "*sizes"]:
+def mesh_spacing(vertices: Int[ndarray, "*sizes"]) -> Float[ndarray, "*sizes"]:
     """Spacing of the vertices of a disc of near-equilateral triangles.
 
     Args:
@@ -64,7 +64,7 @@ def mesh_spacing(vertices: int | Float[ndarray, "*sizes"]) -> Float[ndarray, "*s
     Returns:
         Length of an edge on the standard's cloth [m].
     """
-    return np.sqrt(2 / np.sqrt(3) * np.pi * CLOTH_RADIUS**2 / np.asarray(vertices, dtype=np.float64))
+    return np.sqrt(2 / np.sqrt(3) * np.pi * CLOTH_RADIUS**2 / vertices)
 
 
 def observed_order(vertices: Sequence[int], errors: Sequence[float], *, least: float = 0.0) -> Order | None:

@@ -128,7 +128,7 @@ def learnt(
 
 def likelihood(
     picture: PolarPicture, known: Neighbours
-) -> tuple[Float[ndarray, "angles radii"], Float[ndarray, " angles"]]:
+) -> tuple[Float[ndarray, "angles radii"], Float[ndarray, " judged"]]:
     """Log likelihood ratio of cloth against ground at every place, smoothed over a millimetre.
 
     Args:

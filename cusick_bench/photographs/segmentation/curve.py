@@ -25,7 +25,7 @@ def curve_of(radii: Float[ndarray, " angles"]) -> Curve:
     return resampled(radii[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
 
 
-def resampled(curve: Curve) -> Curve:
+def resampled(curve: Curve) -> Float[ndarray, "even 2"]:
     """Spreads a curve's points evenly.
 
     Args:

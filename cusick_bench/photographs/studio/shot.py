@@ -26,7 +26,7 @@ def _normals(piece: Piece) -> Float[ndarray, "vertices 3"]:
     return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
-def _gradient(laboratory: Laboratory, places: ndarray) -> Float[ndarray, "rows columns 1"]:
+def _gradient(laboratory: Laboratory, places: ndarray) -> Float[ndarray, "*places 1"]:
     light = laboratory.light
     x, y = places[..., 0], places[..., 1]
     return np.exp(x * light.slope[0] + y * light.slope[1] + light.bend * (x**2 + y**2)).astype(np.float32)[..., None]

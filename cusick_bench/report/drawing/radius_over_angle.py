@@ -14,7 +14,7 @@ WHOLE_TURN = (0, 90, 180, 270, 360)
 """Ticks of the angle [deg]."""
 
 
-def radius_limits(*radii: Float[ndarray, "*drapes angles"], protocol: Protocol = RELEASE) -> tuple[float, float]:
+def radius_limits(*radii: Float[ndarray, "*_drapes _angles"], protocol: Protocol = RELEASE) -> tuple[float, float]:
     """Limits of the radius that show the radius of the plate, that of the flat cloth, and all drapes.
 
     Args:

@@ -94,7 +94,7 @@ def variability_table(rows: Sequence[Row], notes: Sequence[str] = ()) -> TextTab
     return TextTable("variability of draws beside that of samples", tuple(columns), kinds, tuple(entries), said)
 
 
-def _drawn(cells: Cells, cloth: str, most: int) -> dict[str, UInt8[ndarray, "draws 256 256"]]:
+def _drawn(cells: Cells, cloth: str, most: int) -> dict[str, UInt8[ndarray, "draws size size"]]:
     """Draws of every solver, of all its seeds together."""
     found: dict[str, ndarray] = {}
     for entrant in entrants(cells):

@@ -84,14 +84,14 @@ class Draws:
         protocol: How the silhouettes are taken.
     """
 
-    fit: Float[ndarray, "256 256"]
-    images: UInt8[ndarray, "draws 256 256"]
+    fit: Float[ndarray, "size size"]
+    images: UInt8[ndarray, "draws size size"]
     fit_vertices: Float[ndarray, "vertices 3"] | None = None
     vertices: Float[ndarray, "draws vertices 3"] | None = None
     faces: Int[ndarray, "faces 3"] | None = None
     protocol: Protocol = RELEASE
 
-    def evenly(self, count: int) -> UInt8[ndarray, "chosen 256 256"]:
+    def evenly(self, count: int) -> UInt8[ndarray, "chosen size size"]:
         """Some of the silhouettes, evenly spaced: draws may be in order, as rotations are.
 
         Args:
@@ -245,7 +245,7 @@ def load_draws(folder: Path, protocol: Protocol = RELEASE) -> Draws:
 
 
 def surface_of(
-    image: Float[ndarray, "256 256"],
+    image: Float[ndarray, "size size"],
     vertices: Float[ndarray, "vertices 3"] | None,
     faces: Int[ndarray, "faces 3"] | None,
     protocol: Protocol = RELEASE,

@@ -62,7 +62,7 @@ class Tile:
         remark: Further words below it.
     """
 
-    image: Float[ndarray, "256 256"]
+    image: Float[ndarray, "size size"]
     surface: trimesh.Trimesh
     ruled: bool
     mse: float | None = None

@@ -57,7 +57,7 @@ def auroc(
         The area, between 0 and 1; 0.5 where the scores tell nothing.
     """
     wins = mannwhitneyu(positives, negatives, axis=-1, method="asymptotic").statistic
-    return np.asarray(wins) / (positives.shape[-1] * negatives.shape[-1])
+    return np.asarray(wins / (positives.shape[-1] * negatives.shape[-1]))
 
 
 def calibration_error(confidence: Float[ndarray, " cases"], right: Float[ndarray, " cases"]) -> float:

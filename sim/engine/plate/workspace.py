@@ -16,9 +16,9 @@ class Workspace:
 
     energy: Float[ndarray, "members points"]
     vector: Float[ndarray, "members places 3"]
-    edge_block: Float[ndarray, "members edges numbers"]
-    vertex_block: Float[ndarray, "members vertices numbers"]
-    slope: Float[ndarray, "members edge_places numbers"]
+    edge_block: Float[ndarray, "members edges edge_numbers"]
+    vertex_block: Float[ndarray, "members vertices vertex_numbers"]
+    slope: Float[ndarray, "members edge_places slope_numbers"]
 
     @classmethod
     def of(cls, members: int, nodes: PointNodes, edges: int) -> "Workspace":
