@@ -82,7 +82,7 @@ def offsets_to(radii: Float[ndarray, " angles"], curve: Curve) -> Float[ndarray,
     return np.where(leaves.any(axis=1), middle[nearest], np.nan)
 
 
-def bent(curve: Curve, generator: np.random.Generator) -> Curve:
+def bent(curve: Curve, generator: np.random.Generator) -> Float[ndarray, "even 2"]:
     """Bends a curve at random, as an outline that was found badly.
 
     Args:

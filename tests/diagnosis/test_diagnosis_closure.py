@@ -24,7 +24,6 @@ from cusick_bench.diagnosis.simulation.samples import Simulated, simulate
 from cusick_bench.sim.setup import Setup
 
 THETA = PRIOR_MEAN + PRIOR_SD * np.array([0.6, 0.2, 0.0, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0])
-RADII = np.zeros((1, 2, 360))
 NOTHING = np.zeros(len(NAMES))
 
 
@@ -54,7 +53,7 @@ def world(emulator: Emulator, error: np.ndarray) -> Callable[..., Simulated]:
         warp_seen_down: float, **_: object,
     ):  # fmt: skip
         turned = replace(emulator, warp_seen_down=warp_seen_down)
-        return Simulated(drawn(turned, theta, causes, samples, sum(seed), error), RADII)
+        return Simulated(drawn(turned, theta, causes, samples, sum(seed), error), np.zeros((samples, 2, 360)))
 
     return simulate
 

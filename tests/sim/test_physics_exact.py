@@ -42,7 +42,7 @@ def _membrane(stretch: float) -> ndarray:
 
 def _rows(warp: float, bias: float, weft: float) -> ndarray:
     """Bending table that does not depend on curvature [N m]."""
-    return np.repeat([[warp], [bias], [weft]], 5, axis=1)
+    return np.repeat([[float(warp)], [bias], [weft]], 5, axis=1)
 
 
 def _system(mesh: Mesh, fixed: ndarray, law: Law = "paper", gravity: float = GRAVITY) -> DrapeSystem:

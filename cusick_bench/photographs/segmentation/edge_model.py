@@ -63,7 +63,9 @@ def fitted_model() -> EdgeModel:
     return EdgeModel(tuple((kept[f"weights{n}"].astype(float), kept[f"offsets{n}"].astype(float)) for n in layers))
 
 
-def read_outline(picture: PlanePicture, curve: Curve, model: EdgeModel) -> tuple[Curve, Float[ndarray, " points"]]:
+def read_outline(
+    picture: PlanePicture, curve: Curve, model: EdgeModel
+) -> tuple[Float[ndarray, "moved 2"], Float[ndarray, " measured"]]:
     """Moves a curve to where the network reads the outline.
 
     Args:

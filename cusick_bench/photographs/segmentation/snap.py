@@ -23,7 +23,9 @@ _STIFFNESS = 0.3
 _BEFORE, _AFTER = 1.5e-3, 0.7e-3  # [m] standard deviations of the filters of the curve before and after
 
 
-def snapped(picture: PlanePicture, known: Neighbours, curve: Curve) -> tuple[Curve, Float[ndarray, " points"]]:
+def snapped(
+    picture: PlanePicture, known: Neighbours, curve: Curve
+) -> tuple[Float[ndarray, "moved 2"], Float[ndarray, " measured"]]:
     """Moves a curve to the edges beside it.
 
     Args:

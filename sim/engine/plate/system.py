@@ -292,7 +292,7 @@ class ShellSystem:
         return ParameterGradient(*(np.zeros((*members, *shape)) for shape in shapes))
 
     def add_diagonal(
-        self, blocks: Float[ndarray, "*members slots 3 3"], amount: Float[ndarray, "*members vertices"]
+        self, blocks: Float[ndarray, "*members slots 3 3"], amount: Float[ndarray, "*#members vertices"]
     ) -> None:
         """Adds amount[i] times the identity to the diagonal block of every free vertex, in place.
 

@@ -90,7 +90,7 @@ def conditional(model: SetModel, others: Sequence[int], more: SharedShift | None
     # Places are distinguishable: one effect more can stand in any of the free places, which share its prior.
     weighed = log_joint - np.append(np.full(len(points), np.log(MOST - count)), 0.0)
     options = np.exp(weighed - float(np.logaddexp.reduce(weighed)))
-    effects = np.bincount(points.effect, options[:-1], minlength=len(points.names))
+    effects = np.bincount(points.effect, options[:-1], minlength=len(points.names)).astype(np.float64)
     effects[points.effect[list(others)]] = 1.0
     sizes = np.exp(likelihoods.symmetric - logsumexp(likelihoods.symmetric, axis=1, keepdims=True))
     beyond = np.exp(likelihoods.anything - logsumexp(likelihoods.anything, axis=1, keepdims=True))
