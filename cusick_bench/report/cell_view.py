@@ -47,7 +47,7 @@ class CellView:
     simulated: bool
     trace: Float[ndarray, "evaluations 2"]
     protocol: Protocol = RELEASE
-    bending_draws: Float[ndarray, "draws bending"] | None = None
+    bending_draws: Float[ndarray, "posterior_draws directions"] | None = None
     bending: Float[ndarray, "elements 3 5"] | None = None
     both_faces: bool = False
 

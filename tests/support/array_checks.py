@@ -5,7 +5,8 @@ annotations name arrays (`Float[np.ndarray, "points 2"]`, jaxtyping), within fun
 nothing with numba and whose annotations are not strings. Other annotations are not checked, since tests hand over
 simple stand-ins; nor are arrays within lists and dictionaries, of which beartype would look at one at random.
 
-Worker processes do not check. The fixture `unchecked_arrays` is for tests of what users are told of wrong arrays.
+Worker processes and tests marked slow or nightly do not check. The fixture `unchecked_arrays` is for tests of what
+users are told of wrong arrays.
 """
 
 import re
