@@ -26,15 +26,9 @@ sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != RO
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Long checks run as users run the package: without `array_checks`."""
-    long = item.get_closest_marker("slow") or item.get_closest_marker("nightly")
-    jaxtyping.config.jaxtyping_disable = long is not None
-
-
-@pytest.fixture
-def unchecked_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For tests of what users are told, whose arrays are not checked before a function sees them."""
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    """Tests of what users are told, and long ones, run as users run the package: without `array_checks`."""
+    unchecked = map(item.get_closest_marker, ("unchecked_arrays", "slow", "nightly"))
+    jaxtyping.config.jaxtyping_disable = any(unchecked)
 
 
 @pytest.fixture(scope="session")

@@ -42,7 +42,7 @@ class Parameters:
         Returns:
             Its parameters, in the same memory.
         """
-        return Parameters(*(np.asarray(array[index]) for array in vars(self).values()))
+        return Parameters(*(array[index, ...] for array in vars(self).values()))
 
     def part(self, members: slice) -> "Parameters":
         """Neighbouring cloths of this batch.
@@ -81,7 +81,7 @@ class ParameterGradient:
 
     def batch(self) -> "ParameterGradient":
         """This gradient as that of a batch of one, in the same memory."""
-        return ParameterGradient(*(np.asarray(array)[None] for array in vars(self).values()))
+        return ParameterGradient(*(array[None] for array in vars(self).values()))
 
     def member(self, index: int) -> "ParameterGradient":
         """One member's gradient.
@@ -92,7 +92,7 @@ class ParameterGradient:
         Returns:
             Its gradient, in the same memory.
         """
-        return ParameterGradient(*(np.asarray(array[index]) for array in vars(self).values()))
+        return ParameterGradient(*(array[index, ...] for array in vars(self).values()))
 
     def part(self, members: slice) -> "ParameterGradient":
         """Gradients of neighbouring members.

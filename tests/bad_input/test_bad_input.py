@@ -44,7 +44,7 @@ def _marked(name: str, case: Case) -> object:
     return pytest.param(case, id=name, marks=marks)
 
 
-@pytest.mark.usefixtures("unchecked_arrays")
+@pytest.mark.unchecked_arrays
 @pytest.mark.parametrize("case", [_marked(name, case) for name, case in CORPUS.items()])
 def test_bad_input(case: Case, tmp_path: Path, stock: Stock) -> None:
     run_case(case, tmp_path / "here", stock)

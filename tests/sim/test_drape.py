@@ -39,7 +39,7 @@ def _material(**changes) -> Material:
         ({"density": torch.tensor(-0.1)}, r"areal density must be > 0 kg/m2, got -0\.1"),
     ],
 )
-@pytest.mark.usefixtures("unchecked_arrays")
+@pytest.mark.unchecked_arrays
 def test_impossible_materials_are_refused(changes: dict, message: str):
     with pytest.raises(SimulationError, match=message):
         _material(**changes)

@@ -130,7 +130,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     ],
     ids=["clockwise", "degenerate", "index too large", "negative index", "unused", "quad", "empty", "nan", "fan"],
 )  # fmt: skip
-@pytest.mark.usefixtures("unchecked_arrays")
+@pytest.mark.unchecked_arrays
 def test_bad_meshes_are_refused(material: ndarray, faces, message: str):
     with pytest.raises(SimulationError, match=message):
         Mesh(material, np.array(faces))

@@ -317,7 +317,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-@pytest.mark.usefixtures("unchecked_arrays")
+@pytest.mark.unchecked_arrays
 def test_bad_tensors_are_named(name: str):
     system = _system("paper")
     tensors = _tensors(_batch(system, 2))

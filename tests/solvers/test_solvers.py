@@ -270,7 +270,7 @@ class TestPrediction:
             (np.full((256, 256), 255.0), np.zeros((1, 256, 256)), r"must lie in \[0, 1\]"),
         ],
     )
-    @pytest.mark.usefixtures("unchecked_arrays")
+    @pytest.mark.unchecked_arrays
     def test_nonsense_is_refused(self, train, draws, message):
         with pytest.raises(SolverError, match=message):
             Prediction(train, draws)
@@ -282,7 +282,7 @@ class TestPrediction:
             ({"posterior": {"names": np.array(["a", None])}}, "array of numbers or text, got one of objects"),
         ],
     )
-    @pytest.mark.usefixtures("unchecked_arrays")
+    @pytest.mark.unchecked_arrays
     def test_parts_that_could_not_be_kept_are_refused(self, parts, message):
         with pytest.raises(SolverError, match=message):
             Prediction(np.zeros((256, 256)), np.zeros((2, 256, 256)), **parts)

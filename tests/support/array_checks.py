@@ -5,8 +5,8 @@ annotations name arrays (`Float[np.ndarray, "points 2"]`, jaxtyping), within fun
 nothing with numba and whose annotations are not strings. Other annotations are not checked, since tests hand over
 simple stand-ins; nor are arrays within lists and dictionaries, of which beartype would look at one at random.
 
-Worker processes and tests marked slow or nightly do not check. The fixture `unchecked_arrays` is for tests of what
-users are told of wrong arrays.
+Worker processes do not check, nor do tests marked `unchecked_arrays` (of what users are told of wrong arrays), slow or
+nightly.
 """
 
 import re
@@ -17,10 +17,11 @@ from pathlib import Path
 
 import jaxtyping
 from beartype import beartype
+from docstrings import FOLDERS
 
 ROOT = Path(__file__).resolve().parents[2]
 COMPILED = re.compile(r"^@kernel|\bnumba\b", re.MULTILINE)  # in modules with functions that numba compiles
-FOLDERS = {"cusick_bench": "cusick_bench", **{f"cusick_bench.{name}": name for name in ("sim", "solvers", "datasets")}}
+PACKAGE = "cusick_bench"
 
 
 def checked(function: Callable) -> Callable:
@@ -60,12 +61,11 @@ def checkable_modules() -> list[str]:
         Their names.
     """
     found = []
-    for package, folder in FOLDERS.items():
+    for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
-            inside = path.relative_to(ROOT / folder)
-            linked = package == "cusick_bench" and (ROOT / folder / inside.parts[0]).is_symlink()
-            if not linked and path.stem != "__init__" and not COMPILED.search(path.read_text(encoding="utf-8")):
-                found.append(".".join((package, *inside.with_suffix("").parts)))
+            if path.stem != "__init__" and not COMPILED.search(path.read_text(encoding="utf-8")):
+                parts = path.relative_to(ROOT).with_suffix("").parts
+                found.append(".".join(parts if folder == PACKAGE else (PACKAGE, *parts)))
     return found
 
 
