@@ -27,6 +27,7 @@ from torch import Tensor
 from cusick_bench.sim.engine.triangles.system import DrapeSystem
 from cusick_bench.sim.torch_engine.gather import GatherOuter, GatherSum
 from cusick_bench.sim.torch_engine.laws import Strain, bending, stretch, tension
+from cusick_bench.sim.torch_engine.small_products import small_product
 
 _FORWARD_NUMBERS, _ADJOINT_NUMBERS = 140, 220  # alive at once per face and per hinge (measured: at most 122 and 201)
 
@@ -177,7 +178,7 @@ class TorchForces:
 
     def _columns_of(self, corners: Float[Tensor, "members faces 3 3"]) -> tuple[Tensor, Tensor]:
         """sum_a s_u[a] y_a and sum_a s_v[a] y_a of a vertex field (members, faces, 3)."""
-        u, v = (self.columns @ corners).unbind(2)
+        u, v = small_product(self.columns, corners).unbind(2)
         return u, v
 
     def _face_state(self, corners: Tensor, table: Tensor) -> tuple[Tensor, Tensor, Strain, Tensor, Strain]:
@@ -222,7 +223,7 @@ class TorchForces:
         s0, s1, s2 = (s[:, :, None] for s in (s0, s1, s2))
         both = torch.stack([s0 * x_u + s2 / 2 * x_v, s1 * x_v + s2 / 2 * x_u], dim=2)
         weights = self.area[:, None, None] * self.columns  # A s_p[a]
-        force = -(weights.mT @ both)
+        force = -small_product(weights.mT, both)
         k0, k1, k2, k3 = (one[:, :, None, None] for one in k.unbind(2))
         g_uu, g_vv = (g[:, :, None, None] for g in tension(self.system.law, k, strain))
         uu, vv, uv = _outer(x_u, x_u), _outer(x_v, x_v), _outer(x_u, x_v)

@@ -140,7 +140,9 @@ class GatherProducts:
         """
         total = left.new_zeros((len(left), len(self.rank), 3, 3))
         for a, b in zip(self.left, self.right, strict=True):
-            total[:, : len(a)] += left[:, a].mT @ right[:, b]
+            terms = zip(left[:, a].unbind(2), right[:, b].unbind(2), strict=True)
+            for one, other in terms:  # matrices this small are slow in a product of matrices, see `small_products`
+                total[:, : len(a)].addcmul_(one.unsqueeze(3), other.unsqueeze(2))
         return total[:, self.rank]
 
     def inner(

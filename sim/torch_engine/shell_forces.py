@@ -32,6 +32,7 @@ from cusick_bench.sim.torch_engine.forces import BatchParameters
 from cusick_bench.sim.torch_engine.gather import GatherProducts, GatherSum
 from cusick_bench.sim.torch_engine.laws import stretch, tension
 from cusick_bench.sim.torch_engine.plate import bending_matrix, plate_stiffness
+from cusick_bench.sim.torch_engine.small_products import small_product, small_times_vector
 
 _MEMBRANE = "paper"  # law `plate` has the membrane of law `paper`
 _FORWARD_NUMBERS, _ADJOINT_NUMBERS = 110, 110  # alive at once per node of a point (measured: at most 97)
@@ -48,16 +49,17 @@ class _Points:
 
     def derivatives(self, field: Float[Tensor, "members nodes 3"]) -> Float[Tensor, "members points rows 3"]:
         """sum_i W_ri field_i."""
-        return self.weights @ field[:, self.nodes]
+        return small_product(self.weights, field[:, self.nodes])
 
     def spread(self, by_y: Float[Tensor, "members points rows 3"]) -> Float[Tensor, "members nodes 3"]:
         """Derivatives by the nodes of all points from those by y."""
-        return (self.weights.mT @ by_y).flatten(1, 2)
+        return small_product(self.weights.mT, by_y).flatten(1, 2)
 
     def node_vectors(self, slopes: Float[Tensor, "members points terms rows 3"]) -> Tensor:
         """b_ti (members, points, width, terms, 3)."""
-        weights = self.weights[:, : slopes.shape[3]].mT.unsqueeze(1)  # (points, 1, width, rows)
-        return (weights @ slopes).transpose(2, 3)
+        by_row = slopes.transpose(2, 3).flatten(3)
+        vectors = small_product(self.weights[:, : slopes.shape[3]].mT, by_row)
+        return vectors.unflatten(3, (slopes.shape[2], 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,7 @@ class TorchShell:
         flat = system.sheet.flat.copy()
         flat[system.free, :2] = control
         self.flat = self._put(flat)
+        self._turn = self._put(np.array([1.0, 1.0, 0.5]) / CURVATURE_STEP**2)  # half of dS / dk, over k
 
     def _put(self, array: ndarray) -> Tensor:
         return torch.as_tensor(np.ascontiguousarray(array), device=self.device)
@@ -177,10 +180,10 @@ class TorchShell:
         unit = torch.eye(3, dtype=y.dtype, device=y.device)
         slopes = torch.cat([torch.stack([by_u, by_v], dim=3), unit[:, :, None] * n.unsqueeze(3)], dim=3)
         k = value - p.rest_angle.unflatten(1, (-1, 3))
-        turn = k * torch.tensor([1.0, 1.0, 0.5], dtype=y.dtype).to(y.device) / CURVATURE_STEP**2  # half of dS / dk
+        turn = k * self._turn
         d, d1 = (bending_matrix(e) for e in plate_stiffness((k * turn).sum(2), p.bending, p.poisson))
-        along = (d @ k.unsqueeze(3)).squeeze(3)
-        change = (k * (d1 @ k.unsqueeze(3)).squeeze(3)).sum(2, keepdim=True)
+        along = small_times_vector(d, k)
+        change = (k * small_times_vector(d1, k)).sum(2, keepdim=True)
         area = self._edges.area[:, None]
         return _Strains(slopes, area * (along + change * turn), area.unsqueeze(2) * d)
 
@@ -229,7 +232,7 @@ class TorchShell:
                 left = [points.node_vectors(one.slopes) for one in strains]
                 pushes = [(one.force[:, :, None, :, None] * b).sum(3) for one, b in zip(strains, left, strict=True)]
                 on_nodes.append(-sum(pushes[1:], pushes[0]).flatten(1, 2))
-                right = [one.stiffness.unsqueeze(2) @ b for one, b in zip(strains, left, strict=True)]
+                right = [small_product(one.stiffness.unsqueeze(2), b) for one, b in zip(strains, left, strict=True)]
                 pair = (torch.cat(terms, dim=3).flatten(1, 2) for terms in (left, right))
                 blocks += points.blocks.outer(*pair)
                 slope = points.weights[:, :2].mT  # (points, width, 2)
@@ -297,7 +300,7 @@ class TorchShell:
             l, v = points.derivatives(along), points.derivatives(across)
             for one in strains:
                 by_l, by_v = one.change(l), one.change(v)
-                reaction = h * one.force + hh * (one.stiffness @ by_v.unsqueeze(3)).squeeze(3)
+                reaction = h * one.force + hh * small_times_vector(one.stiffness, by_v)
                 total = total - (by_l * reaction).sum()
             total = total - hh * (hold * (l * v)[:, :, :2].sum(3)).sum()
         return total
