@@ -31,6 +31,8 @@ TARGET_SIZE = 2699
 Done = Callable[[str, float], None]
 """Told what was measured, and how much of `work` that was."""
 
+_COMPARED_BATCH = 16
+_COMPARED = ("drop", "drop+gradient", f"batch of {_COMPARED_BATCH}{LOCKSTEP}")  # the CPU's fastest ways
 _SMALLEST_BATCHED = 1000  # vertices of the smallest mesh that the target of batches is for
 _MOST_BATCHED = 200_000  # vertices of a batch; larger ones are left out, they take minutes
 _START = "from cusick_bench.cli import main; main()"
@@ -52,6 +54,7 @@ class Plan:
         gradient_vertices: Mesh size of the gradient check.
         device: Where the torch engine is measured beside the CPU, as `DrapeSimulator` takes it; None for nowhere.
         device_batches: Members of the batches there.
+        device_only: Whether to measure nothing but it, and of the CPU what it is compared with.
     """
 
     vertices: tuple[int, ...] = (297, 1205, 2699)
@@ -65,12 +68,15 @@ class Plan:
     gradient_vertices: int = 1205
     device: str | None = None
     device_batches: tuple[int, ...] = (16, 64, 256, 1000)
+    device_only: bool = False
 
     def __post_init__(self) -> None:
         if self.device is not None and torch_device(self.device) is None:
             raise SimulationError(
                 f"the CPU's compiled engine is always measured, and device {self.device!r} is that one; name another"
             )
+        if self.device_only and self.device is None:
+            raise SimulationError("to measure a device only, name it: --device cuda --device-only")
 
 
 FULL = {"vertices": (297, 1205, 2699, 7496, 20000), "rounds": 5, "batches": (16, 64)}
@@ -111,6 +117,8 @@ def work(plan: Plan) -> float:
         The sum of what `benchmark` tells of.
     """
     found = 0.0
+    if plan.device_only:
+        return sum((plan.rounds + 1) * sum(_cost(name, vertices) for name in _COMPARED) for vertices in plan.vertices)
     for vertices in plan.vertices:
         batches = [f"batch of {members}" for members in _batches(vertices, plan)]
         names = [*(f"floor:{name}" for name in floor_backends()), *CASES, *batches, *batches]
@@ -185,6 +193,26 @@ def measure_mesh(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
         "ratios": ratios,
         "memory_bytes": memory,
     }
+
+
+def measure_compared(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
+    """Times on the CPU of what a device is compared with, as in `measure_mesh`.
+
+    Args:
+        vertices: Number of vertices of the mesh.
+        plan: What to measure.
+        done: Told of every case that is timed.
+
+    Returns:
+        `vertices` and `cases`.
+    """
+    workload = Workload(vertices, plan.support, plan.law)
+    cases = workload.cases([_COMPARED_BATCH])
+    timed = time_in_turn(
+        {name: cases[name] for name in _COMPARED}, plan.rounds,
+        lambda name: done(f"{vertices} vertices: {name}", _cost(name, vertices)),
+    )  # fmt: skip
+    return {"vertices": workload.mesh.vertices, "cases": {name: timing.summary() for name, timing in timed.items()}}
 
 
 def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Done) -> dict[str, Any]:
@@ -290,7 +318,8 @@ def benchmark(
     Returns:
         `hardware`, `plan`, `meshes`, `laws` (steps of laws side by side, and with a reference their times at equal
         error), `reference`, `gradient_error`, `start_up_s` (of each law), `scaling_exponent`, `device` (empty without
-        one), `ratios` (those of the target mesh, or of the last), `targets` and `missing`, which is empty.
+        one), `ratios` (those of the target mesh, or of the last), `targets` and `missing`, which is empty. Of a device
+        only, `missing` names all but `meshes` and `device`.
     """
     document: dict[str, Any] = {"hardware": environment(), "plan": asdict(plan), "meshes": [], "missing": list(PARTS)}
 
@@ -299,11 +328,14 @@ def benchmark(
         document["missing"].remove(part)
         keep(document)
 
+    measure = measure_compared if plan.device_only else measure_mesh
     for vertices in plan.vertices:
-        document["meshes"].append(measure_mesh(vertices, plan, done))
+        document["meshes"].append(measure(vertices, plan, done))
         keep(document)
     measured("meshes", document["meshes"])
     measured("device", measure_beside(document["meshes"], plan, done))
+    if plan.device_only:
+        return document
     measured("laws", measure_laws(plan, done))
     measured("reference", Comparison(_target(plan), plan.reference_steps).measure(min(plan.rounds, 3)))
     done("plain autograd", _reference_cost(plan))

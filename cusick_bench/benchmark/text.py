@@ -24,14 +24,18 @@ def markdown(document: dict[str, Any], command: str) -> str:
         "# Benchmark of the simulator",
         f"`{command}`",
         f"{hardware['cores']} cores, {hardware['processor']}, {hardware['platform']}; code: {code_text(hardware)}; "
-        f"Python {hardware['python']}, {libraries}. Medians; a drop is 100 steps. The floor is 100 numeric "
-        "factorisations and solves with the fastest backend installed, and nothing else.",
-        *_targets(document),
-        *_sizes(document["meshes"]),
-        *_laws(document["laws"]),
-        *_reference(document["reference"]),
-        *_gradients(document["gradient_error"]),
+        f"Python {hardware['python']}, {libraries}. Medians; a drop is 100 steps.",
+        *_device(document["device"]),
     ]
+    if not document["plan"]["device_only"]:
+        parts += [
+            "The floor is 100 numeric factorisations and solves with the fastest backend installed, and nothing else.",
+            *_targets(document),
+            *_sizes(document["meshes"]),
+            *_laws(document["laws"]),
+            *_reference(document["reference"]),
+            *_gradients(document["gradient_error"]),
+        ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -55,6 +59,36 @@ def _targets(document: dict[str, Any]) -> Iterator[str]:
             for row in document["targets"]
         ),
     )
+
+
+def _device(device: dict[str, Any]) -> Iterator[str]:
+    if not device:
+        return
+    meshes, name = device["meshes"], device.get("name", device["device"])
+    yield f"## Torch engine on {name}, beside the compiled engine on the CPU"
+    cases = list(dict.fromkeys(case for mesh in meshes for case in mesh["cases"]))
+    yield _table(
+        ("s (peak memory, GB)", *(f"{mesh['vertices']} vertices" for mesh in meshes)),
+        ((case, *(_on_device(mesh, case) for mesh in meshes)) for case in cases),
+    )
+    rows = (
+        (
+            str(mesh["vertices"]), what, f"{rate['device']:.3g}", f"{rate['cpu']:.3g}",
+            f"{mesh['times_faster'][what]:.3g}", f"{mesh['agreement']['positions_m']:.0e}",
+            f"{max(mesh['agreement']['gradient'].values()):.0e}",
+        )
+        for mesh in meshes
+        for what, rate in mesh["drapes_per_second"].items()
+    )  # fmt: skip
+    header = ("vertices", "", "drapes/s", "CPU drapes/s", "times", "positions differ by m", "gradients, of the largest")
+    yield _table(header, rows)
+
+
+def _on_device(mesh: dict[str, Any], case: str) -> str:
+    if case not in mesh["cases"]:
+        return "left out" if case in mesh["left_out"] else ""
+    seconds, peak = f"{mesh['cases'][case]['median_s']:.3f}", mesh["peak_memory_bytes"][case]
+    return seconds if peak is None else f"{seconds} ({peak / 1e9:.2f})"
 
 
 def _sizes(meshes: list[dict[str, Any]]) -> Iterator[str]:

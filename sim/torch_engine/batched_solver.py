@@ -30,6 +30,7 @@ class TorchLinear(ABC):
         pattern: The coupled vertices.
         slots: Slots of the pattern that are read, in the order in which `factorise` takes their blocks.
         keeps: Whether factors stay valid when others are made.
+        capturable: Whether its work can be captured in a CUDA graph.
         factor_bytes: Memory of a member's factor [bytes].
         work_bytes: Memory of a member while it is factorised, besides the factor [bytes].
     """
@@ -37,6 +38,7 @@ class TorchLinear(ABC):
     pattern: BlockPattern
     slots: Int[ndarray, "needed"]
     keeps: bool
+    capturable: bool
     factor_bytes: int
     work_bytes: int
 

@@ -44,6 +44,7 @@ class CudssTorch(TorchLinear):
     """Batched symmetric positive definite systems in cuDSS; see the module."""
 
     keeps = False
+    capturable = False
 
     def __init__(self, pattern: BlockPattern, device: str) -> None:
         self.pattern, self.device = pattern, torch.device(device)

@@ -61,6 +61,7 @@ class MultifrontalTorch(TorchLinear):
     """Default: our multifrontal Cholesky factorisation, in plain torch."""
 
     keeps = True
+    capturable = True
 
     def __init__(self, pattern: BlockPattern, device: str, *, leaf: int = LEAF) -> None:
         self.pattern = pattern

@@ -16,6 +16,7 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.torch_engine.batch_forces import BatchForces
 from cusick_bench.sim.torch_engine.batched_solver import TorchFactor, TorchLinear
 from cusick_bench.sim.torch_engine.forces import BatchParameters
+from cusick_bench.sim.torch_engine.replay import replayed
 
 _NUMBER = 8  # [bytes] of a float64
 _VECTORS = 12  # vertex fields alive at once
@@ -34,6 +35,7 @@ class BatchPlan:
         h: Step [s].
         groups: First and behind-last member of every group.
         factor_memory: Memory left for kept factors [bytes].
+        graphs: GPU on which steps are launched as graphs, and then no factors are kept; None for no graphs.
     """
 
     forces: BatchForces
@@ -42,6 +44,7 @@ class BatchPlan:
     h: float
     groups: list[tuple[int, int]]
     factor_memory: int
+    graphs: torch.device | None
 
     def factorise(self, blocks: Float[Tensor, "members slots 3 3"], mass: Tensor) -> TorchFactor:
         """Factor of M + h^2 K; takes over `blocks`.
@@ -153,8 +156,11 @@ def plan_batch(
         )
     count = math.ceil(members / most)
     ends = [round(members * n / count) for n in range(count + 1)]
-    left = available - math.ceil(members / count) * at_work if differentiate and linear.keeps else 0
-    return BatchPlan(forces, linear, steps, h, list(itertools.pairwise(ends)), left)
+    groups, work, device = list(itertools.pairwise(ends)), math.ceil(members / count) * at_work, forces.flat.device
+    if device.type == "cuda" and linear.capturable and 3 * work <= available:  # a graph has memory of its own
+        return BatchPlan(forces, linear, steps, h, groups, 0, device)
+    left = available - work if differentiate and linear.keeps else 0
+    return BatchPlan(forces, linear, steps, h, groups, left, None)
 
 
 def rollout(
@@ -173,21 +179,27 @@ def rollout(
         Last positions, NaN for members that blew up [m], and the record for the adjoint.
     """
     h, free = plan.h, plan.forces.free
-    x = anchor.expand(members, *anchor.shape[1:])
+    x = anchor.expand(members, *anchor.shape[1:]).clone()
     v = torch.zeros_like(x)
-    record, far = GroupRecord.start(x), _FAR * anchor.abs().amax((1, 2))
-    for step in range(plan.steps):
+    record, far = GroupRecord.start(x.clone()), _FAR * anchor.abs().amax((1, 2))
+
+    def advance() -> TorchFactor:
         force, blocks = plan.forces.evaluate(x, anchor, p)
         factor = plan.factorise(blocks, p.mass)
         solved = factor.solve((p.mass[:, :, None] * v + h * force)[:, free])
-        v = torch.zeros_like(v).index_copy(1, free, solved)
-        x = x + h * v
+        v.index_copy_(1, free, solved)
+        x.add_(h * v)
         record.update(factor.good, x.abs().amax((1, 2)) < far)  # NaN compares as false
-        if keep is not None:
-            record.states.append(x)
-            if step < keep:
-                record.factors[step] = factor
-        del factor  # or two are alive while the next is made
+        return factor
+
+    with replayed(advance, plan.graphs) as next_step:
+        for step in range(plan.steps):
+            factor = next_step()
+            if keep is not None:
+                record.states.append(x.clone())
+                if factor is not None and step < keep:
+                    record.factors[step] = factor
+            del factor  # or two are alive while the next is made
     force, _ = plan.forces.evaluate(x, anchor, p)
     record.force.copy_(torch.linalg.vector_norm(force[:, free].flatten(1), dim=1))
     record.good.logical_and_(torch.isfinite(record.force))
@@ -219,10 +231,12 @@ def adjoint(
     g_x = torch.where(good, g_x, 0.0)
     g_v, g_anchor = torch.zeros_like(g_x), torch.zeros_like(g_x)
     x, x_new = state(plan.steps - 1), state(plan.steps)
-    for step in reversed(range(plan.steps)):
-        x_old = state(step - 1)
+    x_old = torch.empty_like(x)
+
+    def retreat(factor: TorchFactor | None = None) -> None:
         v, v_new = (x - x_old) / h, (x_new - x) / h
-        factor = record.factors.get(step) or plan.factorise(plan.forces.evaluate(x, anchor, p)[1], p.mass)
+        if factor is None:
+            factor = plan.factorise(plan.forces.evaluate(x, anchor, p)[1], p.mass)
         solved = torch.where(good, factor.solve((g_v + h * g_x)[:, free]), 0.0)
         del factor
         multiplier = torch.zeros_like(g_x).index_copy(1, free, solved)
@@ -231,7 +245,17 @@ def adjoint(
             getattr(gradient, field.name).add_(getattr(by, field.name))
         by_mass = (multiplier * (v - v_new)).sum(2)
         gradient.mass.add_(by_mass if len(p.mass) > 1 else by_mass.sum(0, keepdim=True))
-        g_v = p.mass[:, :, None] * multiplier
-        g_x, g_anchor = g_x + by_x, g_anchor + by_anchor
-        x_new, x = x, x_old
+        g_v.copy_(p.mass[:, :, None] * multiplier)
+        g_x.add_(by_x)
+        g_anchor.add_(by_anchor)
+        x_new.copy_(x)
+        x.copy_(x_old)
+
+    with replayed(retreat, plan.graphs) as next_step:
+        for step in reversed(range(plan.steps)):
+            x_old.copy_(state(step - 1))
+            if step in record.factors:
+                retreat(record.factors[step])
+            else:
+                next_step()
     return gradient, g_x + g_anchor

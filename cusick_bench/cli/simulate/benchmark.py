@@ -62,6 +62,9 @@ def benchmark(
         str | None,
         simulation_option(help="Also measure the torch engine on cuda, cuda:N, or cpu:torch (its code on the CPU)."),
     ] = None,
+    device_only: Annotated[
+        bool, simulation_option("--device-only", help="Measure nothing but --device, and the CPU beside it.")
+    ] = False,
     runner_cells: Annotated[
         int | None,
         simulation_option(min=40, max=1_000_000, help="Measure only the runner, in a grid of this many trivial cells."),
@@ -92,7 +95,7 @@ def benchmark(
     asked |= {"reference_vertices": tuple(reference_vertices)} if reference_vertices else {}
     plan = Plan(
         law=law.value, support="springs" if springs else "fixed", reference_steps=reference_steps,
-        gradient_vertices=gradient_vertices, device=device, **asked,
+        gradient_vertices=gradient_vertices, device=device, device_only=device_only, **asked,
     )  # fmt: skip
     kept = _Kept(out)
     with interruptible(kept.said), folder_made(out.parent), progress_bar("measuring", work(plan)) as bar:
@@ -108,10 +111,12 @@ def benchmark(
     if as_json:
         print_json(document)
         return
-    for mesh in document["meshes"]:
-        _print_mesh(mesh)
     for mesh in document["device"].get("meshes", []):
         print_device(mesh, document["device"])
+    if device_only:
+        return
+    for mesh in document["meshes"]:
+        _print_mesh(mesh)
     _print_laws(document["laws"])
     _print_gradients(document["gradient_error"])
     _print_targets(document["targets"])
