@@ -71,5 +71,5 @@ def test_optional_packages_are_those_that_are_looked_for_only():
         if extra not in ("dev", "docs", "browser", "croissant", "audit")
         for requirement in requirements
     }
-    assert extras - ASKED_FOR == {"pypardiso", "cvxopt", "ipctk", "nvmath-python"}
+    assert extras - ASKED_FOR == {"pypardiso", "cvxopt", "ipctk"}
     assert not extras & DECLARED

@@ -215,7 +215,7 @@ def _timed(case: Case, rounds: int) -> Timing:
 
 def measure_device(
     vertices: int, device: str, batches: tuple[int, ...], rounds: int, support: str, law: Law,
-    done: Callable[[str], None],
+    done: Callable[[str], None], keep: Callable[[dict[str, Any]], None] = lambda found: None,
 ) -> dict[str, Any]:  # fmt: skip
     """Everything about one mesh on one device.
 
@@ -227,12 +227,14 @@ def measure_device(
         support: As in `DrapeSettings`.
         law: Material law.
         done: Called with the name of everything measured.
+        keep: Given what is found so far, after every case.
 
     Returns:
-        `cases` (times), `peak_memory_bytes` (by case), `left_out` (why a case was not run), `agreement`.
+        `vertices`, `cases` (times), `peak_memory_bytes` (by case), `left_out` (why a case was not run), `agreement`.
     """
     workload = DeviceWorkload(vertices, device, support, law)
     cases, peaks, left_out = {}, {}, {}
+    found = {"vertices": workload.mesh.vertices, "cases": cases, "peak_memory_bytes": peaks, "left_out": left_out}
     for name, ready in workload.makers([n for n in batches if n * vertices <= _MOST_BATCHED]).items():
         try:
             case = ready()
@@ -243,13 +245,8 @@ def measure_device(
         cases[name] = _timed(case, rounds).summary()
         del case  # or what two cases hold would have to fit the device
         done(f"{vertices} on {device}: {name}")
-    return {
-        "vertices": workload.mesh.vertices,
-        "cases": cases,
-        "peak_memory_bytes": peaks,
-        "left_out": left_out,
-        "agreement": workload.agreement(),
-    }
+        keep(found)
+    return found | {"agreement": workload.agreement()}
 
 
 def drapes_per_second(cases: dict[str, Any], suffix: str = "") -> float:

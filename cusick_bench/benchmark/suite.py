@@ -215,24 +215,31 @@ def measure_compared(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
     return {"vertices": workload.mesh.vertices, "cases": {name: timing.summary() for name, timing in timed.items()}}
 
 
-def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Done) -> dict[str, Any]:
+def measure_beside(
+    meshes: list[dict[str, Any]], plan: Plan, done: Done, keep: Callable[[dict[str, Any]], None] = lambda found: None
+) -> dict[str, Any]:
     """The plan's device on every mesh, with rates beside those of the CPU (`times_faster`).
 
     Args:
         meshes: What `measure_mesh` found.
         plan: What to measure.
         done: Told of everything measured.
+        keep: Given what is measured so far, after every case.
 
     Returns:
         Times, ratios and differences by name.
     """
     if plan.device is None:
         return {}
-    found = []
+    name, found = device_name(plan.device), []
+
+    def keep_mesh(mesh: dict[str, Any]) -> None:
+        keep(name | {"meshes": [*found, mesh]})
+
     for vertices, cpu in zip(plan.vertices, meshes, strict=True):
         mesh = measure_device(
             vertices, plan.device, plan.device_batches, plan.rounds, plan.support, plan.law,
-            lambda name: done(name, 0.0),
+            lambda name: done(name, 0.0), keep_mesh,
         )  # fmt: skip
         rates = {
             name: {"cpu": drapes_per_second(cpu["cases"], suffix), "device": drapes_per_second(mesh["cases"], suffix)}
@@ -240,7 +247,7 @@ def measure_beside(meshes: list[dict[str, Any]], plan: Plan, done: Done) -> dict
         }
         faster = {name: rate["device"] / rate["cpu"] for name, rate in rates.items()}
         found.append(mesh | {"drapes_per_second": rates, "times_faster": faster})
-    return device_name(plan.device) | {"meshes": found}
+    return name | {"meshes": found}
 
 
 def _gradient_ready(vertices: int, support: str, law: Law, keep: bool) -> Callable[[], object]:
@@ -333,7 +340,7 @@ def benchmark(
         document["meshes"].append(measure(vertices, plan, done))
         keep(document)
     measured("meshes", document["meshes"])
-    measured("device", measure_beside(document["meshes"], plan, done))
+    measured("device", measure_beside(document["meshes"], plan, done, lambda found: keep(document | {"device": found})))
     if plan.device_only:
         return document
     measured("laws", measure_laws(plan, done))

@@ -31,9 +31,8 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.first_derivatives import first_derivatives
 from cusick_bench.sim.linear.interface import BlockPattern
 from cusick_bench.sim.torch_engine.batch_forces import BatchForces
-from cusick_bench.sim.torch_engine.batched_solver import TorchLinear
 from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
-from cusick_bench.sim.torch_engine.linear import torch_solver
+from cusick_bench.sim.torch_engine.multifrontal import MultifrontalTorch
 from cusick_bench.sim.torch_engine.rollout import BatchPlan, adjoint, plan_batch, rollout
 from cusick_bench.sim.torch_engine.shell_forces import TorchShell
 
@@ -62,20 +61,19 @@ class DroppedMembers:
 
 
 @lru_cache(maxsize=8)
-def prepared(system: DrapeSystem | ShellSystem, device: str, linear: str) -> tuple[BatchForces, TorchLinear]:
+def prepared(system: DrapeSystem | ShellSystem, device: str) -> tuple[BatchForces, MultifrontalTorch]:
     """Analysis of a system for one device; systems are compared by identity.
 
     Args:
         system: Cloth and support.
         device: Torch device.
-        linear: Linear solver, see `torch_solver`.
 
     Returns:
         Forces and the analysed linear solver.
     """
     layout = system.layout
     at = system.mesh.material[system.free] if isinstance(system, DrapeSystem) else system.stencils.control_material
-    solver = torch_solver(BlockPattern(layout.indptr, layout.indices, at), device, linear)
+    solver = MultifrontalTorch(BlockPattern(layout.indptr, layout.indices, at), device)
     if isinstance(system, DrapeSystem):
         return TorchForces(system, device, solver.slots), solver
     return TorchShell(system, device, solver.slots), solver
@@ -100,7 +98,7 @@ class _Drops(torch.autograd.Function):
         last, records = [], []
         for first, end in plan.groups:
             size = (end - first) * plan.linear.factor_bytes
-            keep = min(budget // size, plan.steps) if plan.linear.keeps else 0
+            keep = min(budget // size, plan.steps)
             positions, record = rollout(
                 plan, p.member(first, end), _members(initial, first, end), end - first, keep if differentiate else None
             )
@@ -177,7 +175,6 @@ def drop_members(
     steps: int,
     step_seconds: float,
     device: str = "cpu",
-    linear: str = "multifrontal",
     memory_limit: int | None = None,
 ) -> DroppedMembers:
     """Drops a batch of cloths from rest; differentiable in all tensors, which may be shared by all members.
@@ -190,7 +187,6 @@ def drop_members(
         steps: Number of steps.
         step_seconds: Step h [s].
         device: Where to compute; tensors elsewhere are copied there.
-        linear: Batched linear solver, see `torch_linear.torch_solver`.
         memory_limit: Most memory to use [bytes]; by default `free_memory`.
 
     Returns:
@@ -202,7 +198,7 @@ def drop_members(
     if steps < 1 or not (math.isfinite(step_seconds) and step_seconds > 0):
         raise SimulationError(f"steps must be >= 1 and step_seconds > 0, got {steps} and {step_seconds}")
     given = {field.name: getattr(p, field.name) for field in fields(p)} | {"initial": initial}
-    forces, solver = prepared(system, device, linear)
+    forces, solver = prepared(system, device)
     tensors, members = _checked(forces, given, device)
     differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
     limit = free_memory(device) if memory_limit is None else memory_limit

@@ -111,6 +111,10 @@ class TorchEngine:
     def __post_init__(self) -> None:
         if torch_device(self.name) is None:
             raise SimulationError(f"device {self.name!r} is that of the compiled engine; use another for this one")
+        if self.settings.backend not in ("auto", "multifrontal"):
+            raise SimulationError(
+                f"device {self.name!r} has linear solver 'multifrontal' only, got backend {self.settings.backend!r}"
+            )
         if self.settings.pace != "steady":
             raise SimulationError(f"device {self.name!r} drops at pace 'steady' only, got {self.settings.pace!r}")
         if self.settings.mode != "drop":
@@ -149,7 +153,7 @@ class TorchEngine:
 
     def _dropped(self, p: BatchParameters, laid: Tensor, s: DrapeSettings) -> DroppedMembers:
         return drop_members(
-            self.system, p, laid, steps=s.steps, step_seconds=s.step_seconds, device=self.device, linear=self._linear,
+            self.system, p, laid, steps=s.steps, step_seconds=s.step_seconds, device=self.device,
             memory_limit=self.memory_limit,
         )  # fmt: skip
 
@@ -162,10 +166,6 @@ class TorchEngine:
     def device(self) -> str:
         """Torch's name of the device."""
         return self.name.removesuffix(":torch")
-
-    @property
-    def _linear(self) -> str:
-        return "multifrontal" if self.settings.backend == "auto" else self.settings.backend
 
     def _outcome(
         self, dropped: DroppedMembers, weight: Float[ndarray, "#members"], halvings: int
@@ -185,7 +185,7 @@ class TorchEngine:
 
     def at_once(self) -> int:
         """Cloths without gradients that drop together within the memory; a larger batch runs in groups."""
-        forces, linear = prepared(self.system, self.device, self._linear)
+        forces, linear = prepared(self.system, self.device)
         limit = free_memory(self.device) if self.memory_limit is None else self.memory_limit
         return max(1, limit // sum(member_bytes(forces, linear, self.settings.steps, differentiate=False)))
 

@@ -9,7 +9,7 @@ a, b is A sum_pq s_p[a] s_q[b] K_pq over p, q in {u, v}, where
 
 Hinges, with dihedral angle theta, t = theta - rest angle and M = weight B t: force -M grad theta, stiffness
 (M / t) grad theta grad theta^T. The adjoint differentiates S = force_factor lambda . F - stiffness_factor lambda . K v,
-element by element and without blocks; sums over elements are gathers, so results repeat bit by bit.
+element by element and without blocks; sums over elements are gathers, in an order that never changes.
 
 References:
     Gong, Mao, Wang. Bayesian Differentiable Physics for Cloth Digitalization. CVPR 2024, Eq. 3-5.

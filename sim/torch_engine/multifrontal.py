@@ -1,9 +1,13 @@
 """Batched multifrontal Cholesky factorisation in torch, on any device.
 
+    linear = MultifrontalTorch(pattern, "cuda")
+    factors = linear.factorise(blocks)       # (members, needed slots, 3, 3), in the order of linear.slots
+    x = factors.solve(b)                     # (members, vertices, 3); factors.good says which members have a factor
+
 Fronts of like size, of all members, go through batched dense kernels together. With own (o) and boundary (b) rows of a
 front F: F_oo = L L^T, P = F_bo L^-T, and the update F_bb - P P^T is added into the parent. What is kept is L^-1 and P,
-so that solving needs matrix products only, the fastest thing a GPU does. Nothing is added atomically: results repeat
-bit by bit.
+so that solving needs matrix products only, the fastest thing a GPU does. Nothing is added atomically here: on the CPU
+results repeat bit by bit. On a GPU they repeat to rounding, since its libraries of matrix products promise no more.
 
 References:
     J. W. H. Liu, "The multifrontal method for sparse matrix solution", SIAM Rev. 34 (1992).
@@ -19,7 +23,6 @@ from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.linear.dissection import dissect
 from cusick_bench.sim.linear.elimination import analyse
 from cusick_bench.sim.linear.interface import BLOCK, BlockPattern
-from cusick_bench.sim.torch_engine.batched_solver import TorchFactor, TorchLinear
 from cusick_bench.sim.torch_engine.fronts import FrontGroup, FrontPlan, plan_fronts
 
 LEAF = 16
@@ -33,14 +36,27 @@ def _unit(size: int, device: torch.device) -> Float[Tensor, "size size"]:
     return torch.eye(size, dtype=torch.float64, device=device)
 
 
-class MultifrontalFactors(TorchFactor):
-    """L^-1 and P of every group of fronts, each (members, fronts, rows, own)."""
+class MultifrontalFactors:
+    """L^-1 and P of every group of fronts, each (members, fronts, rows, own).
+
+    Attributes:
+        plan: The factorisation.
+        panels: L^-1 and P of every group.
+        good: Which members have a factor; the others' solutions are meaningless.
+    """
 
     def __init__(self, plan: FrontPlan, panels: list[tuple[Tensor, Tensor]], good: Tensor) -> None:
         self.plan, self.panels, self.good = plan, panels, good
 
     def solve(self, right: Float[Tensor, "members vertices 3"]) -> Float[Tensor, "members vertices 3"]:
-        """Solves group by group, up the tree and down again."""
+        """Solves A x = b, one right-hand side for each member, group by group, up the tree and down again.
+
+        Args:
+            right: Right-hand sides.
+
+        Returns:
+            Solutions.
+        """
         b = torch.nn.functional.pad(right.flatten(1), (0, self.plan.unknowns - right[0].numel()))
         x = torch.zeros_like(b)
         halfway, updates = [], []
@@ -57,11 +73,16 @@ class MultifrontalFactors(TorchFactor):
         return x[:, : right[0].numel()].reshape(right.shape)
 
 
-class MultifrontalTorch(TorchLinear):
-    """Default: our multifrontal Cholesky factorisation, in plain torch."""
+class MultifrontalTorch:
+    """Factorises batches of one pattern of 3x3 blocks; building it is the analysis.
 
-    keeps = True
-    capturable = True
+    Attributes:
+        pattern: The coupled vertices.
+        plan: The factorisation.
+        slots: Slots of the pattern that are read, in the order in which `factorise` takes their blocks.
+        factor_bytes: Memory of a member's factor [bytes].
+        work_bytes: Memory of a member while it is factorised, besides the factor [bytes].
+    """
 
     def __init__(self, pattern: BlockPattern, device: str, *, leaf: int = LEAF) -> None:
         self.pattern = pattern
@@ -82,7 +103,17 @@ class MultifrontalTorch(TorchLinear):
         return peak
 
     def factorise(self, blocks: Float[Tensor, "members needed 3 3"]) -> MultifrontalFactors:
-        """Factorises group by group, from the leaves up."""
+        """Factorises a batch of matrices group by group, from the leaves up.
+
+        Args:
+            blocks: Blocks in `slots`, for every matrix.
+
+        Returns:
+            The factors, and which matrices were positive definite.
+
+        Raises:
+            SimulationError: Blocks of another number or shape.
+        """
         if blocks.ndim != 4 or blocks.shape[1:] != (len(self.slots), BLOCK, BLOCK):
             raise SimulationError(
                 f"blocks must have shape (members, {len(self.slots)}, {BLOCK}, {BLOCK}), got {tuple(blocks.shape)}"

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from cusick_bench.sim.errors import SimulationError
 from cusick_bench.sim.torch_engine.batch_forces import BatchForces
-from cusick_bench.sim.torch_engine.batched_solver import TorchFactor, TorchLinear
 from cusick_bench.sim.torch_engine.forces import BatchParameters
+from cusick_bench.sim.torch_engine.multifrontal import MultifrontalFactors, MultifrontalTorch
 from cusick_bench.sim.torch_engine.replay import replayed
 
 _NUMBER = 8  # [bytes] of a float64
@@ -39,14 +39,14 @@ class BatchPlan:
     """
 
     forces: BatchForces
-    linear: TorchLinear
+    linear: MultifrontalTorch
     steps: int
     h: float
     groups: list[tuple[int, int]]
     factor_memory: int
     graphs: torch.device | None
 
-    def factorise(self, blocks: Float[Tensor, "members slots 3 3"], mass: Tensor) -> TorchFactor:
+    def factorise(self, blocks: Float[Tensor, "members slots 3 3"], mass: Tensor) -> MultifrontalFactors:
         """Factor of M + h^2 K; takes over `blocks`.
 
         Args:
@@ -75,7 +75,7 @@ class GroupRecord:
     """
 
     states: list[Float[Tensor, "members vertices 3"]]
-    factors: dict[int, TorchFactor]
+    factors: dict[int, MultifrontalFactors]
     good: Bool[Tensor, "members"]
     factored: Bool[Tensor, "members"]
     steps: Int[Tensor, "members"]
@@ -106,7 +106,7 @@ class GroupRecord:
         self.steps.add_(self.good)
 
 
-def member_bytes(forces: BatchForces, linear: TorchLinear, steps: int, *, differentiate: bool) -> tuple[int, int]:
+def member_bytes(forces: BatchForces, linear: MultifrontalTorch, steps: int, *, differentiate: bool) -> tuple[int, int]:
     """Memory of one member: what is kept till the end, and what it takes besides while its group runs [bytes].
 
     Args:
@@ -126,7 +126,14 @@ def member_bytes(forces: BatchForces, linear: TorchLinear, steps: int, *, differ
 
 
 def plan_batch(
-    forces: BatchForces, linear: TorchLinear, members: int, *, steps: int, h: float, limit: int, differentiate: bool
+    forces: BatchForces,
+    linear: MultifrontalTorch,
+    members: int,
+    *,
+    steps: int,
+    h: float,
+    limit: int,
+    differentiate: bool,
 ) -> BatchPlan:
     """Splits a batch into groups of members that fit the memory.
 
@@ -157,9 +164,9 @@ def plan_batch(
     count = math.ceil(members / most)
     ends = [round(members * n / count) for n in range(count + 1)]
     groups, work, device = list(itertools.pairwise(ends)), math.ceil(members / count) * at_work, forces.flat.device
-    if device.type == "cuda" and linear.capturable and 3 * work <= available:  # a graph has memory of its own
+    if device.type == "cuda" and 3 * work <= available:  # a graph has memory of its own
         return BatchPlan(forces, linear, steps, h, groups, 0, device)
-    left = available - work if differentiate and linear.keeps else 0
+    left = available - work if differentiate else 0
     return BatchPlan(forces, linear, steps, h, groups, left, None)
 
 
@@ -183,7 +190,7 @@ def rollout(
     v = torch.zeros_like(x)
     record, far = GroupRecord.start(x.clone()), _FAR * anchor.abs().amax((1, 2))
 
-    def advance() -> TorchFactor:
+    def advance() -> MultifrontalFactors:
         force, blocks = plan.forces.evaluate(x, anchor, p)
         factor = plan.factorise(blocks, p.mass)
         solved = factor.solve((p.mass[:, :, None] * v + h * force)[:, free])
@@ -233,7 +240,7 @@ def adjoint(
     x, x_new = state(plan.steps - 1), state(plan.steps)
     x_old = torch.empty_like(x)
 
-    def retreat(factor: TorchFactor | None = None) -> None:
+    def retreat(factor: MultifrontalFactors | None = None) -> None:
         v, v_new = (x - x_old) / h, (x_new - x) / h
         if factor is None:
             factor = plan.factorise(plan.forces.evaluate(x, anchor, p)[1], p.mass)

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ import torch
 from typer.testing import CliRunner
 
 from cusick_bench.benchmark.device import DeviceWorkload, drapes_per_second, measure_device
-from cusick_bench.benchmark.suite import Plan, measure_beside
+from cusick_bench.benchmark.suite import Plan, benchmark, measure_beside
+from cusick_bench.benchmark.text import markdown
 from cusick_bench.cli import app
 from cusick_bench.cli.common import output
 from cusick_bench.cli.simulate.benchmark import print_device
@@ -80,7 +82,7 @@ def test_engines_agree(device: str, settings: dict, per_element: bool):
     assert found.keys() == expected.keys()
     assert len(found) == 11
     for name, gradient in expected.items():
-        limit = 1e-7 if gradient.ndim == 0 else 1e-8  # one density: a sum over the cloth that cancels
+        limit = 1e-6 if gradient.ndim == 0 else 1e-8  # one density: a sum over the cloth that cancels
         assert float((found[name].cpu() - gradient).abs().max()) < limit * float(gradient.abs().max()), name
     assert np.allclose(ours.residual, compiled.residual, rtol=1e-6)
     assert ours.failures == compiled.failures == [None] * 3
@@ -188,9 +190,8 @@ def test_a_gpu_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
 def test_what_only_the_compiled_engine_knows_is_named():
     with pytest.raises(SimulationError, match=r"'cpu:torch' drapes in mode 'drop' only, .* or device 'cpu'"):
         DrapeSimulator(MESH, DrapeSettings(mode="equilibrium"), device="cpu:torch")
-    simulator = DrapeSimulator(MESH, DrapeSettings(backend="splu"), device="cpu:torch")
-    with pytest.raises(SimulationError, match="must be one of multifrontal, cudss, got 'splu'"):
-        simulator.drape(_cloths(1, per_element=False)[0])
+    with pytest.raises(SimulationError, match="'multifrontal' only, got backend 'splu'"):
+        DrapeSimulator(MESH, DrapeSettings(backend="splu"), device="cpu:torch")
     with pytest.raises(SimulationError, match="'cpu' is that one; name another"):
         Plan(device="cpu")
 
@@ -338,6 +339,33 @@ class TestDeviceBenchmark:
             print_device(mesh, document)
         assert "batch of 2+gradient" in printed.get()
         assert "engines differ by" in printed.get()
+
+    def test_device_alone_is_measured_and_what_is_measured_is_kept(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ):
+        monkeypatch.setattr("cusick_bench.benchmark.device.STEPS", 2)
+        monkeypatch.setattr("cusick_bench.benchmark.device._SILHOUETTES", 2)
+        kept: list[tuple[int, list[str]]] = []
+
+        def keep(document: dict[str, Any]) -> None:
+            meshes = document.get("device", {}).get("meshes", [])
+            kept.append((len(meshes[-1]["cases"]) if meshes else 0, list(document["missing"])))
+
+        plan = Plan(vertices=(80,), rounds=1, device="cpu:torch", device_batches=(2,), device_only=True)
+        document = benchmark(plan, keep=keep)
+        assert document["meshes"][0]["cases"].keys() == {"drop", "drop+gradient", "batch of 16, lockstep"}
+        assert [cases for cases, _ in kept] == [0, 0, 1, 2, 3, 4, 5, 6, 6]
+        assert "device" in kept[-2][1]
+        assert document["missing"] == ["laws", "reference", "gradient_error", "start_up_s"]
+        text = markdown(document, "the command")
+        assert "## Torch engine on cpu:torch" in text
+        assert "| batch of 2+gradient | " in text
+        assert "## Targets" not in text
+        out = tmp_path / "x.json"
+        result = CliRunner().invoke(app, ["benchmark", "--device-only", "--out", str(out)])
+        assert result.exit_code == 2
+        assert "name it: --device cuda --device-only" in " ".join(result.stderr.split())
+        assert not out.exists()
 
     @pytest.mark.parametrize("law", ["paper", "plate"])
     def test_device_drops_by_the_law_of_the_plan(self, law: Law, monkeypatch: pytest.MonkeyPatch):

@@ -18,7 +18,7 @@ from cusick_bench.sim.torch_engine import forces as torch_forces
 from cusick_bench.sim.torch_engine.drop import drop_members
 from cusick_bench.sim.torch_engine.forces import BatchParameters, TorchForces
 from cusick_bench.sim.torch_engine.laws import tension
-from cusick_bench.sim.torch_engine.linear import torch_solver
+from cusick_bench.sim.torch_engine.multifrontal import MultifrontalTorch
 from cusick_bench.sim.torch_engine.rollout import adjoint, member_bytes, plan_batch, rollout
 
 STEP = 0.05  # [s]
@@ -67,13 +67,13 @@ def _tensors(given: dict, *, grad: bool = False) -> dict[str, Any]:
 
 
 def _dropped(
-    system: DrapeSystem, *, steps: int, step_seconds: float, device: str = "cpu", linear: str = "multifrontal",
+    system: DrapeSystem, *, steps: int, step_seconds: float, device: str = "cpu",
     memory_limit: int | None = None, initial: torch.Tensor, **parameters: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:  # fmt: skip
     """Last positions of a batch of cloths, and who is sound."""
     dropped = drop_members(
         system, BatchParameters(**parameters), initial, steps=steps, step_seconds=step_seconds, device=device,
-        linear=linear, memory_limit=memory_limit,
+        memory_limit=memory_limit,
     )  # fmt: skip
     return dropped.positions, dropped.good
 
@@ -168,7 +168,7 @@ def test_gradient_where_the_stiffness_is_clamped_equals_central_differences():
 @pytest.mark.parametrize("device", DEVICES)
 def test_linear_solver_solves_and_flags_the_member_without_a_factor(device: str, vertices: int):
     pattern = _pattern(_system("paper", vertices=vertices))
-    linear = torch_solver(pattern, device)
+    linear = MultifrontalTorch(pattern, device)
     generator = np.random.default_rng(6)
     blocks = generator.normal(size=(3, pattern.slots, 3, 3))
     transposed = np.lexsort((pattern.rows, pattern.indices))
@@ -236,11 +236,29 @@ def test_a_member_does_not_depend_on_its_batch_mates_and_repeats_bit_by_bit(devi
         assert _relative(all_members[1], one[0].cpu().numpy()) > 1e-3
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="torch sees no CUDA device")
+def test_steps_launched_as_graphs_give_the_same_drops_and_gradients():
+    system, steps = _system("paper"), 10
+    forces, linear = TorchForces(system, "cuda"), MultifrontalTorch(_pattern(system), "cuda")
+    kept, at_work = member_bytes(forces, linear, steps, differentiate=True)
+    results = []
+    for limit, graphs in ((3 * kept + 4 * at_work, False), (3 * kept + 9 * at_work, True)):
+        plan = plan_batch(forces, linear, 3, steps=steps, h=STEP, limit=limit, differentiate=True)
+        assert (plan.graphs is not None) == graphs
+        tensors = _tensors(_batch(system, 3), grad=True)
+        x, good = _dropped(system, **tensors, steps=steps, step_seconds=STEP, device="cuda", memory_limit=limit)
+        (x**2).sum().backward()
+        assert good.all()
+        results.append([x.detach(), *(tensor.grad for tensor in tensors.values())])
+    for plain, launched in zip(*results, strict=True):
+        assert _relative(launched, plain.cpu().numpy()) < 1e-8
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_steps_never_wait_for_the_device(law: str):
     """Tensors without values: looking at one, or mixing devices, raises."""
     system = _system(law, "springs")
-    linear = torch_solver(_pattern(system), "meta")
+    linear = MultifrontalTorch(_pattern(system), "meta")
     forces = TorchForces(system, "meta", linear.slots)
     plan = plan_batch(forces, linear, 2, steps=2, h=STEP, limit=2**28, differentiate=True)
     given = {name: value.to("meta") for name, value in _tensors(_batch(system, 2, shared=("mass",))).items()}
@@ -253,7 +271,7 @@ def test_steps_never_wait_for_the_device(law: str):
 
 def _limits(system: DrapeSystem, members: int, steps: int) -> dict[str, int]:
     """Memory limits under which all factors are kept, few are, and members run in groups."""
-    forces, linear = TorchForces(system, "cpu"), torch_solver(_pattern(system), "cpu")
+    forces, linear = TorchForces(system, "cpu"), MultifrontalTorch(_pattern(system), "cpu")
     kept, at_work = member_bytes(forces, linear, steps, differentiate=True)
     few = members * (kept + at_work) + 2 * members * linear.factor_bytes
     return {"all": 2**30, "few": few, "groups": members * kept + 2 * at_work, "too small": members * kept}
@@ -262,7 +280,7 @@ def _limits(system: DrapeSystem, members: int, steps: int) -> dict[str, int]:
 def test_memory_limit_changes_groups_and_factors_but_no_numbers():
     system, members, steps = _system("paper"), 5, 8
     given, limits = _batch(system, members, shared=("mass",)), _limits(system, members, steps)
-    forces, linear = TorchForces(system, "cpu"), torch_solver(_pattern(system), "cpu")
+    forces, linear = TorchForces(system, "cpu"), MultifrontalTorch(_pattern(system), "cpu")
     plans = {
         name: plan_batch(forces, linear, members, steps=steps, h=STEP, limit=limits[name], differentiate=True)
         for name in ("all", "few", "groups")
@@ -333,27 +351,10 @@ def test_bad_settings_are_named():
     cases: tuple[tuple[dict[str, Any], str], ...] = (
         ({"steps": 0}, "steps must be >= 1"),
         ({"step_seconds": -1.0}, "step_seconds > 0"),
-        ({"linear": "magic"}, "must be one of multifrontal, cudss, got 'magic'"),
-        ({"linear": "cudss"}, "runs on CUDA only, got device 'cpu'"),
     )
     for settings, message in cases:
         with pytest.raises(SimulationError, match=message):
             _dropped(system, **tensors, **({"steps": 1, "step_seconds": STEP} | settings))
-    linear = torch_solver(_pattern(system), "cpu")
+    linear = MultifrontalTorch(_pattern(system), "cpu")
     with pytest.raises(SimulationError, match="blocks must have shape"):
         linear.factorise(torch.zeros((2, len(linear.slots) + 1, 3, 3)))
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="torch sees no CUDA device")
-def test_cudss_gives_the_same_drops_and_gradients():
-    pytest.importorskip("nvmath", reason="nvmath-python is not installed")
-    system = _system("paper", vertices=300)
-    results = []
-    for linear in ("multifrontal", "cudss"):
-        tensors = _tensors(_batch(system, 3), grad=True)
-        x, good = _dropped(system, **tensors, steps=10, step_seconds=STEP, device="cuda", linear=linear)
-        (x**2).sum().backward()
-        assert good.all()
-        results.append([x.detach().cpu().numpy(), *(tensor.grad.numpy() for tensor in tensors.values())])
-    for found, expected in zip(results[1], results[0], strict=True):
-        assert _relative(found, expected) < 1e-8

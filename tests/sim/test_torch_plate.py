@@ -157,7 +157,7 @@ def test_steps_never_wait_for_the_device():
     """Tensors without values: looking at one, or mixing devices, raises."""
     unknowns = _unknowns()
     system = unknowns.system
-    forces, linear = prepared(system, "meta", "multifrontal")
+    forces, linear = prepared(system, "meta")
     plan = plan_batch(forces, linear, 2, steps=2, h=0.05, limit=2**28, differentiate=True)
     p = random_cloths(system, 2, elementwise=True)
     maps = ShellMaps(unknowns, "meta")
