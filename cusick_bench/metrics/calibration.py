@@ -40,12 +40,11 @@ def coverage(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"
         The share, 0 to 1.
 
     Raises:
-        MetricError: No draws, or a level that is not between 0 and 1.
+        MetricError: No draws, no samples, values that are not finite, or a level that is not between 0 and 1.
     """
     if not 0 < level < 1:
         raise MetricError(f"the level of an interval must lie between 0 and 1, got {level}; 0.9 is usual")
-    if len(draws) == 0:
-        raise MetricError("an interval needs at least one draw; make the solver offer draws")
+    _check(draws, samples)
     ordered, place = np.sort(draws), (len(draws) + 1) * (1 - level) / 2 + 1e-9
     if len(draws) == 1:
         return _within(samples, ordered[0], ordered[0])
@@ -54,7 +53,15 @@ def coverage(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"
         return _within(samples, draws.mean() - reach, draws.mean() + reach)
     outer = int(place)
     wide, narrow = (_within(samples, ordered[i], ordered[-1 - i]) for i in (outer - 1, outer))
-    return wide + (place - outer) * (narrow - wide)
+    step = 0.5 if 2 * outer == len(draws) else 1.0  # half-way between the two middle draws nothing is left of it
+    return wide + (place - outer) / step * (narrow - wide)
+
+
+def _check(draws: ndarray, samples: ndarray) -> None:
+    if 0 in (len(draws), len(samples)):
+        raise MetricError("calibration needs at least one draw and one sample; make the solver offer draws")
+    if not (np.isfinite(draws).all() and np.isfinite(samples).all()):
+        raise MetricError("draws and samples must be finite; a drape behind them has probably diverged")
 
 
 def _within(samples: ndarray, low: float, high: float) -> float:
@@ -73,7 +80,11 @@ def ranks(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"]) 
 
     Returns:
         One scaled rank a sample.
+
+    Raises:
+        MetricError: No draws, no samples, or values that are not finite.
     """
+    _check(draws, samples)
     below = (draws[:, None] < samples).sum(0) + 0.5 * (draws[:, None] == samples).sum(0)
     return (below + 0.5) / (len(draws) + 1)
 
@@ -98,7 +109,11 @@ def fold_test(
     Returns:
         The probability of a difference this large if there is none; for a single draw 1 if all samples have its
         number of folds, else 0.
+
+    Raises:
+        MetricError: No draws, no samples, or values that are not finite.
     """
+    _check(drawn, seen)
     if len(drawn) == 1:
         return float(np.all(seen == drawn))
     first = int(min(drawn.min(), seen.min()))

@@ -113,9 +113,12 @@ def variogram_score(draws: Float[ndarray, "draws angles"], samples: Float[ndarra
         Mean over samples, in the functions' unit.
 
     Raises:
-        MetricError: No draws, no samples, vectors of different lengths, or values that are not finite.
+        MetricError: No draws, no samples, fewer than two angles, vectors of different lengths, or values that are not
+            finite.
     """
     _check(draws, samples)
+    if draws.shape[1] < 2:
+        raise MetricError("a variogram compares angles with each other and needs at least 2, got 1; give more angles")
     separations = np.arange(1, draws.shape[1] // 2 + 1)
     weights = 1 / separations
     terms = [_variogram_term(draws, samples, int(separation)) for separation in separations]

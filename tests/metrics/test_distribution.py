@@ -182,6 +182,33 @@ def test_intervals_cover_a_further_draw_as_often_as_they_say(level, count):
         assert np.mean(rates) == pytest.approx(level, abs=0.02)
 
 
+@pytest.mark.parametrize("count", [2, 4, 5, 8])
+def test_an_interval_narrower_than_the_two_middle_draws_covers_as_little_as_it_says(count):
+    generator = np.random.default_rng(8)
+    rates = [coverage(generator.normal(size=count), generator.normal(size=20), 0.1) for _ in range(3000)]
+    assert np.mean(rates) == pytest.approx(0.1, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    "calibrated",
+    [lambda draws, samples: coverage(draws, samples, 0.9), ranks,
+     lambda draws, samples: fold_test(draws, samples, np.random.default_rng(0))],
+)  # fmt: skip
+def test_calibration_without_numbers_or_with_ones_that_are_not_finite_is_refused(calibrated):
+    some = np.array([7.0, 8.0, 9.0])
+    for draws, samples in ((some[:0], some), (some, some[:0])):
+        with pytest.raises(MetricError, match="at least one draw and one sample"):
+            calibrated(draws, samples)
+    for draws, samples in ((np.array([7.0, np.nan, 9.0]), some), (some, np.array([np.inf]))):
+        with pytest.raises(MetricError, match="finite"):
+            calibrated(draws, samples)
+
+
+def test_a_variogram_of_one_angle_is_refused():
+    with pytest.raises(MetricError, match="at least 2, got 1"):
+        variogram_score(np.zeros((2, 1)), np.zeros((2, 1)))
+
+
 def test_draws_that_vary_too_little_cover_too_little_and_a_single_one_nothing():
     generator = np.random.default_rng(6)
     samples = generator.normal(size=2000)
