@@ -90,9 +90,15 @@ def _directed(vertices, faces, target, lower, tolerance, stop_above):
     count = len(vertices)
     distances = np.empty(count)
     owners = np.empty(count, dtype=np.int64)
+    used = np.zeros(count, dtype=np.bool_)  # a vertex of no triangle is no point of the surface
+    for face in range(len(faces)):
+        for corner in range(3):
+            used[faces[face, corner]] = True
     guess = 0
     # Backwards: rims and folds, where surfaces differ, mostly have the larger indices.
     for vertex in range(count - 1, -1, -1):
+        if not used[vertex]:
+            continue
         squared, guess = nearest(vertices[vertex], triangles, boxes, ranges, guess)
         distances[vertex], owners[vertex] = np.sqrt(squared), guess
         lower = max(lower, distances[vertex])

@@ -3,7 +3,10 @@
 A mean over pixels depends on how much background an image shows. The mean squared error here is the squared difference,
 integrated over the plane of the plate, divided by the area that an image of the public release shows of a cloth of this
 size: (256 px / 723 px/m)^2 = (354 mm)^2, times (cloth radius / 0.15 m)^2. That is the plain mean over pixels for the
-release, and for the same drapes the same number at any resolution and field of view.
+release. For the same drapes it is the same number at any field of view, and nearly at any resolution: a pixel that a
+rim crosses is partly covered, so that an area in which two images differ counts as a sixth of a pixel less wide along
+each rim. Between discs of 0.12 and 0.1 m radius the release's pixels give 2.3 % less than the plane would, and pixels
+of half the size 1.2 % less.
 
 Images hold the cloth's coverage: 1 = cloth, 0 = background; bytes are read as 0..255. Squares of differences are summed
 pair by pair, which takes a second for a thousand draws against eleven samples. One matrix product would be faster, but
@@ -36,7 +39,7 @@ def mse(image: ArrayLike, target: ArrayLike, protocol: Protocol = RELEASE) -> fl
         covers the flat cloth's disc in one image and nothing in the other.
 
     Raises:
-        MetricError: The images differ in size or hold values that are not finite.
+        MetricError: The images differ in size, have no pixels, or hold values that are not finite.
     """
     return float(mse_pairs(np.asarray(image)[None], np.asarray(target)[None], protocol)[0, 0])
 
@@ -52,7 +55,7 @@ def iou(image: ArrayLike, target: ArrayLike) -> float:
         The share, 0 to 1.
 
     Raises:
-        MetricError: The images differ in size or hold values that are not finite.
+        MetricError: The images differ in size, have no pixels, or hold values that are not finite.
     """
     return float(iou_pairs(np.asarray(image)[None], np.asarray(target)[None])[0, 0])
 
@@ -69,7 +72,7 @@ def mse_pairs(images: ArrayLike, targets: ArrayLike, protocol: Protocol = RELEAS
         One row an image, one column a target.
 
     Raises:
-        MetricError: The sizes differ, or values are not finite.
+        MetricError: The sizes differ, images have no pixels, or values are not finite.
     """
 
     def compare(first: ndarray, second: ndarray) -> ndarray:
@@ -94,7 +97,7 @@ def iou_pairs(images: ArrayLike, targets: ArrayLike) -> Float[ndarray, "images t
         One row an image, one column a target.
 
     Raises:
-        MetricError: The sizes differ, or values are not finite.
+        MetricError: The sizes differ, images have no pixels, or values are not finite.
     """
 
     def compare(first: ndarray, second: ndarray) -> ndarray:
@@ -122,13 +125,15 @@ def _pairs(images: ArrayLike, targets: ArrayLike, compare: Callable[[ndarray, nd
     first, second = np.asarray(images), np.asarray(targets)
     if first.ndim != 3 or second.ndim != 3 or first.shape[1:] != second.shape[1:]:
         raise MetricError(f"silhouettes must be stacks of one size, got shapes {first.shape} and {second.shape}")
+    if 0 in first.shape[1:]:
+        raise MetricError(f"silhouettes must have pixels, got images of shape {first.shape[1:]}")
     flat_targets = _coverage(second)
     rows = [compare(_coverage(first[at : at + _CHUNK]), flat_targets) for at in range(0, len(first), _CHUNK)]
     return np.concatenate(rows) if rows else np.zeros((0, len(second)))
 
 
 def _coverage(stack: ndarray) -> ndarray:
-    flat = stack.reshape(len(stack), -1).astype(np.float64)
+    flat = stack.reshape(len(stack), stack.shape[1] * stack.shape[2]).astype(np.float64)
     if stack.dtype == np.uint8:
         flat /= 255
     if not np.isfinite(flat).all():

@@ -26,7 +26,7 @@ def profile_rms(first: Float[ndarray, "..."], second: Float[ndarray, "..."]) -> 
         The difference [m].
 
     Raises:
-        MetricError: The profiles have different lengths or values that are not finite.
+        MetricError: The profiles are empty, have different lengths, or hold values that are not finite.
     """
     _check(first, second)
     return float(np.sqrt(np.mean((first - second) ** 2)))
@@ -47,7 +47,7 @@ def profile_rms_rotated(first: Float[ndarray, "..."], second: Float[ndarray, "..
         The difference [m].
 
     Raises:
-        MetricError: The profiles have different lengths or values that are not finite.
+        MetricError: The profiles are empty, have different lengths, or hold values that are not finite.
     """
     _check(first, second)
     count = len(first)
@@ -70,7 +70,7 @@ def quantile_distance(first: Float[ndarray, "..."], second: Float[ndarray, "..."
         The distance [m].
 
     Raises:
-        MetricError: The profiles have different lengths or values that are not finite.
+        MetricError: The profiles are empty, have different lengths, or hold values that are not finite.
     """
     _check(first, second)
     return profile_rms(np.sort(first), np.sort(second))
@@ -90,7 +90,7 @@ def spectrum_distance(first: Float[ndarray, "..."], second: Float[ndarray, "..."
         The distance [m].
 
     Raises:
-        MetricError: The profiles have different lengths or values that are not finite.
+        MetricError: The profiles are empty, have different lengths, or hold values that are not finite.
     """
     _check(first, second)
     difference = np.abs(_harmonics(first)) - np.abs(_harmonics(second))
@@ -104,5 +104,7 @@ def _harmonics(radii: ndarray) -> ndarray:
 def _check(first: ndarray, second: ndarray) -> None:
     if first.shape != second.shape or first.ndim != 1:
         raise MetricError(f"profiles must be sampled at the same angles, got shapes {first.shape} and {second.shape}")
+    if len(first) == 0:
+        raise MetricError("a profile needs at least one radius, got none; give radii over the full turn")
     if not (np.isfinite(first).all() and np.isfinite(second).all()):
         raise MetricError("a profile holds radii that are not finite; its silhouette is empty or damaged")

@@ -40,11 +40,13 @@ def ruled_surface(
         stays at the plate's height; one that lies under the plate hangs from its edge.
 
     Raises:
-        MetricError: Fewer than 3 radii, or radii that are not finite.
+        MetricError: Fewer than 3 radii, radii that are not finite, or no strip.
     """
     count = len(radii)
     if count < 3 or not np.isfinite(radii).all():
         raise MetricError(f"a ruled surface needs at least 3 finite radii, got {count}; check the silhouette")
+    if strips < 1:
+        raise MetricError(f"a ruled surface needs at least 1 strip from plate to rim, got {strips}")
     radii = np.maximum(radii, plate_radius)
     angle = 2 * np.pi * np.arange(count) / count
     unit = np.column_stack([np.cos(angle), np.sin(angle)])

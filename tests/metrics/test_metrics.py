@@ -59,6 +59,28 @@ def test_all_pairs_equal_one_by_one_for_floats_and_bytes():
     np.testing.assert_allclose(iou_pairs(images, targets), both.sum((2, 3)) / either.sum((2, 3)))
 
 
+@pytest.mark.parametrize("pairs", [mse_pairs, iou_pairs])
+def test_no_images_have_no_pairs_and_images_without_pixels_are_refused(pairs):
+    some, none = np.zeros((2, 8, 9)), np.zeros((0, 8, 9))
+    assert pairs(some, none).shape == (2, 0)
+    assert pairs(none, some).shape == (0, 2)
+    with pytest.raises(MetricError, match="must have pixels"):
+        pairs(some[:, :0], some[:, :0])
+
+
+@pytest.mark.parametrize(("pixels", "missing"), [(1, 0.023), (2, 0.012)])
+def test_pixels_that_a_rim_crosses_take_a_sixth_of_a_pixel_off_the_error(pixels, missing):
+    """What the module states: discs of .12 and .1 m, at the release's scale and at twice that."""
+    count, fine = 256 * pixels, 8
+    place = ((np.arange(count * fine) + 0.5) / (count * fine) - 0.5) * 256 / 723
+    away = np.hypot(place[:, None], place)
+    images = [(away < r).reshape(count, fine, count, fine).mean((1, 3)) for r in (0.12, 0.1)]
+    plane = np.pi * (0.12**2 - 0.1**2) / (256 / 723) ** 2
+    rims = 2 * np.pi * (0.12 + 0.1) * 723 * pixels
+    assert mse(*images) == pytest.approx(plane - rims / 6 / count**2, rel=2e-3)
+    assert 1 - mse(*images) / plane == pytest.approx(missing, abs=1e-3)
+
+
 def test_images_of_other_size_or_with_nan_are_refused():
     with pytest.raises(MetricError, match="one size"):
         mse(np.zeros((256, 256)), np.zeros((128, 128)))
@@ -139,6 +161,14 @@ def test_a_search_may_stop_early_but_never_understates_what_it_keeps():
     assert distance / 2 < hausdorff(first, second, stop_above=distance / 2) <= distance
 
 
+def test_a_vertex_of_no_triangle_is_no_point_of_the_surface():
+    corners, faces = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), np.array([[0, 1, 2]])
+    stray = Surface(np.vstack([corners, [5.0, 5, 5]]), faces)
+    lifted = Surface(corners + np.array([0, 0, 0.01]), faces)
+    assert hausdorff(stray, lifted) == pytest.approx(0.01)
+    assert hausdorff(lifted, stray) == pytest.approx(0.01)
+
+
 def test_damaged_surfaces_are_refused():
     good = ruled_surface(drape())
     with pytest.raises(MetricError, match="finite"):
@@ -160,6 +190,11 @@ def test_ruled_surface_has_straight_generators_of_the_slant_length():
     assert mesh.euler_number == 1
     flat = ruled_surface(np.full(720, 0.155))
     assert np.abs(flat.vertices[:, 2]).max() == 0
+
+
+def test_a_ruled_surface_without_strips_is_refused():
+    with pytest.raises(MetricError, match="at least 1 strip"):
+        ruled_surface(np.full(720, 0.12), strips=0)
 
 
 # -- profiles
@@ -195,6 +230,9 @@ def test_profile_distances_of_known_shapes():
 
 
 def test_profiles_of_different_sampling_are_refused():
+    for distance in (profile_rms, profile_rms_rotated, quantile_distance, spectrum_distance):
+        with pytest.raises(MetricError, match="at least one radius"):
+            distance(np.zeros(0), np.zeros(0))
     with pytest.raises(MetricError, match="same angles"):
         profile_rms(np.ones(720), np.ones(360))
     with pytest.raises(MetricError, match="finite"):
