@@ -9,7 +9,7 @@ from toy_cloths import draw, surface, wavy_profile
 
 from cusick_bench.datasets import load
 from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.datasets.files.silhouette import fold_count_of, rim_depth
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of, rim_depth
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,
@@ -65,6 +65,25 @@ def test_the_outermost_edge_counts_and_no_cloth_is_zero():
     assert profile_from_image(ring).radii == pytest.approx(0.14, abs=TENTH_OF_A_PIXEL)
     assert (profile_from_image(np.zeros((256, 256))).radii == 0).all()
     assert profile_from_image(np.ones((256, 256))).radii.min() > 0.17
+
+
+@pytest.mark.parametrize("projection", ["parallel", "pinhole"])
+def test_a_ray_without_cloth_has_no_radius_for_any_camera(projection):
+    protocol = replace(RELEASE, projection=projection)
+    half = draw(disc(0.12))
+    half[:, 100:] = 0  # what is left lies left of the axis
+    radii = profile_of(half, protocol).radii
+    assert radii[0] == 0
+    assert radii[360] == pytest.approx(0.12, abs=0.01)
+    assert not profile_of(0 * half, protocol).radii.any()
+
+
+@pytest.mark.parametrize(("height", "coefficient"), [(0.7, 0.10), (1.5, 0.05)])
+def test_the_least_drape_coefficient_of_a_pinhole_camera(height, coefficient):
+    protocol = replace(RELEASE, projection="pinhole", camera_height_m=height)
+    seen = draw(disc(RELEASE.plate_radius_m))
+    assert drape_coefficient_of(seen, RELEASE) == pytest.approx(0, abs=2e-3)
+    assert drape_coefficient_of(seen, protocol) == pytest.approx(coefficient, abs=5e-3)
 
 
 def test_mesh_outline_equals_its_silhouette_and_turns_with_the_mesh():
