@@ -406,7 +406,8 @@ NUMBERED: dict[str, Family] = {
     "quantile": lambda profiles, levels: np.percentile(profiles.deviation, levels, axis=1).T,
     "amplitude": lambda profiles, orders: profiles.amplitudes[:, list(orders)],
 }
-LOCKED: dict[str, Family] = {  # of complex numbers: a turn by phi multiplies those of order m by exp(i m phi)
+# A turn of the drape by phi multiplies the complex numbers of order m by exp(i m phi), the grain by exp(-i m phi).
+LOCKED: dict[str, Family] = {
     "harmonic": lambda profiles, orders: profiles.harmonics[:, list(orders)],
     "envelope": _envelope,
     "slope_envelope": _slope_envelope,

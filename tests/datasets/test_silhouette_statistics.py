@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets.errors import DataError
+from cusick_bench.datasets.silhouette_statistics.definitions import LOCKED
 from cusick_bench.datasets.silhouette_statistics.selections import DIAGNOSED, INFERRED, SCORED, Selection, numbered
 
 GOLDEN = Path(__file__).with_name("silhouette_statistics.json")
@@ -48,6 +49,16 @@ def test_values_are_those_of_before():
     for label, values in measured().items():
         for name, value in values.items():
             assert value == pytest.approx(golden[label][name], rel=1e-11, abs=1e-16), (label, name)
+
+
+@pytest.mark.parametrize("family", LOCKED)
+def test_locked_statistics_turn_with_the_drape(family):
+    """By exp(i m phi), the grain by exp(-i m phi), as the comment at `LOCKED` says."""
+    order, steps = 1, 40
+    selection = Selection((), (f"{family}_{order}_real", f"{family}_{order}_imaginary"))
+    before, after = (selection.measure(radii) @ [1, 1j] for radii in (rings(), np.roll(rings(), steps, axis=1)))
+    sign = -1 if family == "grain" else 1
+    assert after == pytest.approx(before * np.exp(sign * 2j * np.pi * order * steps / 720), rel=1e-9, abs=1e-15)
 
 
 def test_a_name_means_the_same_in_every_selection():
