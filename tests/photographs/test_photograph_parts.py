@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from cusick_bench.datasets.files.mesh_file import read_mesh
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.registry import REGISTRY
 from cusick_bench.photographs.accuracy import Measured, accuracy, measure
 from cusick_bench.photographs.board import HEIGHT, WIDTH, charuco_board, in_plate_axes
@@ -18,6 +20,7 @@ from cusick_bench.photographs.preparation.calibrate import calibrated
 from cusick_bench.photographs.preparation.on_axis import left_by_calibration, left_off_axis, seen_on_axis
 from cusick_bench.photographs.preparation.prepare import Setting, protocol_of
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
+from cusick_bench.photographs.preparation.silhouette import silhouette
 from cusick_bench.photographs.preparation.weights import read_weights, template
 from cusick_bench.photographs.reading import Photograph
 from cusick_bench.photographs.segmentation.confidence import ACCEPTED, Evidence, confidence, doubts
@@ -320,6 +323,16 @@ def test_accuracy_counts_wrong_ones_and_those_that_are_known():
     assert (found.level, found.level_within) == (2, 0.5)
     assert found.recognised == pytest.approx(0.5)
     assert found.accepted_within == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("size", [256, 512])
+def test_a_silhouette_shows_the_outline_it_was_drawn_from(size: int):
+    protocol = Protocol(image_size_px=size, px_per_m=size / 0.354, centre_px=((size - 1) / 2,) * 2)
+    radii = 0.12 + 0.012 * np.cos(7 * np.arange(720) * np.pi / 360)
+    image = 1 - silhouette(radii, protocol) / 255
+    assert abs((profile_of(image, protocol).radii - radii).mean()) < 5e-6  # [m]
+    area = np.sin(np.pi / 360) / 2 * (radii * np.roll(radii, -1)).sum()  # of the triangles around the axis
+    assert image.sum() / protocol.px_per_m**2 == pytest.approx(area, rel=1e-4)
 
 
 @pytest.mark.slow

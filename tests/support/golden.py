@@ -25,6 +25,7 @@ from toy_problem import toy_held_out, toy_image, toy_problem
 
 from cusick_bench.benchmark import functions
 from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.datasets.synthetic_set.recipe import VERSION as SYNTHETIC
 from cusick_bench.diagnosis import NUMERICS_VERSION as DIAGNOSIS
@@ -36,6 +37,7 @@ from cusick_bench.diagnosis.measure.statistics import specimen_statistics
 from cusick_bench.metrics.prediction_score import score
 from cusick_bench.photographs import NUMERICS_VERSION as PHOTOGRAPHS
 from cusick_bench.photographs import accuracy
+from cusick_bench.photographs.preparation.silhouette import silhouette
 from cusick_bench.problem import LOSSES, SPACES, Budget, StiffnessPrior, laid_like
 from cusick_bench.runner.numerics import LAWS, cell_numerics, diagnosis_numerics, drape_numerics
 from cusick_bench.sim.cloth import membrane
@@ -319,6 +321,7 @@ def _photographs() -> Values:
     return {
         "errors of an outline [mm]": [measured.rms_mm, measured.bias_mm, measured.largest_mm],
         "confidence": [measured.confidence],
+        "silhouette": _summary(silhouette(0.12 + 0.012 * np.cos(7 * np.linspace(0, 2 * np.pi, 720)), RELEASE)),
     }
 
 

@@ -2,21 +2,23 @@
 
 import cv2
 import numpy as np
+import torch
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.reading import Photograph
+from cusick_bench.sim.render.camera import ParallelCamera
+from cusick_bench.sim.render.silhouette import render
 
-_FINE = 8  # oversampling along each side of a pixel
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
 _WIDEST = 1600  # [px] of a picture to check
 _GOOD, _DOUBTFUL, _PLATE = (60, 255, 60), (60, 60, 255), (255, 220, 0)  # blue, green, red
 
 
 def silhouette(radii: Float[ndarray, " angles"], protocol: Protocol) -> UInt8[ndarray, "size size"]:
-    """Draws a silhouette: cloth dark on white, y up.
+    """Draws a silhouette: cloth dark on white, y up, every pixel by the area of it that the cloth covers.
 
     Args:
         radii: Radii at equidistant angles, counter-clockwise from the right [m].
@@ -25,14 +27,13 @@ def silhouette(radii: Float[ndarray, " angles"], protocol: Protocol) -> UInt8[nd
     Returns:
         Grey levels.
     """
-    turn = np.arange(len(radii)) * 2 * np.pi / len(radii)
-    column = protocol.centre_px[0] + protocol.px_per_m * radii * np.cos(turn)
-    row = protocol.centre_px[1] - protocol.px_per_m * radii * np.sin(turn)
-    fine = (np.stack([column, row], axis=-1) + 0.5) * _FINE - 0.5
-    size = protocol.image_size_px
-    drawn = np.full((size * _FINE, size * _FINE), 255, np.uint8)
-    cv2.fillPoly(drawn, [np.round(fine * 2**_SHIFT).astype(np.int32)], 0, shift=_SHIFT)
-    return cv2.resize(drawn, (size, size), interpolation=cv2.INTER_AREA)
+    number = np.arange(len(radii))
+    turn = number * 2 * np.pi / len(radii)
+    rim = np.column_stack([radii * np.cos(turn), radii * np.sin(turn), np.zeros(len(radii))])
+    faces = np.column_stack([np.full(len(radii), len(radii)), number, (number + 1) % len(radii)])  # around the axis
+    camera = ParallelCamera(protocol.px_per_m, protocol.centre_px)
+    covered = render(torch.from_numpy(np.vstack([rim, np.zeros(3)])), faces, camera, size=protocol.image_size_px)
+    return np.round(255 * (1 - covered.numpy())).astype(np.uint8)
 
 
 def overlay(
