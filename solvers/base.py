@@ -219,9 +219,12 @@ class Solver(ABC):
             Parameter vector of that draw.
 
         Raises:
-            SolverError: The solver learns no distribution.
+            SolverError: The solver defines none: it learns no distribution.
         """
-        raise SolverError(f"{self.name} learns no distribution to draw from")
+        raise SolverError(
+            f"{self.name} defines no `redraw`, which draws cloths from its posterior; define it (docs/add-solver.md), "
+            "or answer without a posterior"
+        )
 
     @abstractmethod
     def _solve(self, problem: DrapeProblem, generator: np.random.Generator, progress: Progress) -> Prediction:

@@ -7,7 +7,7 @@ knows how much is wanted; it holds for one command and is given back afterwards.
 import logging
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -112,13 +112,25 @@ def messages() -> Iterator[None]:
     logger.addHandler(handler)
     _set_level_of_libraries(logging.ERROR)
     with warnings.catch_warnings():
-        warnings.showwarning = _show_warning
+        warnings.showwarning = _shown_once()
         try:
             yield
         finally:
             logger.removeHandler(handler)
             logger.setLevel(before)
             _set_level_of_libraries(logging.WARNING)
+
+
+def _shown_once() -> Callable[..., None]:
+    """Shows each warning once: what another package registers is read again and again, and is as wrong each time."""
+    shown: set[tuple[str, str]] = set()
+
+    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:
+        if (str(message), filename) not in shown:
+            shown.add((str(message), filename))
+            _show_warning(message, category, filename, lineno)
+
+    return show
 
 
 def _show_warning(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any) -> None:

@@ -19,6 +19,7 @@ _MOST_ADVICE = 2  # largest number of measurements of the diagnosis' advice that
 _CLOSE = 0.03  # difference of drape coefficients by which samples of one cloth differ anyway
 _LIMP = 0.5  # drape coefficient below which law plate on coarse meshes errs by more than samples differ
 _FINE = 450  # vertices of a mesh on which it hardly does
+PLATE_TO_CLOTH = 0.6  # ratio of their diameters for which the shipped atlas was made
 _WIDE = 2.0  # ratio of the ends of an interval from which stiffness is called uncertain
 
 
@@ -172,8 +173,12 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             "Print the board (cusick-bench data board) and photograph it on the plate: the bare plate alone does not "
             "tell a tilt of the camera."
         )
-    if abs(protocol.plate_radius_m / protocol.cloth_radius_m - 0.6) > 0.01:
-        todo.append("Plate and cloth are not in the standard's ratio of 18 to 30 cm, which the diagnosis expects.")
+    if abs(protocol.plate_radius_m / protocol.cloth_radius_m - PLATE_TO_CLOTH) > 0.01:
+        known = 2e3 * protocol.plate_radius_m / PLATE_TO_CLOTH  # [mm]
+        todo.append(
+            f"For a diagnosis drape samples of {known:.0f} mm over this plate: it knows only the ratio of 18 "
+            "to 30 cm. Stiffness does not need them."
+        )
     if len(shown) == 1:
         todo.append(
             "Picture other fabrics on the same bench: what all of them show belongs to the bench, not the cloth."

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from cusick_bench.sim.errors import SimulationError
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 EffectClass = Literal["material", "history", "boundary", "contact", "imaging"]
 Role = Literal["severity", "direction", "radius", "size"]
+KINDS: tuple[str, ...] = get_args(EffectClass)
+"""Classes of effects."""
 Values = Mapping[str, "float | Tensor"]
 """Parameters of an effect by name."""
 
@@ -31,7 +33,7 @@ class Parameter:
 
     Attributes:
         name: E.g. `curvature`.
-        unit: E.g. `1/m`.
+        unit: E.g. `1/m`; `1` of a pure number.
         low, high: Bounds.
         typical: A value that is met in practice.
         source: Where `typical` comes from.
@@ -50,6 +52,16 @@ class Parameter:
     role: Role = "severity"
     default: float = 0.0
     summary: str = ""
+
+    @property
+    def unit_text(self) -> str:
+        """The unit behind a number, with a space before it; empty of a pure number."""
+        return "" if self.unit in ("", "1") else f" {self.unit}"
+
+    @property
+    def usual(self) -> float:
+        """The value that is used where none is given."""
+        return self.typical if self.role == "severity" else self.default
 
 
 class Effect(ABC):
@@ -107,11 +119,11 @@ class Effect(ABC):
         for name in value:
             if name not in known:
                 raise SimulationError(f"effect {self.name} has no parameter {name!r}; use {', '.join(known)}")
-        full = {p.name: value.get(p.name, p.typical if p.role == "severity" else p.default) for p in self.parameters}
+        full = {p.name: value.get(p.name, p.usual) for p in self.parameters}
         for name, given in full.items():
             p, number = known[name], _number(given)
             if not p.low <= number <= p.high:  # also refuses NaN
-                bounds = f"{p.low:g} to {p.high:g} {p.unit}".strip()
+                bounds = f"{p.low:g} to {p.high:g}{p.unit_text}"
                 raise SimulationError(f"effect {self.name}: {name} must lie within {bounds}, got {number:g}")
         return full
 
@@ -126,13 +138,19 @@ class Effect(ABC):
             Another setup; the given one stays as it is.
 
         Raises:
-            SimulationError: An unknown parameter, or a value out of bounds.
+            SimulationError: An unknown parameter, a value out of bounds, or an effect that makes no setup.
         """
         full = self.complete(value)
         severity = full[self.severity.name]
         if not _is_tensor(severity) and severity == 0:
             return setup
-        return self._apply(setup, full)
+        changed = self._apply(setup, full)
+        if not isinstance(changed, type(setup)):
+            raise SimulationError(
+                f"effect {self.name}: _apply must return a Setup, got {changed!r:.60}; return one made by "
+                "dataclasses.replace"
+            )
+        return changed
 
 
 def _is_tensor(value: float | Tensor) -> bool:

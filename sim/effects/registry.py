@@ -13,7 +13,7 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
-from cusick_bench.sim.effects.base import Effect
+from cusick_bench.sim.effects.base import KINDS, Effect
 from cusick_bench.sim.effects.boundary.cut_size import CutSize
 from cusick_bench.sim.effects.boundary.off_centre import OffCentre
 from cusick_bench.sim.effects.boundary.plate_radius import PlateRadius
@@ -119,8 +119,16 @@ def _fault(made: Effect) -> str:
     """What an effect of another package lacks; empty where it is whole."""
     if lacking := [name for name in _STATED if not hasattr(made, name)]:
         return f"lacks {', '.join(lacking)}; state it"
+    if made.kind not in KINDS:
+        return f"must be of a class (kind) among {', '.join(KINDS)}, got {made.kind!r}; correct it"
     severities = sum(parameter.role == "severity" for parameter in made.parameters)
-    return "" if severities == 1 else f"must have one parameter with the role severity, has {severities}; state one"
+    if severities != 1:
+        return f"must have one parameter with the role severity, has {severities}; state one"
+    for p in made.parameters:
+        if not p.low <= p.usual <= p.high:
+            what = "typical" if p.role == "severity" else "default"
+            return f"must have a {what} {p.name} of {p.low:g} to {p.high:g}{p.unit_text}, got {p.usual:g}; correct it"
+    return ""
 
 
 def effect_names() -> list[str]:

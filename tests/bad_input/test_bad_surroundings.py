@@ -34,6 +34,13 @@ class Silent(Effect):
 class Idle(Silent):
     kind, summary, physics, reference = "boundary", "does nothing", "nothing", "none"
     parameters = (Parameter("size", "m", 0, 1, 0.1, "none", role="size"),)
+class Weather(Idle):
+    kind = "weather"
+    parameters = (Parameter("rain", "1", 0, 1, 0.1, "none"),)
+class Untypical(Idle):
+    parameters = (Parameter("load", "1", 0, 1, 7.0, "none"),)
+class Undefaulted(Idle):
+    parameters = (Parameter("load", "1", 0, 1, 0.5, "none"), Parameter("size", "m", 0.1, 1, 0.1, "none", role="size"))
 """
 UNFINISHED = """
 from cusick_bench.sim.effects.base import Effect
@@ -175,6 +182,9 @@ def test_a_package_does_not_take_a_built_in_name(register, group, taken):
         ("Unmade", "no licence found"),
         ("Silent", "lacks kind, summary, physics, reference, parameters"),
         ("Idle", "must have one parameter with the role severity, has 0"),
+        ("Weather", "must be of a class .kind. among material, history, boundary, contact, imaging, got 'weather'"),
+        ("Untypical", "must have a typical load of 0 to 1, got 7"),
+        ("Undefaulted", "must have a default size of 0.1 to 1 m, got 0"),
     ],
 )
 def test_an_effect_that_cannot_be_used_is_named_and_left_out(register, kind, reason):

@@ -163,6 +163,16 @@ def test_an_error_without_a_file_names_none(capsys):
     assert capsys.readouterr().err == "error: No space left on device; choose another folder or free some space\n"
 
 
+def test_a_warning_is_shown_once_a_command(capsys):
+    """Whoever has a broken package installed reads of it once, though each look at the solvers finds it broken."""
+    for _ in range(2):
+        with messages(), warnings.catch_warnings():
+            warnings.simplefilter("always")
+            for text in ("one", "two", "one"):
+                warnings.warn_explicit(text, RuntimeWarning, str(PACKAGE / "lazy.py"), 1)
+        assert capsys.readouterr().err == "warning: one\nwarning: two\n"
+
+
 def test_commands_that_are_advised_can_be_typed(toy_lab, fit, tmp_path):
     folder, baseline = tmp_path / "my runs", tmp_path / "the base.csv"
     told = invoke(*fit[:-1], folder, "--data", toy_lab).stderr

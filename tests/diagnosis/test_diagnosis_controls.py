@@ -465,6 +465,15 @@ class TestCommand:
         assert done.exit_code == 2
         assert message in done.stderr
 
+    def test_too_few_samples_are_told_with_their_number(self, make_lab, tmp_path):
+        lab, out = make_lab([1e-5], samples=3), tmp_path / "controls.csv"
+        asked = ["diagnose-controls", str(lab), "--out", str(out)]
+        assert "has 6 samples, from which on" in CliRunner().invoke(app, asked).stderr
+        done = CliRunner().invoke(app, [*asked, "--fabric", "fabric_1", "--control", "halves"])
+        assert done.exit_code == 2
+        assert "none of halves can be tried on fabric_1" in done.stderr
+        assert "(halves) 6 samples that are not there" in done.stderr
+
     def test_controls_that_no_fabric_allows_are_no_empty_table(self, tmp_path):
         out = tmp_path / "controls.csv"
         asked = ["diagnose-controls", "synthetic", "--fabric", CLOTH, "--control", "slip", "--out", str(out)]

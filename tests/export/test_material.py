@@ -197,6 +197,17 @@ def test_every_readme_says_what_is_lost(name: str, tmp_path: Path):
         write_material(tmp_path / "out", fabric, name)
 
 
+@pytest.mark.parametrize("posterior", [False, True])
+def test_the_readme_says_what_value_and_curve_have_in_common(posterior: bool, tmp_path: Path):
+    """The median of means over curvatures is not the mean of the medians that the curve shows."""
+    bending = {name: replace(one, ci90=one.ci90 if posterior else None) for name, one in FABRIC.bending.items()}
+    fabric = replace(FABRIC, bending=bending, curve={"warp": (1e-5, 2e-5, 3e-5, 4e-5, 5e-5)})
+    write_material(tmp_path / "out", fabric, "clo")
+    text = (tmp_path / "out" / "README.md").read_text()
+    assert ("the values above are its geometric mean:" in text) != posterior
+    assert ("all are medians over the draws:\n\n- warp" in text) == posterior
+
+
 def test_the_command_knows_the_programs():
     assert {name.value for name in ProgramName} == set(PROGRAMS)
 

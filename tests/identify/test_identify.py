@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.options import Options
-from cusick_bench.identify.words import fabric_next, fit_notes
+from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.photographs.studio.folder import write_photographs
@@ -128,6 +129,15 @@ def test_advice_fits_the_reason(lab, missing, advice):
     drapes = Drapes(samples=12, silhouettes=48, units=24)
     first = fabric_next(load(lab), "fabric_2", drapes, missing, None, 0)[0]
     assert first.startswith(advice)
+
+
+@pytest.mark.parametrize(("cloth", "advised"), [(0.15, False), (0.12, True), (0.18, True)])
+def test_samples_for_a_diagnosis_are_of_the_size_that_it_knows(lab, cloth, advised):
+    dataset = load(lab)
+    dataset = replace(dataset, protocol=replace(dataset.protocol, cloth_radius_m=cloth))
+    steps = [step for step in laboratory_next(dataset, None) if "ratio" in step]
+    assert len(steps) == advised
+    assert all(step.startswith("For a diagnosis drape samples of 300 mm over this plate") for step in steps)
 
 
 def test_pictures_that_cannot_be_used_are_not_forced(lab):

@@ -26,7 +26,7 @@ from cusick_bench.sim.constants import PLATE_RADIUS
 from cusick_bench.sim.engine.triangles.elements import elements_of
 from cusick_bench.sim.laws.paper import paper_stress
 from cusick_bench.sim.laws.plate import plate_stiffness
-from cusick_bench.solvers.base import Prediction, Solver
+from cusick_bench.solvers.base import Prediction, Solver, SolverError
 
 CLOTH = uniform_material(density=0.2, bending=(1e-6, 2e-6, 4e-6), stretch=300.0, shear=60.0)
 IMAGE = np.zeros((256, 256))
@@ -161,6 +161,24 @@ class _Posterior(Solver):
 
 def _prediction(tau, posterior=None) -> Prediction:
     return Prediction(IMAGE, IMAGE[None], tau=tau, posterior=posterior)
+
+
+@dataclass(frozen=True)
+class _Forgetful(_Posterior):
+    """Keeps a posterior, and forgets to say how cloths are drawn from it."""
+
+    name: ClassVar[str] = "forgetful"
+
+    redraw = Solver.redraw
+
+
+def test_a_posterior_without_redraw_is_told_what_to_define():
+    problem = toy_problem()
+    mean = problem.space.bending_level(2.0)
+    with pytest.raises(
+        SolverError, match="forgetful defines no `redraw`, which draws cloths from its posterior; define"
+    ):
+        find_stiffness(_Forgetful(), problem, _prediction(mean, {"mean": mean}))
 
 
 def test_interval_holds_the_middle_of_the_draws():

@@ -55,13 +55,13 @@ def _view(eye=(0.0, 0.0, 0.8), k1=0.0, focal=1500.0):
     ],
 )
 def test_quantities_have_units(text, units, value):
-    assert quantity(text, units, "it") == pytest.approx(value, rel=1e-4)
+    assert quantity(text, units, "it", "300 mm") == pytest.approx(value, rel=1e-4)
 
 
 @pytest.mark.parametrize("text", ["", "180", "-3 mm", "0 mm", "3 parsec", "nan mm"])
 def test_what_is_no_quantity_is_refused(text):
     with pytest.raises(BadPhotograph, match="must be a number > 0 with a unit"):
-        quantity(text, LENGTHS, "it")
+        quantity(text, LENGTHS, "it", "300 mm")
 
 
 def test_a_filled_template_is_read(tmp_path):

@@ -142,7 +142,7 @@ def board(
     from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
     from cusick_bench.photographs.sheet import write_sheet
 
-    diameter = quantity(plate_diameter, LENGTHS, "--plate-diameter")
+    diameter = quantity(plate_diameter, LENGTHS, "--plate-diameter", "180 mm")
     if not 0.06 <= diameter <= 0.2:
         raise BadPhotograph(
             f"--plate-diameter must be from 60 to 200 mm to fit the sheet, got {plate_diameter}",

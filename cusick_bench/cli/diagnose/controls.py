@@ -64,7 +64,7 @@ def diagnose_controls(
     """
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
-    from cusick_bench.diagnosis.controls.known_answers import CONTROLS
+    from cusick_bench.diagnosis.controls.known_answers import CONTROLS, LEAST_SAMPLES
     from cusick_bench.diagnosis.controls.run import controlled, fabric_under_control, fabrics_to_control
     from cusick_bench.diagnosis.controls.table import read_judgements
     from cusick_bench.sim.effects import effect
@@ -79,7 +79,10 @@ def diagnose_controls(
         dataset = load(data, progress=bar.show)
     chosen = list(dict.fromkeys(fabric or fabrics_to_control(dataset)))
     if not chosen:
-        raise DiagnosisError(f"no fabric of {data} has enough samples to be controlled; name one with --fabric")
+        raise DiagnosisError(
+            f"no fabric of {data} has {LEAST_SAMPLES} samples, from which on all controls can be tried; picture more, "
+            "or name a fabric with --fabric for the controls that it allows"
+        )
     words = ["cusick-bench", "diagnose-controls", data]
     words += [*repeated_option("--fabric", fabric or ()), *repeated_option("--control", control or ())]
     words += ["--halves", str(halves), *repeated_option("--without-effect", options.without)]
@@ -108,7 +111,8 @@ def diagnose_controls(
     if not judgements:
         raise DiagnosisError(
             f"none of {', '.join(control or CONTROLS)} can be tried on {', '.join(chosen)}: controls need faces, "
-            "repeated captures or meshes that are not there; leave --control out, or name other fabrics"
+            f"repeated captures, meshes or (halves) {LEAST_SAMPLES} samples that are not there; leave --control "
+            "out, or name other fabrics"
         )
     tell(f"wrote {out} and {out.with_suffix('.md')}")
     _print(judgements, facts, as_json)

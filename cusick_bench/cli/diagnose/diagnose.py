@@ -179,7 +179,8 @@ def _parameters(cause: Cause) -> list[str]:
 
 
 def _shown(parameter: ParameterValue) -> str:
-    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {parameter.unit}".strip()
+    unit = "" if parameter.unit == "1" else parameter.unit
+    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {unit}".strip()
 
 
 def _print_laboratory(shared: LaboratoryDocument) -> None:

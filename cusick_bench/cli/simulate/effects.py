@@ -45,10 +45,8 @@ def _severity_first(effect: Effect) -> list[Parameter]:
 
 def _line(parameter: Parameter) -> str:
     p = parameter
-    usual = p.typical if p.role == "severity" else p.default
-    unit = f" {p.unit}" if p.unit else ""
     source = f", {p.source}" if p.role == "severity" else ""
-    return f"{p.name}: {usual:g}{unit} ({p.low:g} to {p.high:g}{unit}){source}"
+    return f"{p.name}: {p.usual:g}{p.unit_text} ({p.low:g} to {p.high:g}{p.unit_text}){source}"
 
 
 def _document(effect: Effect) -> dict[str, Any]:

@@ -17,13 +17,14 @@ WEIGHTS = {
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(\S.*?)\s*", re.IGNORECASE | re.ASCII)
 
 
-def quantity(text: str, units: dict[str, float], name: str) -> float:
+def quantity(text: str, units: dict[str, float], name: str, example: str) -> float:
     """Reads a number with its unit.
 
     Args:
         text: Such as "300 mm".
         units: Units that are understood, with what one of them is in SI units.
         name: What is measured, for the message.
+        example: A usual quantity of that kind, for the message.
 
     Returns:
         The value in SI units.
@@ -37,7 +38,7 @@ def quantity(text: str, units: dict[str, float], name: str) -> float:
     if unit not in units or not (value > 0 and math.isfinite(value)):
         raise BadPhotograph(
             f"{name} must be a number > 0 with a unit ({', '.join(units)}), got {text[:40]!r}",
-            remedy=f'write it as "1.5 {next(iter(units))}"',
+            remedy=f'write it as "{example}"',
             kind="bad-quantity",
         )
     return value * units[unit]

@@ -95,7 +95,7 @@ def setting_of(text: SettingText, photographs: Path, fabrics: Sequence[int]) -> 
 
 def _length(text: str, option: str, bounds: tuple[float, float]) -> float:
     """A length within bounds [m]."""
-    value = quantity(text, LENGTHS, option)
+    value = quantity(text, LENGTHS, option, "300 mm")
     if not bounds[0] <= value <= bounds[1]:
         raise BadPhotograph(
             f"{option} must be from {bounds[0]:g} to {bounds[1]:g} m, got {text}", remedy="correct number or unit"

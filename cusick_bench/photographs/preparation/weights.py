@@ -79,7 +79,7 @@ def weight(text: str) -> float:
     Raises:
         BadPhotograph: Not understood, or no cloth's.
     """
-    return _within(quantity(text, WEIGHTS, "weight"), (LIGHTEST_CLOTH, HEAVIEST_CLOTH), "kg/m2", text)
+    return _within(quantity(text, WEIGHTS, "weight", "180 g/m2"), (LIGHTEST_CLOTH, HEAVIEST_CLOTH), "kg/m2", text)
 
 
 def thickness(text: str) -> float:
@@ -94,7 +94,7 @@ def thickness(text: str) -> float:
     Raises:
         BadPhotograph: Not understood, or no cloth's.
     """
-    return _within(quantity(text, LENGTHS, "thickness"), _THICKNESSES, "m", text)
+    return _within(quantity(text, LENGTHS, "thickness", "0.4 mm"), _THICKNESSES, "m", text)
 
 
 def _within(value: float, bounds: tuple[float, float], unit: str, text: str) -> float:

@@ -108,6 +108,21 @@ def test_it_refuses_values_out_of_bounds(one: Effect, p: Parameter):
         one.complete({p.name: value})
 
 
+def test_an_effect_that_makes_no_setup_is_named(monkeypatch):
+    one = EFFECTS[0]
+    monkeypatch.setattr(type(one), "_apply", lambda self, setup, value: None)
+    with pytest.raises(SimulationError, match=f"effect {one.name}: _apply must return a Setup, got None; return one"):
+        one.apply(_setup(), {one.severity.name: one.severity.high})
+
+
+def test_a_pure_number_has_no_unit_in_messages():
+    pure = Parameter("share", "1", 0, 0.5, 0.1, "none")
+    assert pure.unit_text == ""
+    one = next(one for one in EFFECTS if one.severity.unit == "1")
+    with pytest.raises(SimulationError, match=f"must lie within .* to {one.severity.high:g}, got"):
+        one.complete({one.severity.name: one.severity.high + 1})
+
+
 # --- what it does -----------------------------------------------------------------------------------------------------
 
 
