@@ -236,7 +236,7 @@ def test_disc_mesh_is_nearly_that_plate(degrees: float):
 @pytest.mark.parametrize(("degrees", "low", "high"), [(0, 24.5e-6, 26.5e-6), (90, 14.5e-6, 16e-6)])
 @pytest.mark.parametrize("vertices", [600, 2400])
 def test_hinges_of_a_disc_bring_stiff_and_soft_direction_closer(vertices: int, degrees: float, low: float, high: float):
-    """As docs/physics.md says: rows of 10, 20 and 30 uN m act like 15 along the soft and 25 to 26 along the stiff one."""
+    """As docs/physics.md says: rows of 10 to 30 uN m act like 15 along the soft and 25 to 26 along the stiff one."""
     mesh, curvature = disc_mesh(vertices), 4.0
     work = _work(mesh, "paper", _rows(1e-5, 2e-5, 3e-5), lambda k: _cylinder(mesh, k, degrees), curvature)
     assert low < 2 * work / (curvature**2 * mesh.areas.sum()) < high
