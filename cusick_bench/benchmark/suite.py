@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -116,19 +116,22 @@ def work(plan: Plan) -> float:
     Returns:
         The sum of what `benchmark` tells of.
     """
-    found = 0.0
     if plan.device_only:
-        return sum((plan.rounds + 1) * sum(_cost(name, vertices) for name in _COMPARED) for vertices in plan.vertices)
+        return sum(_cases_cost(_COMPARED, vertices, plan) for vertices in plan.vertices)
+    found = 0.0
     for vertices in plan.vertices:
         batches = [f"batch of {members}" for members in _batches(vertices, plan)]
         names = [*(f"floor:{name}" for name in floor_backends()), *CASES, *batches, *batches]
-        found += (_mesh_rounds(vertices, plan) + 1) * sum(_cost(name, vertices) for name in names)
-        found += _memory_cost(vertices)
+        found += _cases_cost(names, vertices, plan) + _memory_cost(vertices)
     found += _laws_cost(plan) + _reference_cost(plan) + _GRADIENT_DROPS * _DROP_SECONDS * plan.gradient_vertices
     return found + len(LAWS) * _START_SECONDS
 
 
 _START_SECONDS = 3 * _PROCESS_SECONDS
+
+
+def _cases_cost(names: Iterable[str], vertices: int, plan: Plan) -> float:
+    return (_mesh_rounds(vertices, plan) + 1) * sum(_cost(name, vertices) for name in names)
 
 
 def _memory_cost(vertices: int) -> float:
@@ -151,6 +154,13 @@ def _target(plan: Plan) -> int:
     return TARGET_SIZE if TARGET_SIZE in plan.vertices else plan.vertices[-1]
 
 
+def _timed(cases: dict[str, Callable[[], object]], vertices: int, plan: Plan, done: Done) -> dict[str, Timing]:
+    """Times of cases on one mesh, taken in turn."""
+    return time_in_turn(
+        cases, _mesh_rounds(vertices, plan), lambda name: done(f"{vertices} vertices: {name}", _cost(name, vertices))
+    )
+
+
 def measure_mesh(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
     """Times and memory on one mesh: `cases`, `phases`, `ratios`, `floor` (the fastest backend), `memory_bytes`.
 
@@ -164,9 +174,7 @@ def measure_mesh(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
     """
     workload = Workload(vertices, plan.support, plan.law)
     rounds, batches = _mesh_rounds(vertices, plan), _batches(vertices, plan)
-    cases = time_in_turn(
-        workload.cases(batches), rounds, lambda name: done(f"{vertices} vertices: {name}", _cost(name, vertices))
-    )
+    cases = _timed(workload.cases(batches), vertices, plan, done)
     for name in [name for name in cases if name.startswith("floor:")]:
         cases[name] = Timing(tuple(FLOOR_SHARE * seconds for seconds in cases[name].seconds))
     phases = time_in_turn(workload.phases(), max(10 * rounds, 20), lambda name: None)
@@ -208,10 +216,7 @@ def measure_compared(vertices: int, plan: Plan, done: Done) -> dict[str, Any]:
     """
     workload = Workload(vertices, plan.support, plan.law)
     cases = workload.cases([_COMPARED_BATCH])
-    timed = time_in_turn(
-        {name: cases[name] for name in _COMPARED}, plan.rounds,
-        lambda name: done(f"{vertices} vertices: {name}", _cost(name, vertices)),
-    )  # fmt: skip
+    timed = _timed({name: cases[name] for name in _COMPARED}, vertices, plan, done)
     return {"vertices": workload.mesh.vertices, "cases": {name: timing.summary() for name, timing in timed.items()}}
 
 
@@ -231,10 +236,10 @@ def measure_beside(
     """
     if plan.device is None:
         return {}
-    name, found = device_name(plan.device), []
+    facts, found = device_name(plan.device), []
 
     def keep_mesh(mesh: dict[str, Any]) -> None:
-        keep(name | {"meshes": [*found, mesh]})
+        keep(facts | {"meshes": [*found, mesh]})
 
     for vertices, cpu in zip(plan.vertices, meshes, strict=True):
         mesh = measure_device(
@@ -247,7 +252,7 @@ def measure_beside(
         }
         faster = {name: rate["device"] / rate["cpu"] for name, rate in rates.items()}
         found.append(mesh | {"drapes_per_second": rates, "times_faster": faster})
-    return name | {"meshes": found}
+    return facts | {"meshes": found}
 
 
 def _gradient_ready(vertices: int, support: str, law: Law, keep: bool) -> Callable[[], object]:

@@ -9,7 +9,7 @@ from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
-from cusick_bench.sim.constants import VERTICES_TO_FIT
+from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS, VERTICES_TO_FIT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,7 +19,6 @@ _MOST_ADVICE = 2  # largest number of measurements of the diagnosis' advice that
 _CLOSE = 0.03  # difference of drape coefficients by which samples of one cloth differ anyway
 _LIMP = 0.5  # drape coefficient below which law plate on coarse meshes errs by more than samples differ
 _FINE = 450  # vertices of a mesh on which it hardly does
-PLATE_TO_CLOTH = 0.6  # ratio of their diameters for which the shipped atlas was made
 _WIDE = 2.0  # ratio of the ends of an interval from which stiffness is called uncertain
 
 
@@ -173,8 +172,9 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             "Print the board (cusick-bench data board) and photograph it on the plate: the bare plate alone does not "
             "tell a tilt of the camera."
         )
-    if abs(protocol.plate_radius_m / protocol.cloth_radius_m - PLATE_TO_CLOTH) > 0.01:
-        known = 2e3 * protocol.plate_radius_m / PLATE_TO_CLOTH  # [mm]
+    standard = PLATE_RADIUS / CLOTH_RADIUS
+    if abs(protocol.plate_radius_m / protocol.cloth_radius_m - standard) > 0.01:
+        known = 2e3 * protocol.plate_radius_m / standard  # [mm]
         todo.append(
             f"For a diagnosis drape samples of {known:.0f} mm over this plate: it knows only the ratio of 18 "
             "to 30 cm. Stiffness does not need them."

@@ -21,6 +21,7 @@ from numpy import ndarray
 from scipy.special import stdtrit
 
 from cusick_bench.metrics.errors import MetricError
+from cusick_bench.metrics.proper_scores import check_draws
 
 PERMUTATIONS = 9999
 
@@ -44,7 +45,7 @@ def coverage(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"
     """
     if not 0 < level < 1:
         raise MetricError(f"the level of an interval must lie between 0 and 1, got {level}; 0.9 is usual")
-    _check(draws, samples)
+    check_draws(draws, samples)
     ordered, place = np.sort(draws), (len(draws) + 1) * (1 - level) / 2 + 1e-9
     if len(draws) == 1:
         return _within(samples, ordered[0], ordered[0])
@@ -55,13 +56,6 @@ def coverage(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"
     wide, narrow = (_within(samples, ordered[i], ordered[-1 - i]) for i in (outer - 1, outer))
     step = 0.5 if 2 * outer == len(draws) else 1.0  # half-way between the two middle draws nothing is left of it
     return wide + (place - outer) / step * (narrow - wide)
-
-
-def _check(draws: ndarray, samples: ndarray) -> None:
-    if 0 in (len(draws), len(samples)):
-        raise MetricError("calibration needs at least one draw and one sample; make the solver offer draws")
-    if not (np.isfinite(draws).all() and np.isfinite(samples).all()):
-        raise MetricError("draws and samples must be finite; a drape behind them has probably diverged")
 
 
 def _within(samples: ndarray, low: float, high: float) -> float:
@@ -84,7 +78,7 @@ def ranks(draws: Float[ndarray, " draws"], samples: Float[ndarray, " samples"]) 
     Raises:
         MetricError: No draws, no samples, or values that are not finite.
     """
-    _check(draws, samples)
+    check_draws(draws, samples)
     below = (draws[:, None] < samples).sum(0) + 0.5 * (draws[:, None] == samples).sum(0)
     return (below + 0.5) / (len(draws) + 1)
 
@@ -113,7 +107,7 @@ def fold_test(
     Raises:
         MetricError: No draws, no samples, or values that are not finite.
     """
-    _check(drawn, seen)
+    check_draws(drawn, seen)
     if len(drawn) == 1:
         return float(np.all(seen == drawn))
     first = int(min(drawn.min(), seen.min()))

@@ -137,6 +137,19 @@ def _variogram_term(draws: ndarray, samples: ndarray, separation: int) -> float:
 def _check(draws: ndarray, samples: ndarray) -> None:
     if draws.ndim != 2 or samples.ndim != 2 or draws.shape[1] != samples.shape[1]:
         raise MetricError(f"draws and samples must be vectors of one length, got {draws.shape} and {samples.shape}")
+    check_draws(draws, samples)
+
+
+def check_draws(draws: Float[ndarray, "draws *inner"], samples: Float[ndarray, "samples *inner"]) -> None:
+    """Refuses draws and samples that cannot be compared.
+
+    Args:
+        draws: Numbers or vectors drawn.
+        samples: Those of the held-out samples.
+
+    Raises:
+        MetricError: No draws, no samples, or values that are not finite.
+    """
     if 0 in draws.shape or 0 in samples.shape:
         raise MetricError("a score needs at least one draw and one sample; make the solver offer draws")
     if not (np.isfinite(draws).all() and np.isfinite(samples).all()):

@@ -46,9 +46,7 @@ class _Replay(Generic[Result]):
 
 
 @contextmanager
-def replayed(
-    step: Callable[[], Result], device: torch.device | None
-) -> Iterator[Callable[[], Result | None]]:  # fmt: skip
+def replayed(step: Callable[[], Result], device: torch.device | None) -> Iterator[Callable[[], Result | None]]:
     """A step to call as often as wanted, as a graph on a GPU.
 
     Args:

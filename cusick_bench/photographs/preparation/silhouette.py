@@ -7,9 +7,9 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.photographs.calibration.view import PlateView
 from cusick_bench.photographs.reading import Photograph
-from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
@@ -31,8 +31,8 @@ def silhouette(radii: Float[ndarray, " angles"], protocol: Protocol) -> UInt8[nd
     turn = number * 2 * np.pi / len(radii)
     rim = np.column_stack([radii * np.cos(turn), radii * np.sin(turn), np.zeros(len(radii))])
     faces = np.column_stack([np.full(len(radii), len(radii)), number, (number + 1) % len(radii)])  # around the axis
-    camera = ParallelCamera(protocol.px_per_m, protocol.centre_px)
-    covered = render(torch.from_numpy(np.vstack([rim, np.zeros(3)])), faces, camera, size=protocol.image_size_px)
+    points = torch.from_numpy(np.vstack([rim, np.zeros(3)]))
+    covered = render(points, faces, camera_of(protocol), size=protocol.image_size_px)
     return np.round(255 * (1 - covered.numpy())).astype(np.uint8)
 
 
