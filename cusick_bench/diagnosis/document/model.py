@@ -35,7 +35,7 @@ class ParameterValue(Part):
 
     Attributes:
         value: Best estimate, in `unit`.
-        unit: Its unit; "" for a pure number.
+        unit: Its unit; "1" for a pure number, "" where the effect is not registered here.
         ci90: Its 90 % interval, given that the effect acts; of a direction the upper end may exceed 360.
     """
 
