@@ -10,6 +10,7 @@ import typer
 from cusick_bench.cli.common import interruptible, output, print_json, user_errors
 from cusick_bench.cli.diagnose.withheld_answer import answer, oracle, twins
 from cusick_bench.cli.diagnose.withheld_leave_out import leave_out
+from cusick_bench.cli.diagnose.withheld_pool import pool
 from cusick_bench.cli.diagnose.withheld_score import score
 from cusick_bench.cli.options import (
     MOST_CASES,
@@ -40,6 +41,7 @@ app.command("oracle")(oracle)
 app.command("twins")(twins)
 app.command("leave-out")(leave_out)
 app.command("score")(score)
+app.command("pool")(pool)
 
 
 @app.command("generate")

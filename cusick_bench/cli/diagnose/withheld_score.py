@@ -106,8 +106,7 @@ def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, An
 def _show(scores: Scores, failed: list[Failure]) -> None:
     from cusick_bench.withheld.scoring.table import by_severity, headline
 
-    lines = headline(scores)
-    output.print(_table(lines, lines[0].index("reached")))
+    print_scores(headline(scores))
     if levels := by_severity(scores):
         output.print(_table(levels))
     listed = [[item.case, ", ".join(item.faults), item.label, item.answer] for item in failed[:_SHOWN]]
@@ -116,6 +115,15 @@ def _show(scores: Scores, failed: list[Failure]) -> None:
         output.print(f"... {len(failed) - _SHOWN} more failures: --out FILE.csv lists them all", style="dim")
     for note in scores.notes:
         output.print(note, style="dim", soft_wrap=True)
+
+
+def print_scores(lines: list[list[str]]) -> None:
+    """Prints the main table, lines coloured by whether their goal is reached.
+
+    Args:
+        lines: Heading, with a column `reached`, and lines.
+    """
+    output.print(_table(lines, lines[0].index("reached")))
 
 
 def _table(lines: list[list[str]], mark: int | None = None) -> Table:

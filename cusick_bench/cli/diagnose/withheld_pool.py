@@ -1,0 +1,47 @@
+"""`cusick-bench withheld pool`: figures of several suites together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cusick_bench.cli.common import print_json, tell, user_errors
+from cusick_bench.cli.diagnose.withheld_score import print_scores
+from cusick_bench.cli.options import Json, output_option
+from cusick_bench.runner.store import write_atomically
+from cusick_bench.withheld.errors import WithheldError
+
+
+@user_errors
+def pool(
+    scores: Annotated[
+        list[Path], typer.Argument(help="Tables of `withheld score --out`, one of each suite.", metavar="SCORES.csv...")
+    ],
+    out: Annotated[Path | None, output_option(help="CSV file for all rows.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Put the scores of several suites together: every share over all of their cases, with one interval.
+
+    Severities must be measured (`score --twins`) in all of the tables or in none.
+    """
+    from cusick_bench.files.csv_text import csv_text
+    from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, pooled_rows, read_score_table
+
+    if out is not None and out.suffix != ".csv":
+        raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance pooled.csv")
+    tables = [read_score_table(path) for path in scores]
+    figures = pooled(tables)
+    command = f"cusick-bench withheld pool {' '.join(path.name for path in scores)}"
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        text = csv_text(pooled_rows(figures, tables, command), float_format="%.6g")
+        write_atomically(out, text.encode())
+        tell(f"wrote {out}")
+    if as_json:
+        suites = [table.path.name for table in tables]
+        rows = [{**one.figure.record(), "suites": dict(zip(suites, one.parts, strict=True))} for one in figures]
+        print_json({"figures": rows, "command": command})
+    else:
+        print_scores(pooled_lines(figures, tables))
