@@ -56,6 +56,8 @@ def test_no_case_counts_twice_and_severities_are_of_one_kind(tmp_path):
     measured = _table(tmp_path / "c.csv", "c", figure, command="score --twins twins.json")
     with pytest.raises(WithheldError, match=r"not measured in .*a\.csv, but in others; score it with --twins"):
         pooled([read_score_table(measured), read_score_table(first)])
+    nulls = _table(tmp_path / "d.csv", "d", ("false positives", "all", 0.0, 9))
+    assert len(pooled([read_score_table(measured), read_score_table(nulls)])) == 2
 
 
 @pytest.mark.parametrize(

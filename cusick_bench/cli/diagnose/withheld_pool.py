@@ -24,7 +24,7 @@ def pool(
 ) -> None:
     """Put the scores of several suites together: every share over all of their cases, with one interval.
 
-    Severities must be measured (`score --twins`) in all of the tables or in none.
+    Severities must be measured (`score --twins`) in all of the suites with effects or in none.
     """
     from cusick_bench.files.csv_text import csv_text
     from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, pooled_rows, read_score_table

@@ -34,13 +34,13 @@ class ScoreTable:
         path: Its file.
         values: Value and number of cases, by name of the figure and of the subset of cases.
         labels: Digest of the suite's labels.
-        measured: Whether severities are those that silhouettes show.
+        measured: Whether severities are those that silhouettes show; None where no case has an effect.
     """
 
     path: Path
     values: Mapping[tuple[str, str], tuple[float, int]]
     labels: str
-    measured: bool
+    measured: bool | None
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ def read_score_table(path: Path) -> ScoreTable:
         raise BadFile(path, "has no shares or means of answers", _REMEDY)
     values = {(cells["name"], cells["subset"]): _value(path, number, cells) for number, cells in rows}
     first = rows[0][1]
-    return ScoreTable(path, values, first["labels_sha256"], _TWINS in first["command"])
+    has_effects = any(cases for (_, subset), (_, cases) in values.items() if subset != ALL)
+    return ScoreTable(path, values, first["labels_sha256"], _TWINS in first["command"] if has_effects else None)
 
 
 def _is_pooled(cells: Mapping[str, str]) -> bool:
@@ -106,7 +107,7 @@ def pooled(tables: Sequence[ScoreTable]) -> list[PooledFigure]:
     for one, other in combinations(tables, 2):
         if one.labels == other.labels:
             raise WithheldError(f"{one.path} and {other.path} are of the same cases; give one of them")
-        if one.measured != other.measured:
+        if {one.measured, other.measured} == {True, False}:
             plain = other if one.measured else one
             raise WithheldError(f"severities are not measured in {plain.path}, but in others; score it with {_TWINS}")
     found = []
