@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from cusick_bench.sim.errors import raise_stop
 
 T = TypeVar("T")
+_left_out: dict[tuple[str, str], str] = {}  # why, by group and name
 
 
 def registered_classes(group: str, base: type[T], taken: Collection[str]) -> dict[str, type[T]]:
@@ -71,4 +72,18 @@ def leave_out(group: str, name: str, value: object, why: str) -> None:
         value: What is registered.
         why: What is wrong with it, and what mends it.
     """
-    warnings.warn(f"{name!r} ({value}) of {group} {why}; it is left out", RuntimeWarning, stacklevel=3)
+    _left_out[group, name] = f"{name!r} ({value}) of {group} {why}"
+    warnings.warn(f"{_left_out[group, name]}; it is left out", RuntimeWarning, stacklevel=3)
+
+
+def why_left_out(group: str, name: str) -> str:
+    """Why a name that another package registers cannot be used, for who asks for it where warnings are not shown.
+
+    Args:
+        group: Group of the entry points.
+        name: Name that was asked for.
+
+    Returns:
+        What is wrong, and what mends it; empty where nothing of this name was left out.
+    """
+    return _left_out.get((group, name), "")

@@ -14,7 +14,7 @@ from typing import Any, get_type_hints
 from pydantic import PydanticSchemaGenerationError, TypeAdapter, ValidationError
 
 from cusick_bench.sim.errors import did_you_mean, failure_text, raise_stop
-from cusick_bench.sim.plugins import registered_classes
+from cusick_bench.sim.plugins import registered_classes, why_left_out
 from cusick_bench.solvers.base import Solver, SolverError
 from cusick_bench.solvers.bayesian_optimisation.baxus import Baxus
 from cusick_bench.solvers.bayesian_optimisation.hesbo import Hesbo
@@ -109,7 +109,7 @@ def solver_class(name: str) -> type[Solver]:
         The class.
 
     Raises:
-        SolverError: There is none; the message lists what there is.
+        SolverError: There is none; the message lists what there is, or says why one of another package cannot be used.
     """
     solvers = registered()
     if name in solvers:
@@ -117,6 +117,8 @@ def solver_class(name: str) -> type[Solver]:
     family, _, member = name.partition(":")
     if family in _FAMILIES and member:
         return _FAMILIES[family](member)
+    if why := why_left_out(ENTRY_POINTS, name):
+        raise SolverError(f"solver {why}")
     raise SolverError(f"unknown solver {name!r}; {did_you_mean(name, solvers)}registered are {', '.join(solvers)}")
 
 

@@ -37,7 +37,7 @@ from cusick_bench.sim.effects.material.rest_curvature import RestCurvature
 from cusick_bench.sim.effects.material.rim_stiffening import RimStiffening
 from cusick_bench.sim.effects.material.stiffness_field import StiffnessField
 from cusick_bench.sim.errors import SimulationError, raise_stop
-from cusick_bench.sim.plugins import leave_out, registered_classes
+from cusick_bench.sim.plugins import leave_out, registered_classes, why_left_out
 
 if TYPE_CHECKING:
     from cusick_bench.sim.setup import Setup
@@ -146,10 +146,12 @@ def effect(name: str) -> Effect:
         The effect.
 
     Raises:
-        SimulationError: Unknown name.
+        SimulationError: Unknown name, or an effect of another package that cannot be used.
     """
     effects = registered()
     if name not in effects:
+        if why := why_left_out(ENTRY_POINTS, name):
+            raise SimulationError(f"effect {why}")
         near = get_close_matches(name, effects, n=1)
         raise SimulationError(
             f"unknown effect {name!r}" + (f"; did you mean {near[0]!r}?" if near else f"; use {', '.join(effects)}")

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from cusick_bench.sim.effects.registry import registered
+from cusick_bench.sim.effects.registry import effect, registered
+from cusick_bench.sim.errors import SimulationError
+from cusick_bench.solvers.base import SolverError
 from cusick_bench.solvers.registry import registered as registered_solvers
+from cusick_bench.solvers.registry import solver_class
 
 SIMULATE = "simulate --density 0.2 --bending 1e-6 --vertices 97 --steps 2"
 LIMIT = 6 << 30  # [bytes] of address space of a command
@@ -166,6 +169,16 @@ def test_a_package_that_registers_nonsense_is_named_and_left_out(register, group
         names = registered() if group == "effects" else registered_solvers()
     assert "odd" not in names
     assert len(names) > 5
+
+
+@pytest.mark.filterwarnings("ignore:'odd'")
+@pytest.mark.parametrize(("group", "found"), [("solvers", solver_class), ("effects", effect)])
+def test_who_asks_for_what_was_left_out_is_told_why_though_warnings_are_hidden(register, group, found):
+    register(group, "odd = odd_import:Thing")
+    with pytest.raises((SolverError, SimulationError), match=r"'odd'.*it needs a library that is not here"):
+        found("odd")
+    with pytest.raises((SolverError, SimulationError), match=f"unknown {group[:-1]} 'even'"):
+        found("even")
 
 
 @pytest.mark.parametrize(("group", "taken"), [("solvers", "homo"), ("effects", "creep")])
