@@ -88,8 +88,10 @@ def _fit_advice(own: pd.DataFrame, fabric: str, fit_missing: str) -> list[str]:
     return []
 
 
-def _sample_advice(own: pd.DataFrame) -> list[str]:
-    """How many more samples a diagnosis needs."""
+def _sample_advice(dataset: DrapeDataset, own: pd.DataFrame) -> list[str]:
+    """How many more samples a diagnosis needs; none where it refuses their size (`laboratory_next`)."""
+    if not dataset.protocol.has_standard_ratio:
+        return []
     more = LEAST_SAMPLES - len(set(own["sample"]))  # those of unusable pictures are cut already
     if more <= 0:
         return []
@@ -141,7 +143,7 @@ def fabric_next(
         )
     if drapes.unusable:
         todo.append(f"Look at {drapes.unusable} unusable pictures: cusick-bench data audit {dataset.root}")
-    todo += _fit_advice(own, fabric, fit_missing) + _sample_advice(own) + _face_advice(own)
+    todo += _fit_advice(own, fabric, fit_missing) + _sample_advice(dataset, own) + _face_advice(own)
     if diagnosis is not None:
         todo += [f"{one.name}: {one.what}" for one in diagnosis.next[:_MOST_ADVICE]]
         todo += [f"Simulate this cloth with --with-effect {one}" for one in diagnosis.with_effect]
@@ -172,9 +174,8 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             "Print the board (cusick-bench data board) and photograph it on the plate: the bare plate alone does not "
             "tell a tilt of the camera."
         )
-    standard = PLATE_RADIUS / CLOTH_RADIUS
-    if abs(protocol.plate_radius_m / protocol.cloth_radius_m - standard) > 0.01:
-        known = 2e3 * protocol.plate_radius_m / standard  # [mm]
+    if not protocol.has_standard_ratio:
+        known = 2e3 * protocol.plate_radius_m * CLOTH_RADIUS / PLATE_RADIUS  # [mm]
         todo.append(
             f"For a diagnosis drape samples of {known:.0f} mm over this plate: it knows only the ratio of 18 "
             "to 30 cm. Stiffness does not need them."

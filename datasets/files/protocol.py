@@ -35,6 +35,7 @@ CAMERA_HEIGHTS = (0.2, 20.0)  # [m] of the eye above the plate
 PLATE_SHARE = 0.1  # the plate's diameter is at least this share of the image's width
 CLOTH_BEYOND = 0.1  # a flat cloth may reach this share of its radius beyond the image: drapes hang lower than flat
 MAXIMUM_SIZE = 4096  # [px]
+_RATIO_TOLERANCE = 0.02
 _PROJECTIONS = {"parallel": ("parallel", "orthographic", "orthogonal"), "pinhole": ("pinhole", "perspective")}
 _DIRECTIONS = {"up": ("up",), "down": ("down",)}
 _FOREGROUNDS = {
@@ -173,6 +174,11 @@ class Protocol:
     def overhang_m(self) -> float:
         """Width of the annulus of cloth that hangs over the plate's edge, R - r [m]."""
         return self.cloth_radius_m - self.plate_radius_m
+
+    @property
+    def has_standard_ratio(self) -> bool:
+        """Whether plate and cloth are, to 2 %, in the ratio of the standard's 18 and 30 cm, which a diagnosis needs."""
+        return abs(self.plate_radius_m / self.cloth_radius_m / (PLATE_RADIUS / CLOTH_RADIUS) - 1) <= _RATIO_TOLERANCE
 
     @property
     def cloth_scale(self) -> float:

@@ -138,6 +138,8 @@ def test_samples_for_a_diagnosis_are_of_the_size_that_it_knows(lab, cloth, advis
     steps = [step for step in laboratory_next(dataset, None) if "ratio" in step]
     assert len(steps) == advised
     assert all(step.startswith("For a diagnosis drape samples of 300 mm over this plate") for step in steps)
+    more = fabric_next(dataset, "fabric_2", Drapes(samples=1, silhouettes=4, units=2), "", None, 0)
+    assert any(step.startswith("Cut 2 more samples") for step in more) != advised
 
 
 def test_pictures_that_cannot_be_used_are_not_forced(lab):

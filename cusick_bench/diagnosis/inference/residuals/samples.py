@@ -14,8 +14,6 @@ from cusick_bench.diagnosis.measure.features import features as features_of
 from cusick_bench.diagnosis.measure.statistics import specimen_statistics
 from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS
 
-_RATIO_TOLERANCE = 0.02
-
 
 @dataclass(frozen=True, eq=False)
 class SampleStatistics:
@@ -58,8 +56,8 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
         Refused: Plate and cloth are not in the atlas' ratio.
     """
     protocol = captures.protocol
-    ratio, nominal_ratio = protocol.plate_radius_m / protocol.cloth_radius_m, PLATE_RADIUS / CLOTH_RADIUS
-    if abs(ratio / nominal_ratio - 1) > _RATIO_TOLERANCE:
+    if not protocol.has_standard_ratio:
+        ratio, nominal_ratio = protocol.plate_radius_m / protocol.cloth_radius_m, PLATE_RADIUS / CLOTH_RADIUS
         raise Refused(
             f"the atlas is for plate over cloth = {nominal_ratio:g}, this protocol has {protocol.plate_radius_m:g} m "
             f"over {protocol.cloth_radius_m:g} m = {ratio:.3g}; drape samples of "
