@@ -12,6 +12,7 @@ from typing import Any
 import typer
 
 import cusick_bench
+from cusick_bench.sim.errors import CusickError
 
 PACKAGE = Path(cusick_bench.__file__).resolve().parent
 
@@ -55,6 +56,20 @@ def room_for_picture(picture: Path | None) -> AbstractContextManager[None]:
     if picture is not None and picture.is_dir():
         raise typer.BadParameter(f"{picture} is a folder; name a PNG file in it", param_hint="--picture")
     return folder_made(None if picture is None else picture.parent)
+
+
+def require_csv(table: Path | None, example: str) -> None:
+    """Makes sure, before any work, that a table is to be a CSV file.
+
+    Args:
+        table: What `--out` names; None for no table.
+        example: A name that would do, for the message.
+
+    Raises:
+        CusickError: The name ends otherwise.
+    """
+    if table is not None and table.suffix != ".csv":
+        raise CusickError(f"the name of the table must end in .csv, got {table}; give for instance {example}")
 
 
 def outside_package(value: Any) -> Any:

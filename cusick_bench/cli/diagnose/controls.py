@@ -14,7 +14,7 @@ from rich.text import Text
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.options import Atlas, DiagnosedData, Force, Json, Seed, WithoutEffect, Workers, output_option
 from cusick_bench.cli.progress import progress_bar
-from cusick_bench.cli.written_paths import folder_made
+from cusick_bench.cli.written_paths import folder_made, require_csv
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED, Options, repeated_option
@@ -69,8 +69,7 @@ def diagnose_controls(
     from cusick_bench.diagnosis.controls.table import read_judgements
     from cusick_bench.sim.effects import effect
 
-    if out.suffix != ".csv":
-        raise DiagnosisError(f"the name of the table must end in .csv, got {out}; give for instance controls.csv")
+    require_csv(out, "controls.csv")
     if unknown := [name for name in control or () if name not in CONTROLS]:
         raise DiagnosisError(f"no control is called {unknown[0]!r}; use {', '.join(CONTROLS)}")
     options = Options(0, False, tuple(effect(name).name for name in without_effect or ()), seed)

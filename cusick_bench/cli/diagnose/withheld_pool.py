@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from cusick_bench.cli.common import print_json, tell, user_errors
-from cusick_bench.cli.diagnose.withheld_score import print_scores
+from cusick_bench.cli.diagnose.withheld_score import print_scores, write_scores
 from cusick_bench.cli.options import Json, output_option
-from cusick_bench.runner.store import write_atomically
-from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.cli.written_paths import require_csv
 
 
 @user_errors
@@ -26,18 +25,14 @@ def pool(
 
     Severities must be measured (`score --twins`) in all of the suites with effects or in none.
     """
-    from cusick_bench.files.csv_text import csv_text
     from cusick_bench.withheld.scoring.pool import pooled, pooled_lines, pooled_rows, read_score_table
 
-    if out is not None and out.suffix != ".csv":
-        raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance pooled.csv")
+    require_csv(out, "pooled.csv")
     tables = [read_score_table(path) for path in scores]
     figures = pooled(tables)
     command = f"cusick-bench withheld pool {' '.join(path.name for path in scores)}"
     if out is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        text = csv_text(pooled_rows(figures, tables, command), float_format="%.6g")
-        write_atomically(out, text.encode())
+        write_scores(out, pooled_rows(figures, tables, command))
         tell(f"wrote {out}")
     if as_json:
         suites = [table.path.name for table in tables]

@@ -13,12 +13,14 @@ from rich.text import Text
 from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.options import Json, Labels, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
+from cusick_bench.cli.written_paths import require_csv
 from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
-from cusick_bench.withheld.errors import WithheldError
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from cusick_bench.withheld.scoring.failures import Failure
     from cusick_bench.withheld.scoring.score import Scores
 
@@ -59,8 +61,7 @@ def score(
     from cusick_bench.withheld.scoring.score import score as score_answers
     from cusick_bench.withheld.scoring.table import document
 
-    if out is not None and out.suffix != ".csv":
-        raise WithheldError(f"the name of the table must end in .csv, got {out}; give for instance withheld.csv")
+    require_csv(out, "withheld.csv")
     answered = read_labelled_answers(answers, labels, commitment)
     if oracle is not None:
         answered = with_oracle_closures(answered, read_oracle_closures(oracle))
@@ -92,15 +93,25 @@ def _facts(answers: Path, labels: Path, seed: int, **given: Path | None) -> dict
 
 
 def _write(out: Path, scores: Scores, failed: list[Failure], facts: dict[str, Any]) -> None:
-    from cusick_bench.files.csv_text import csv_text
     from cusick_bench.withheld.scoring.table import markdown, rows
 
-    out.parent.mkdir(parents=True, exist_ok=True)
-    table = csv_text(rows(scores, failed, facts), float_format="%.6g")
-    write_atomically(out, table.encode())
+    write_scores(out, rows(scores, failed, facts))
     page = out.with_suffix(".md")
     write_atomically(page, markdown(scores, failed, facts).encode())
     tell(f"wrote {out} and {page}")
+
+
+def write_scores(out: Path, table: DataFrame) -> None:
+    """Writes rows of scores as CSV, in a new folder if need be.
+
+    Args:
+        out: The file.
+        table: The rows.
+    """
+    from cusick_bench.files.csv_text import csv_text
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(out, csv_text(table, float_format="%.6g").encode())
 
 
 def _show(scores: Scores, failed: list[Failure]) -> None:

@@ -16,9 +16,9 @@ from cusick_bench.files import BadFile, read_csv
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.scoring.calibration import wilson_interval
 from cusick_bench.withheld.scoring.figures import Figure
-from cusick_bench.withheld.scoring.measures import ALL, CLEAR, DISTINCT, MEASURES, Measure
+from cusick_bench.withheld.scoring.measures import ALL, MEASURES, Measure
 from cusick_bench.withheld.scoring.score import ANSWERS
-from cusick_bench.withheld.scoring.table import with_interval, written
+from cusick_bench.withheld.scoring.table import headline_cells, headline_figures, written
 
 _COLUMNS = ("row", "method", "name", "subset", "value", "cases", "command", "labels_sha256")
 _REMEDY = "make it again with `withheld score ANSWERS LABELS --out FILE.csv`"
@@ -155,12 +155,8 @@ def pooled_lines(figures: Sequence[PooledFigure], tables: Sequence[ScoreTable]) 
         Heading and lines: figure, cases, n, all suites with interval, goal, reached, then each suite.
     """
     lines = [["figure", "cases", "n", "all [95 %]", "goal", "reached", *(table.path.stem for table in tables)]]
-    clear = {one.figure.name for one in figures if one.figure.subset == CLEAR}
-    for one in figures:
-        figure = one.figure
-        usual = (CLEAR, DISTINCT) if figure.name in clear else (ALL,)
-        if figure.goal is not None or figure.subset in usual:
-            goal = "" if figure.goal is None else str(figure.goal)
-            facts = [figure.name, figure.subset, str(figure.cases), with_interval(figure), goal, figure.reached]
-            lines.append([*facts, *(written(figure.name, value) for value in one.parts)])
+    parts = {(one.figure.name, one.figure.subset): one.parts for one in figures}
+    for figure in headline_figures([one.figure for one in figures]):
+        own = [written(figure.name, value) for value in parts[figure.name, figure.subset]]
+        lines.append([*headline_cells(figure), *own])
     return lines

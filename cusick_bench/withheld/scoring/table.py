@@ -74,22 +74,42 @@ def headline(scores: Scores) -> list[list[str]]:
     rivals = list(dict.fromkeys(figure.method for figure in scores.figures if figure.method != ANSWERS))
     values = {(figure.method, figure.name, figure.subset): figure for figure in scores.figures}
     lines = [["figure", "cases", "n", "answers [95 %]", "goal", "reached", *rivals]]
-    for figure in _of(scores, ANSWERS):
-        if not figure.cases or not _is_headline(figure, scores):
-            continue
+    for figure in headline_figures(_of(scores, ANSWERS)):
         others = [values.get((rival, figure.name, figure.subset)) for rival in rivals]
-        goal = "" if figure.goal is None else str(figure.goal)
-        lines.append(
-            [figure.name, figure.subset, str(figure.cases), with_interval(figure), goal, figure.reached]
-            + ["" if other is None else written(other.name, other.value) for other in others]
-        )
+        rest = ["" if other is None else written(other.name, other.value) for other in others]
+        lines.append([*headline_cells(figure), *rest])
     return lines
 
 
-def _is_headline(figure: Figure, scores: Scores) -> bool:
-    """Figures with a goal, and the others of clear effects, or of all cases where severity does not matter."""
-    subsets = {other.subset for other in scores.figures if other.name == figure.name}
-    return figure.goal is not None or figure.subset in ((CLEAR, DISTINCT) if CLEAR in subsets else (ALL,))
+def headline_figures(figures: Sequence[Figure]) -> list[Figure]:
+    """Figures of the main table.
+
+    Args:
+        figures: All figures of one method.
+
+    Returns:
+        Those with cases that have a goal, are of clear effects, or of all cases where severity does not matter.
+    """
+    by_clear = {figure.name for figure in figures if figure.subset == CLEAR}
+    return [
+        figure
+        for figure in figures
+        if figure.cases
+        and (figure.goal is not None or figure.subset in ((CLEAR, DISTINCT) if figure.name in by_clear else (ALL,)))
+    ]
+
+
+def headline_cells(figure: Figure) -> list[str]:
+    """Cells of a figure in the main table.
+
+    Args:
+        figure: The figure.
+
+    Returns:
+        Figure, cases, n, value with interval, goal, reached.
+    """
+    goal = "" if figure.goal is None else str(figure.goal)
+    return [figure.name, figure.subset, str(figure.cases), with_interval(figure), goal, figure.reached]
 
 
 def _not_judged(scores: Scores) -> list[str]:

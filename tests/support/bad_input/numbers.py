@@ -226,6 +226,7 @@ _OTHERS: dict[str, tuple[str, str]] = {
     "least severity below zero": ("withheld leave-out {here}/empty {here}/l.json --minimum-severity -1", "(greater|less) than or equal"),
     "least severity that is no number": ("withheld leave-out {here}/empty {here}/l.json --minimum-severity nan", "nan|l.json|than or equal"),
     "scores of another form": ("withheld score {here}/a.json {here}/l.json --out {here}/t.txt", "must end in .csv"),
+    "pooled scores of another form": ("withheld pool {here}/a.csv --out {here}/t.txt", "must end in .csv"),
     "a skirt of nothing": (SKIRT, "--from RESULT, or --density and --bending"),
     "a skirt of two cloths": (SKIRT + CLOTH + " --from {here}/run", "either --from"),
     "a skirt without stiffness": (SKIRT + " --density 0.2", "needs both --density and --bending"),
