@@ -9,7 +9,7 @@ from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Drapes, Fit, Preparation
-from cusick_bench.sim.constants import CLOTH_RADIUS, PLATE_RADIUS, VERTICES_TO_FIT
+from cusick_bench.sim.constants import VERTICES_TO_FIT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -175,10 +175,9 @@ def laboratory_next(dataset: DrapeDataset, preparation: Preparation | None) -> l
             "tell a tilt of the camera."
         )
     if not protocol.has_standard_ratio:
-        known = 2e3 * protocol.plate_radius_m * CLOTH_RADIUS / PLATE_RADIUS  # [mm]
         todo.append(
-            f"For a diagnosis drape samples of {known:.0f} mm over this plate: it knows only the ratio of 18 "
-            "to 30 cm. Stiffness does not need them."
+            f"For a diagnosis drape samples of {2e3 * protocol.standard_cloth_radius_m:.0f} mm over this plate: it "
+            "knows only the ratio of 18 to 30 cm. Stiffness does not need them."
         )
     if len(shown) == 1:
         todo.append(

@@ -181,6 +181,11 @@ class Protocol:
         return abs(self.plate_radius_m / self.cloth_radius_m / (PLATE_RADIUS / CLOTH_RADIUS) - 1) <= _RATIO_TOLERANCE
 
     @property
+    def standard_cloth_radius_m(self) -> float:
+        """Radius [m] of the cloth that would be in the standard's ratio to this plate."""
+        return self.plate_radius_m * CLOTH_RADIUS / PLATE_RADIUS
+
+    @property
     def cloth_scale(self) -> float:
         """Radius of the cloth, in those of the standard's."""
         return self.cloth_radius_m / CLOTH_RADIUS

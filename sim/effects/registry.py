@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
@@ -36,7 +35,7 @@ from cusick_bench.sim.effects.material.local_stiff_patch import LocalStiffPatch
 from cusick_bench.sim.effects.material.rest_curvature import RestCurvature
 from cusick_bench.sim.effects.material.rim_stiffening import RimStiffening
 from cusick_bench.sim.effects.material.stiffness_field import StiffnessField
-from cusick_bench.sim.errors import SimulationError, raise_stop
+from cusick_bench.sim.errors import SimulationError, did_you_mean, raise_stop
 from cusick_bench.sim.plugins import leave_out, registered_classes, why_left_out
 
 if TYPE_CHECKING:
@@ -152,10 +151,7 @@ def effect(name: str) -> Effect:
     if name not in effects:
         if why := why_left_out(ENTRY_POINTS, name):
             raise SimulationError(f"effect {why}")
-        near = get_close_matches(name, effects, n=1)
-        raise SimulationError(
-            f"unknown effect {name!r}" + (f"; did you mean {near[0]!r}?" if near else f"; use {', '.join(effects)}")
-        )
+        raise SimulationError(f"unknown effect {name!r}; {did_you_mean(name, effects)}known are {', '.join(effects)}")
     return effects[name]
 
 

@@ -61,7 +61,7 @@ def to_atlas(captures: Captures) -> tuple[Captures, list[str]]:
         raise Refused(
             f"the atlas is for plate over cloth = {nominal_ratio:g}, this protocol has {protocol.plate_radius_m:g} m "
             f"over {protocol.cloth_radius_m:g} m = {ratio:.3g}; drape samples of "
-            f"{2 * protocol.plate_radius_m / nominal_ratio:.3g} m, or correct protocol.json"
+            f"{2 * protocol.standard_cloth_radius_m:.3g} m, or correct protocol.json"
         )
     factor, notes = CLOTH_RADIUS / protocol.cloth_radius_m, [*captures.notes, *lengths_of_atlas(protocol)]
     if protocol.projection == "pinhole":
