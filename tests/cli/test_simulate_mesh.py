@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
@@ -44,6 +45,34 @@ def test_pictures_are_the_releases_unless_the_cloth_is_too_large_for_them(tmp_pa
         with Image.open(tmp_path / "drape_0000.png") as picture:
             assert (picture.size[0] > IMAGE_SIZE) == larger
             assert picture.getpixel((0, picture.size[1] // 2)) == 255
+
+
+@pytest.mark.parametrize(
+    ("effects", "radius"),
+    [
+        (["camera-scale:error=0.2"], 0.18),
+        (["camera-scale:error=0.2", "camera-offset:shift=0.03,direction=200"], 0.18),
+        (["plate-slip:slide=0.02", "camera-scale:error=0.1"], 0.165),
+    ],
+)
+def test_pictures_hold_all_that_effects_show(effects: list[str], radius: float, tmp_path: Path):
+    words = [word for effect in effects for word in ("--with-effect", effect)]
+    found = _simulate(tmp_path, 0.15, "--bending", "0.1", "--draws", "2", *words)
+    share = (radius**2 - 0.09**2) / (0.15**2 - 0.09**2)
+    assert found["drape_coefficient"] == pytest.approx(share, abs=0.04)  # the rim is a polygon
+    for name in ("drape_0000.png", "drape_0001.png"):
+        with Image.open(tmp_path / name) as picture:
+            shades = np.asarray(picture)
+            rim = {*shades[0].tolist(), *shades[:, 0].tolist(), *shades[-1].tolist(), *shades[:, -1].tolist()}
+            assert rim == {255}, "nothing is cut off"
+
+
+@pytest.mark.parametrize("words", [["--mode", "drop"], ["--self-contact", "0.002"]])
+def test_two_ways_to_ask_for_self_contact_do_not_hide_each_other(words: list[str]):
+    command = ["simulate", "--density", "0.2", "--bending", "1e-4", "--vertices", "100", *words]
+    result = CliRunner().invoke(app, [*command, "--with-effect", "self-contact:thickness=0.001"])
+    assert result.exit_code == 2
+    assert words[0] in result.output
 
 
 def test_fewer_draws_leave_no_files_of_an_earlier_run_and_touch_no_others(tmp_path: Path):

@@ -370,6 +370,18 @@ class TestTables:
         assert shares["strength of planted effects estimated, named or not", "larger"].cases == 10
         assert "known effects of the data found" not in {name for name, _ in shares}
 
+    def test_a_refusal_is_a_miss_where_the_silhouettes_show_it_and_no_proof_against_false_alarms(self):
+        planted = control("planted", {"camera-offset"}, strength="larger", amount=OFFSET)
+        more = judge(planted, NOTHING, refused("too few samples"), 9.0)
+        before, after = (
+            {(one.name, one.level): one for one in figures(made)}
+            for made in (some_judgements(), [*some_judgements(), more])
+        )
+        visible = "planted effects found, where silhouettes show them", "larger"
+        assert (after[visible].count, after[visible].cases) == (before[visible].count, before[visible].cases + 1)
+        beside = "another effect named beside what was planted", ""
+        assert after[beside].cases == before[beside].cases == 20
+
     def test_tables_hold_every_control_and_share(self):
         made = some_judgements()
         shares, facts = figures(made), {"command": "cusick-bench diagnose-controls DATA", "code": "1"}
@@ -519,6 +531,15 @@ class TestRun:
         assert found["shift"].estimate_right == "yes"
         assert found["halves"].verdict_before == REFUSED
         assert found["halves"].hit == "yes"
+
+    def test_what_is_planted_shows_also_where_the_diagnosis_is_refused(self, under_control, diagnosed, monkeypatch):
+        def refuse(captures, emulator, calibration, options):
+            raise DiagnosisError("not today")
+
+        monkeypatch.setattr(run, "diagnose", refuse)
+        made = controlled(under_control, None, None, names=["shift"])  # pyright: ignore[reportArgumentType]
+        assert [(one.verdict, one.hit) for one in made] == [(REFUSED, "no")] * 2
+        assert all(one.largest_shift > 1 for one in made)
 
 
 def _answer(captures: Captures) -> Reading:

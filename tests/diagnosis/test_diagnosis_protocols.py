@@ -110,6 +110,24 @@ def test_causes_to_simulate_are_in_the_laboratorys_lengths(laboratories):
     assert len(parse_causes(listed[1])) == len(causes)
 
 
+@pytest.mark.parametrize("frame", ["lab", "cloth"])
+def test_a_direction_that_turns_over_with_the_cloth_is_told(laboratories, frame):
+    emulator, _ = load_uncalibrated()
+    known = next(one for one in hypotheses(emulator) if (one.name, one.frame) == ("off-centre", frame))
+    cause = Candidate(known, {"shift": 0.004, "direction": 30.0}, 0.0, 0.0, 0.0)
+    nominal = captures(laboratories, "release")
+    found = diagnose(nominal, emulator, options=Options(samples=0))
+    acting, probability = {**found.acting, "off-centre": 1.0}, {**found.probability, "off-centre": 0.5}
+    found = replace(
+        found, causes=(cause,), best={**found.best, "off-centre": cause}, acting=acting, probability=probability
+    )
+    made = document(found, nominal, emulator, command="", version="")
+    assert made.with_effect == ("off-centre:shift=0.004,direction=30",)
+    assert any("turns over with the cloth" in note for note in made.notes) == (frame == "cloth")
+    (listed,) = (one for one in made.causes if one.effect == "off-centre")
+    assert listed.turns_with_cloth == (frame == "cloth")
+
+
 def test_perspective_is_taken_out_and_said(laboratories):
     ours, nominal = captures(laboratories, "near camera"), captures(laboratories, "release")
     assert np.abs(ours.radii - nominal.radii).mean() < 1.5e-3

@@ -57,6 +57,11 @@ def test_a_cause_is_known_by_what_it_would_show(name, sign):
     assert signature("no-such-effect") == ""
 
 
+def test_an_effect_of_the_bench_that_turns_with_the_cloth_is_not_said_to_keep_its_direction():
+    assert "Keeps its direction" not in signature("off-centre", True)
+    assert "Turns over with the cloth" in signature("off-centre", True)
+
+
 def test_every_statistic_and_effect_has_words():
     words = [statistic_name(name) for name in STATISTICS]
     assert len(set(words)) == len(words)

@@ -18,6 +18,7 @@ from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import read_answers
 from cusick_bench.withheld.format.label import LabelDocument, read_label_documents
+from cusick_bench.withheld.format.seal import published_seals
 from cusick_bench.withheld.scoring.labelled_answers import read_labelled_answers
 from cusick_bench.withheld.scoring.score import score
 from cusick_bench.withheld.suite.design import EFFECTS
@@ -37,6 +38,7 @@ def test_answers_keep_to_the_format(small_suite: Path, small_answers: Path) -> N
         assert np.array(answer.where.map).shape == (4, 16)
     assert found.content() == json.loads(small_answers.read_text())
     labels, commitment = small_suite / "labels" / "labels.json", small_suite / "cases" / "commitment.json"
+    assert found.seals == published_seals(commitment), "the answers say which cases they are of"
     assert len(score(read_labelled_answers(small_answers, labels, commitment)).cases) == 3
 
 

@@ -97,8 +97,9 @@ def generate_suite(
     as_json: Json = False,
 ) -> None:
     """Make a suite of cases, or go on with one; nothing that is printed reveals what they hold."""
+    from cusick_bench.withheld.format.seal import COMMITMENT
     from cusick_bench.withheld.suite.detectable import read_detectable
-    from cusick_bench.withheld.suite.generate import COMMITMENT, LABELS, Suite, generate
+    from cusick_bench.withheld.suite.generate import LABELS, Suite, generate
     from cusick_bench.withheld.world.registry import world_of
 
     counts = {"null": nulls, "single": singles, "pair": pairs, "unknown": unknown}

@@ -34,9 +34,12 @@ def leave_out(
     strong enough to be seen. Answers that are there already are kept; `score` takes the file like any other.
     """
     from cusick_bench.withheld.answers.leave_out import answer_left_out, left_out_effects
-    from cusick_bench.withheld.format.label import read_labels
+    from cusick_bench.withheld.answers.parts import require_labels_of
+    from cusick_bench.withheld.format.label import read_label_documents, truth_of
 
-    known = read_labels(labels)
+    documents = read_label_documents(labels)
+    require_labels_of(cases, documents)
+    known = {case: truth_of(label) for case, label in documents.items()}
     kept = interruptible(f"the answers that were ready are kept beside {out}", go_on=True)
     with progress_bar("cases", len(left_out_effects(known, least))) as bar, kept:
         found = answer_left_out(

@@ -64,7 +64,7 @@ def score(
     require_csv(out, "withheld.csv")
     answered = read_labelled_answers(answers, labels, commitment)
     if oracle is not None:
-        answered = with_oracle_closures(answered, read_oracle_closures(oracle))
+        answered = with_oracle_closures(answered, read_oracle_closures(oracle), str(oracle))
     if twins is not None:
         answered = with_measured_severities(answered, read_shown_shifts(twins), str(twins))
     with progress_bar("scoring methods") as bar:

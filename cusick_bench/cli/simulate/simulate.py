@@ -120,6 +120,14 @@ class Draws:
         plain = self.simulator
         return Scene(self.causes, plain.mesh, plain.settings, capture=2, later=True, seed=self.seed + number)
 
+    def reach(self, count: int) -> float:
+        """How far from the plate's axis the flat cloths seem to reach [m]: under causes, what a picture has to show."""
+        import torch
+
+        scenes = (self.scene(number) for number in range(count if self.causes else 0))
+        seen = (scene.seen(torch.from_numpy(scene.warped.flat)) for scene in scenes)
+        return max((float(torch.linalg.norm(points[:, :2], dim=1).max()) for points in seen), default=0.0)
+
     def _caused(self, count: int) -> Iterator[tuple[range, DrapeBatch]]:
         import torch
 
@@ -230,6 +238,12 @@ def simulate(
             f"--poisson is about law plate, and law {law.value} always bends with about -1/3; leave --poisson out, or "
             "take --law plate"
         )
+    if any(cause.effect.name == "self-contact" for cause in causes) and (mode is Mode.drop or self_contact > 0):
+        option = "--mode drop" if mode is Mode.drop else "--self-contact"
+        raise CusickError(
+            f"--with-effect self-contact lets the cloth come to rest, with a thickness of its own, got {option} as "
+            "well; leave one of them out"
+        )
     if mesh is not None and vertices is not None:
         raise CusickError("--vertices is about a disc that is meshed here; leave it out with --mesh")
     factor = PUBLISHED_BENDING_FACTOR if law is LawName.published else 1.0
@@ -255,7 +269,8 @@ def simulate(
         self_contact=self_contact,
     )
     drawn = Draws(DrapeSimulator(sheet, settings, device=device), cloth, heterogeneity, seed, causes)
-    sight = Sight.of(camera, *((CLOTH_RADIUS, CLOTH_RADIUS) if mesh is None else _size_of(sheet)))
+    size_of_cloth, reach = (CLOTH_RADIUS, CLOTH_RADIUS) if mesh is None else _size_of(sheet)
+    sight = Sight.of(camera, size_of_cloth, max(reach, drawn.reach(draws)))
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / ".writable").touch()

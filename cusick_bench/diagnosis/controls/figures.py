@@ -11,6 +11,7 @@ from math import nan
 from typing import Any, Literal
 
 from cusick_bench.diagnosis.controls.judgement import Judgement
+from cusick_bench.diagnosis.controls.reading import REFUSED
 
 VISIBLE = 3.0  # standard errors by which the silhouettes must change to show what was planted
 LEAST_HITS, MOST_REJECTED = 0.8, 0.1
@@ -73,7 +74,11 @@ def figures(judgements: Sequence[Judgement]) -> list[ControlFigure]:
         _share("halves of one face rejected", "", [one.false_alarm for one in halves], "at most"),
         _hits("known effects of the data found", "", real),
         _hits("pictures that are no drape left out", "", [one for one in judgements if one.kind == "slip"]),
-        _share("another effect named beside what was planted", "", [one.false_alarm for one in planted]),
+        _share(
+            "another effect named beside what was planted",
+            "",
+            [one.false_alarm for one in planted if one.verdict != REFUSED],
+        ),
         _alarms("effects named that cannot be there", judgements, "absent"),
         _alarms("effects named for a mirrored face", judgements, "outside"),
     ]

@@ -28,7 +28,7 @@ _MOSTLY = 0.5  # a set with at least this share of another set's pictures is not
 
 @dataclass(frozen=True, eq=False)
 class _Diagnosed:
-    """What a diagnosis says, and the statistics of the pictures that it saw; None where they were refused."""
+    """What a diagnosis says, and the statistics of the pictures that it saw; None where these cannot be read."""
 
     reading: Reading
     statistics: Float[ndarray, "samples faces statistics"] | None
@@ -131,10 +131,11 @@ def _diagnosed(
     data: DrapeDataset, *, fabric: str, emulator: Emulator, calibration: Calibration, options: Options
 ) -> _Diagnosed:
     """One diagnosis; changed pictures are not checked for whether a cloth can show them."""
+    statistics = None
     try:
         captures = read_captures(data, fabric, force=True)
         statistics = specimen_statistics(captures).mean
         result = diagnose(captures, emulator, calibration, options)
     except (DataError, DiagnosisError) as error:
-        return _Diagnosed(refused(str(error)), None)
+        return _Diagnosed(refused(str(error)), statistics)
     return _Diagnosed(read(result), statistics)

@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from cusick_bench.diagnosis.atlas.base_model import NAMES as PARAMETERS
-from cusick_bench.diagnosis.atlas.effect_timing import acts_later
+from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.diagnose import Diagnosis
 from cusick_bench.diagnosis.document import answer as stated
@@ -81,7 +81,7 @@ def document(
             for alike in (*EQUIVALENTS, ABSORBED)
             if alike.effects.intersection(diagnosis.set90)
         ),
-        notes=diagnosis.notes,
+        notes=(*diagnosis.notes, *_turning_with_cloth(diagnosis)),
         without=diagnosis.without,
         provenance=model.Provenance(version=version, command=command, atlas=f"{len(emulator.responses)} effects"),
     )
@@ -276,6 +276,22 @@ def _cause(diagnosis: Diagnosis, name: str, probability: float) -> model.Cause:
         summary="" if effect is None else effect.summary,
         named=name in diagnosis.effects,
         shared=name in diagnosis.shared,
+        turns_with_cloth=name in diagnosis.best and _turns_with_cloth(diagnosis.best[name]),
+    )
+
+
+def _turns_with_cloth(one: Candidate) -> bool:
+    """Whether an effect of plate or camera was found in the frame of the cloth."""
+    return in_lab(one.hypothesis.effect) and one.hypothesis.frame == "cloth"
+
+
+def _turning_with_cloth(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """A note for each cause that `with_effect` simulates in another frame than the one in which it was found."""
+    return tuple(
+        f"{one.hypothesis.name}: its direction turns over with the cloth in these pictures; --with-effect keeps it in "
+        "the laboratory, so to simulate cloth that lies face down give 180 minus the direction"
+        for one in diagnosis.causes
+        if _turns_with_cloth(one)
     )
 
 

@@ -57,6 +57,7 @@ class Cause(Part):
         summary: What the effect does, in a sentence.
         named: Whether it is in the named set.
         shared: Whether it is the laboratory's, shown by all fabrics of the data set.
+        turns_with_cloth: Whether its direction, by its nature the laboratory's, was found to turn over with the cloth.
     """
 
     effect: str
@@ -67,6 +68,7 @@ class Cause(Part):
     summary: str = ""
     named: bool = False
     shared: bool = False
+    turns_with_cloth: bool = False
 
     @property
     def likelihood_of_acting(self) -> float:

@@ -103,7 +103,7 @@ def _card(cause: Cause, document: DiagnosisDocument) -> CauseCard:
         likely=likely,
         remarks=_remarks(cause, document),
         parameters=_parameters(cause) if likely else [],
-        signature=signature(cause.effect) if likely else "",
+        signature=signature(cause.effect, cause.turns_with_cloth) if likely else "",
         physics=physics(cause.effect) if likely else "",
     )
 

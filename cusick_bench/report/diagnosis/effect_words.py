@@ -52,24 +52,27 @@ def parameter_meaning(name: str, parameter: str) -> str:
 
 
 @cache
-def signature(name: str) -> str:
+def signature(name: str, turns_with_cloth: bool = False) -> str:
     """What an effect would show if it acts, and by what it can be known.
 
     Args:
         name: The effect.
+        turns_with_cloth: Whether the direction of an effect of plate or camera was found to turn with the cloth.
 
     Returns:
         Sentences; "" where the effect is not registered.
     """
     known = registered().get(name)
-    return "" if known is None else " ".join(_signs(known))
+    return "" if known is None else " ".join(_signs(known, turns_with_cloth))
 
 
-def _signs(effect: Effect) -> list[str]:
+def _signs(effect: Effect, turns_with_cloth: bool) -> list[str]:
     signs = []
     if effect.kind == "imaging":
         signs.append("Changes the picture, not the cloth: other samples on the same camera show it too.")
-    if in_lab(effect):
+    if in_lab(effect) and turns_with_cloth:
+        signs.append("Turns over with the cloth here, though it would keep its direction on the bench by its nature.")
+    elif in_lab(effect):
         signs.append("Keeps its direction on the bench when the sample is turned or laid on its other face.")
     elif effect.located == "direction":
         signs.append("Turns with the cloth when the sample is turned on the plate.")

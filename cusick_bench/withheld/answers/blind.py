@@ -6,7 +6,7 @@ other case. Answers are kept one file a case, so that a crash loses one; a case 
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import lru_cache
@@ -30,6 +30,7 @@ from cusick_bench.withheld.answers.parts import answer_numerics, case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object
+from cusick_bench.withheld.format.seal import seals_beside
 
 _DIGITS = 6
 _SIMULATORS_KEPT = 20
@@ -116,7 +117,11 @@ def answer_each(
 
     Returns:
         The document that was written.
+
+    Raises:
+        WithheldError: Seals beside the cases that cannot be read.
     """
+    seals = _seals_of(asked)
     parts = {folder: case_part(out, folder, atlas, options) for folder, options in asked.items()}
     todo: list[_Task] = []
     for folder, part in parts.items():
@@ -126,7 +131,8 @@ def answer_each(
             todo.append(_Task(folder, asked[folder], part))
     _answer_tasks(todo, atlas, workers, step)
     answers = {folder.name: read_answer(read_object(part), str(part)) for folder, part in parts.items()}
-    more = {} if leave_out is None else {"leave_out": leave_out}
+    more: dict[str, Any] = {} if leave_out is None else {"leave_out": leave_out}
+    more |= {"seals": seals} if seals else {}
     document = AnswersDocument(
         code_version=version_text(answer_numerics()), atlas_sha256=file_digest(atlas), answers=answers, **more
     )
@@ -155,6 +161,12 @@ def answer_case(folder: Path, atlas: Path, options: Options, simulators: Simulat
     if options.without:
         found["without"] = list(options.without)
     return read_answer(_rounded(found), folder.name)
+
+
+def _seals_of(folders: Collection[Path]) -> dict[str, str]:
+    """The seal of every case that has one; nothing but the document of the answers depends on them."""
+    beside = {parent: seals_beside(parent) for parent in {folder.parent for folder in folders}}
+    return {one.name: beside[one.parent][one.name] for one in folders if one.name in beside[one.parent]}
 
 
 def _refused(reason: str) -> stated.Answer:

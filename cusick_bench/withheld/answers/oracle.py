@@ -18,7 +18,7 @@ from cusick_bench.diagnosis.simulation.closure import Draping, closure_by
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.answers.parts import case_part, gather
+from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number
 from cusick_bench.withheld.format.label import DETECTABLE, PAIR, SINGLE, LabelDocument, truth_of
@@ -68,7 +68,11 @@ def oracle_closures(
 
     Returns:
         The closure of each case.
+
+    Raises:
+        WithheldError: Labels of another suite than the cases.
     """
+    require_labels_of(cases, labels)
     truth = {case: truth_of(label) for case, label in labels.items()}
     asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and (cases / case).is_dir()]
     asked.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most

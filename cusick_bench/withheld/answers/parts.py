@@ -15,6 +15,8 @@ from cusick_bench.files.digest import file_digest
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.processes import process_pool
+from cusick_bench.withheld.format.label import LabelDocument
+from cusick_bench.withheld.format.seal import require_one_suite, seals_beside
 
 Found = TypeVar("Found")
 
@@ -59,6 +61,20 @@ def gather(
             write(out, found)
             step(case)
     return found
+
+
+def require_labels_of(cases: Path, labels: Mapping[str, LabelDocument]) -> None:
+    """Checks that labels are those of cases, where seals lie beside these.
+
+    Args:
+        cases: Folder of the cases.
+        labels: Content of labels.json.
+
+    Raises:
+        WithheldError: Labels of another suite.
+    """
+    carried = {case: label.sha256 for case, label in labels.items()}
+    require_one_suite(carried, seals_beside(cases), "the labels", str(cases))
 
 
 def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:

@@ -45,7 +45,7 @@ from cusick_bench.runner.processes import one_thread
 from cusick_bench.runner.store import write_atomically
 from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.answers.blind import case_captures
-from cusick_bench.withheld.answers.parts import case_part, gather
+from cusick_bench.withheld.answers.parts import case_part, gather, require_labels_of
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.fields import Number, broken_rule
@@ -125,8 +125,9 @@ def measure_shown_shifts(
         What each case shows.
 
     Raises:
-        WithheldError: Labels of another suite, or a twin that cannot be draped.
+        WithheldError: Labels or cases of another suite, or a twin that cannot be draped.
     """
+    require_labels_of(cases, labels)
     todo = [plan for plan in suite.plans() if plan.causes and (cases / plan.case).is_dir()]
     for plan in todo:
         if plan.case not in labels or labels[plan.case].unsealed() != label_of(plan).content():

@@ -299,12 +299,14 @@ class AnswersDocument(Document):
         code_version: Version of the code that gave the answers.
         atlas_sha256: SHA-256 of the atlas that they were given with.
         leave_out: Given where every case was answered without its own effect.
+        seals: The seals that lay beside the cases when they were answered: these tell which suite they are of.
         answers: The answer of each case.
     """
 
     code_version: str | int | float | None = None
     atlas_sha256: str | None = None
     leave_out: LeaveOut | None = None
+    seals: dict[str, str] = Field(default_factory=dict)
     answers: dict[str, Answer]
 
 

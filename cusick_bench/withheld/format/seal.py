@@ -2,14 +2,24 @@
 
 A label's seal is SHA-256 of its salt and the label in canonical JSON (keys sorted, no spaces), both in UTF-8. The salt
 keeps the few possible labels from being tried one by one; it lies with the labels, never with the cases.
+
+Cases of all suites have the same names, so seals also tell which suite cases, answers and labels are of.
 """
 
 import hashlib
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from cusick_bench.withheld.errors import WithheldError
+from cusick_bench.withheld.format.checked_json import read_object
+
+COMMITMENT = "commitment.json"
+"""File with the seals, which lies beside the cases."""
+
 _NOT_SEALED = ("salt", "sha256")
+_DIGITS = 64  # of a seal
 
 
 def salt_of(seed: int, case: str) -> str:
@@ -64,3 +74,55 @@ def holds(label: Mapping[str, Any], commitment: str) -> bool:
         True if seal, label and commitment agree.
     """
     return seal(label, str(label.get("salt", ""))) == commitment == label.get("sha256")
+
+
+def published_seals(path: Path) -> dict[str, str]:
+    """Reads the seals of a suite as they were published.
+
+    Args:
+        path: File with the seals by case, at its top or one level below.
+
+    Returns:
+        The seal of each case.
+
+    Raises:
+        WithheldError: A file that cannot be read.
+    """
+    document = read_object(path)
+    inner = next((value for value in document.values() if isinstance(value, dict)), document)
+    return {case: seal for case, seal in inner.items() if isinstance(seal, str) and len(seal) == _DIGITS}
+
+
+def seals_beside(cases: Path) -> dict[str, str]:
+    """The seals that lie beside cases.
+
+    Args:
+        cases: Folder of the cases.
+
+    Returns:
+        The seal of each case; empty where none lie there.
+
+    Raises:
+        WithheldError: A file of seals that cannot be read.
+    """
+    path = cases / COMMITMENT
+    return published_seals(path) if path.exists() else {}
+
+
+def require_one_suite(carried: Mapping[str, str | None], seals: Mapping[str, str], labels: str, cases: str) -> None:
+    """Checks that labels are of the suite that some cases are of, as far as both have seals.
+
+    Args:
+        carried: The seal that each label carries, by case.
+        seals: The seals of the cases.
+        labels, cases: What these are, for the message.
+
+    Raises:
+        WithheldError: A label with another seal than its case.
+    """
+    for case, seal_of_label in carried.items():
+        if seal_of_label is not None and seals.get(case, seal_of_label) != seal_of_label:
+            raise WithheldError(
+                f"{labels} and {cases} must be of one suite, but the label of {case} has another seal than the case; "
+                "give the files of one suite (cases of all suites have the same names)"
+            )

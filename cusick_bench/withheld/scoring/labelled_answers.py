@@ -9,14 +9,12 @@ from cusick_bench.withheld.answers.oracle import OracleClosures
 from cusick_bench.withheld.answers.shown_shift import ShownShift
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import REFUSED, Answer, AnswersDocument, read_answers
-from cusick_bench.withheld.format.checked_json import read_object
 from cusick_bench.withheld.format.fields import finite_or_nan
 from cusick_bench.withheld.format.label import DETECTABLE, NULL, Label, LabelDocument, read_label_documents, truth_of
-from cusick_bench.withheld.format.seal import holds
+from cusick_bench.withheld.format.seal import holds, published_seals, require_one_suite
 from cusick_bench.withheld.scoring.measures import DISTINCT
 
 _NAMES_SHOWN = 3  # in a message
-_DIGITS = 64  # of a seal
 
 
 @dataclass(frozen=True)
@@ -46,11 +44,14 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
         Answers and labels of the same cases.
 
     Raises:
-        WithheldError: A file that cannot be read, a case in one file only, or a label that is not the sealed one.
+        WithheldError: A file that cannot be read, a case in one file only, labels of another suite than the answered
+            cases, or a label that is not the sealed one.
     """
     answered, labelled = read_answers(answers), read_label_documents(labels)
     truth = labels_to_answer(answered, {case: truth_of(label) for case, label in labelled.items()})
     _require_same_cases(set(answered.answers), set(truth), answers, labels)
+    carried = {case: label.sha256 for case, label in labelled.items()}
+    require_one_suite(carried, answered.seals, str(labels), f"the cases that {answers} answers")
     notes = [_check_seals(labelled, commitment)]
     if answered.leave_out is not None:
         notes.append(
@@ -82,8 +83,12 @@ def with_measured_severities(
         The same answers with changed labels.
 
     Raises:
-        WithheldError: A case with an effect that the file lacks.
+        WithheldError: A case with an effect that the file lacks, or shifts of another suite.
     """
+    for case, label in answered.labels.items():
+        shown = shifts.get(case)
+        if shown is not None and (label.kind == NULL or set(shown.each) - set(label.effects)):
+            raise _of_another_suite(where, case, label)
     labels = dict(answered.labels)
     for case, label in labels.items():
         if label.kind == NULL:
@@ -94,21 +99,36 @@ def with_measured_severities(
     return replace(answered, labels=labels, notes=(*answered.notes, _MEASURED))
 
 
-def with_oracle_closures(answered: LabelledAnswers, closures: OracleClosures) -> LabelledAnswers:
+def with_oracle_closures(answered: LabelledAnswers, closures: OracleClosures, where: str) -> LabelledAnswers:
     """Adds the closures by the true causes to the labels; they are known only after the answers.
 
     Args:
         answered: Answers and labels.
         closures: Closure of each case, from `read_oracle_closures`.
+        where: Path of their file, for messages.
 
     Returns:
         The same answers with changed labels.
+
+    Raises:
+        WithheldError: Closures of another suite.
     """
+    for case, label in answered.labels.items():
+        if case in closures and label.kind == NULL:
+            raise _of_another_suite(where, case, label)
     labels = {
         case: replace(label, oracle_closure=finite_or_nan(closures[case])) if case in closures else label
         for case, label in answered.labels.items()
     }
     return replace(answered, labels=labels)
+
+
+def _of_another_suite(where: str, case: str, label: Label) -> WithheldError:
+    """The error where a file tells of other effects of a case than its label names."""
+    return WithheldError(
+        f"{where} must be of the suite that is scored, but it tells of other effects in {case}, whose label is "
+        f"{label.truth}; give the file that was made with these labels (cases of all suites have the same names)"
+    )
 
 
 _MEASURED = (
@@ -148,7 +168,7 @@ def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -
             f"Seals were not compared with published ones (--commitment); {whole} of {len(labels)} labels fit the seal "
             "that they carry."
         )
-    published = _published(commitment)
+    published = published_seals(commitment)
     for case, label in labels.items():
         if case not in published:
             raise WithheldError(f"every label must have been sealed; {commitment} lacks {case}; give these cases' own")
@@ -160,10 +180,3 @@ def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -
     fit = f"All {len(labels)} labels fit the seals published in {commitment.name}"
     left = sorted(published.keys() - labels.keys())
     return f"{fit}; {len(left)} cases sealed there are not scored: {_some(left)}." if left else f"{fit}."
-
-
-def _published(path: Path) -> dict[str, str]:
-    """Published seals by case, at the top of the file or one level below."""
-    document = read_object(path)
-    inner = next((value for value in document.values() if isinstance(value, dict)), document)
-    return {case: seal for case, seal in inner.items() if isinstance(seal, str) and len(seal) == _DIGITS}

@@ -22,7 +22,7 @@ from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
-from cusick_bench.withheld.format.seal import salt_of, sealed
+from cusick_bench.withheld.format.seal import COMMITMENT, salt_of, sealed
 from cusick_bench.withheld.suite.design import MULTIPLES, Kind, Plan, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
@@ -30,7 +30,7 @@ from cusick_bench.withheld.world.photograph import LABORATORY, jpeg
 from cusick_bench.withheld.world.registry import DEFAULT
 from cusick_bench.withheld.world.true_case import CAPTURES, SAMPLES, TrueCase
 
-COMMITMENT, LABELS, SUITE = "commitment.json", "labels.json", "suite.json"
+LABELS, SUITE = "labels.json", "suite.json"
 _DENSITY_ERROR = 0.01  # of the density in a case's table
 
 
