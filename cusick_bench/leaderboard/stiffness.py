@@ -16,7 +16,7 @@ import pandas as pd
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import BOARD, method_label, variants
-from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean, repeats
+from cusick_bench.leaderboard.bootstrap import SEEDS, Estimate, estimate, mean, repeats, split_of
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity
@@ -182,7 +182,9 @@ def cell_table(cells: Cells) -> pd.DataFrame:
         none), and `path` below the results folder.
     """
     rows: list[dict[str, Any]] = []
+    stride = int(cells.table["seed"].max()) + 1  # so that numbers of many splits fit into a file's 64 bits
     for cell in cells.table.to_dict("records"):
+        cell["repeat"] = split_of(cell["repeat"]) * stride + cell["repeat"] % SEEDS
         row = {str(name): value for name, value in cell.items() if name not in ("stiffness", "test", "folder")}
         row["test_samples"] = len(cell["test"])
         found = cell.get("stiffness")

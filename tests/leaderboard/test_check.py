@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from cusick_bench import metrics
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
+from cusick_bench.leaderboard.bootstrap import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate import paired
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
@@ -92,6 +93,14 @@ class TestStatistics:
         found = compare(before, after, level=0.01, generator=np.random.default_rng(0))
         assert (found.units, found.test) == (2, "t")
         assert found.p > 0.1
+
+    def test_seeds_of_a_left_out_sample_that_change_nothing_count_once(self):
+        changes = dict(enumerate((1.1, 1.02, 1.05, 0.99)))
+        before = {("a", split * SEEDS + seed): 1.0 + split for split in changes for seed in range(9)}
+        after = {(cloth, number): value * changes[number // SEEDS] for (cloth, number), value in before.items()}
+        found = compare(before, after, level=0.01, generator=np.random.default_rng(0))
+        assert (found.units, found.test) == (4, "t")
+        assert found.p > 0.05
 
     def test_permutations_are_exact_where_all_can_be_counted(self):
         """Fourteen cloths all worse: one arrangement of 2^14 is as extreme."""

@@ -23,7 +23,7 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
-from cusick_bench.leaderboard.bootstrap import cell_values, mean
+from cusick_bench.leaderboard.bootstrap import SEEDS, cell_values, mean
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.proper_scores import variogram_score
 
@@ -261,6 +261,23 @@ def test_every_sample_that_is_left_out_in_turn_counts(tmp_path):
     homo, heter = (cell_values(table[table["solver"] == solver], "test_mse") for solver in ("homo", "heter"))
     assert len(homo) == 6
     assert [homo[cell] - value for cell, value in heter.items()] == pytest.approx([-0.01, -0.01])  # of the same samples
+
+
+def test_seeds_of_a_left_out_sample_are_no_samples_of_their_own(tmp_path):
+    """All of them are scored on one sample: ten seeds that change nothing know no more than one."""
+    intervals = []
+    for seeds in (1, 10):
+        for seed in range(seeds):
+            _leave_out(tmp_path / str(seeds), "homo", seed, {4: 0.03, 5: 0.05, 7: 0.1, 8: 0.02})
+        intervals.append(only(tmp_path / str(seeds)).rows[-1].estimates["test_mse"])
+    assert intervals[0].value == pytest.approx(0.05)
+    assert (intervals[1].low, intervals[1].high) == pytest.approx((intervals[0].low, intervals[0].high))
+
+
+def test_one_seed_of_a_left_out_sample_stands_for_all_seeds_of_it(noise):
+    first = {("red", split * SEEDS): 1.0 + split for split in range(3)}
+    second = {("red", split * SEEDS + seed): 1.0 for split in range(3) for seed in range(4)}
+    assert difference(first, second, mean, noise).value == pytest.approx(1.0)
 
 
 def test_the_same_seed_gives_the_same_board(tmp_path, noise):

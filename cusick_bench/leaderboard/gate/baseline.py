@@ -17,6 +17,7 @@ from cusick_bench.datasets.splits import LEAVE_ONE_OUT
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
+from cusick_bench.leaderboard.bootstrap import SEEDS
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
@@ -105,7 +106,7 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     left_out = table[LEFT_OUT].tolist() if LEFT_OUT in table else []
     if not any(pd.notna(row) for row in left_out):
         return table.drop(columns=LEFT_OUT, errors="ignore").assign(repeat=table["seed"])
-    shift = [(1 + int(row)) * 10**18 if pd.notna(row) else 0 for row in left_out]  # seeds have 18 digits at most
+    shift = [(1 + int(row)) * SEEDS if pd.notna(row) else 0 for row in left_out]
     repeat = [seed + more for seed, more in zip(table["seed"].tolist(), shift, strict=True)]
     return table.astype({LEFT_OUT: "Int64"}).assign(repeat=pd.Series(repeat, table.index, dtype=object))
 
