@@ -182,9 +182,10 @@ def cell_table(cells: Cells) -> pd.DataFrame:
         none), and `path` below the results folder.
     """
     rows: list[dict[str, Any]] = []
-    stride = int(cells.table["seed"].max()) + 1  # so that numbers of many splits fit into a file's 64 bits
+    stride = max(cells.table["seed"]) + 1  # so that numbers of many splits fit into a file's 64 bits
     for cell in cells.table.to_dict("records"):
-        cell["repeat"] = split_of(cell["repeat"]) * stride + cell["repeat"] % SEEDS
+        number = int(cell["repeat"])
+        cell["repeat"] = split_of(number) * stride + number % SEEDS
         row = {str(name): value for name, value in cell.items() if name not in ("stiffness", "test", "folder")}
         row["test_samples"] = len(cell["test"])
         found = cell.get("stiffness")

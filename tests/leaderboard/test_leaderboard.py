@@ -200,6 +200,30 @@ def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
     assert any("easy has no rank" in note and "viscose" in note for note in board.notes)
 
 
+def test_a_row_that_lacks_the_metric_of_a_cloth_has_no_rank_by_it(tmp_path):
+    """It is the worse one of every cloth that it has the metric of; its mean is small for want of the hard cloth."""
+    for cloth, error in zip(CLOTHS, (0.02, 0.02, 0.02, 0.02, 0.2), strict=True):
+        write_cell(tmp_path, "homo", cloth, test_hausdorff_m=None if cloth == "red" else 1.3 * error)
+        write_cell(tmp_path, "heter", cloth, test_hausdorff_m=error)
+    board = only(tmp_path, by="test_hausdorff_m")
+    assert {row.label: row.rank for row in board.rows if row.kind == "solver"} == {"homo": None, "heter": 1}
+    assert "homo has no rank: its cells on red have no test_hausdorff_m." in board.notes
+    assert set(ranks(only(tmp_path)).values()) == {None, 1}  # by test_mse, which all cells have
+
+
+def test_a_row_that_is_better_on_shared_cells_is_not_ranked_below(tmp_path, noise):
+    """Two of four cells on the hard cloth have failed, so that the worse solver has the smaller mean."""
+    for cloth, error in zip(CLOTHS, (0.02, 0.02, 0.02, 0.02, 0.2), strict=True):
+        for seed in range(4):
+            failed = {"status": "failed", "failure": "boom"} if (cloth, seed // 2) == ("red", 0) else {}
+            write_cell(tmp_path, "homo", cloth, seed, test_mse=error * (1.1 + noise.normal(0, 0.01)), **failed)
+            write_cell(tmp_path, "heter", cloth, seed, test_mse=error * (1 + noise.normal(0, 0.01)))
+    board = only(tmp_path)
+    assert [row.label for row in board.rows if row.kind == "solver"] == ["homo", "heter"]
+    assert {row.rank for row in board.rows if row.kind == "solver"} == {1}
+    assert any(note.startswith("homo has failed in 2 cells") for note in board.notes)
+
+
 @pytest.mark.parametrize(
     ("by", "values", "order"),
     [
