@@ -1,8 +1,8 @@
 """Tables of cells to compare: read from a results folder, CSV or JSON, and written as a baseline to commit.
 
 A baseline has a line for each cell: its solver, cloth and seed (and the sample that is left out, where samples are left
-out in turn), whether it finished, hashes of its settings and data, and its metrics. Other projects need only the
-columns solver, cloth, seed and their metrics, as CSV or as JSON,
+out in turn), whether it finished, hashes of its settings and data, its split, and its metrics. Other projects need only
+the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}`.
 """
 
@@ -31,7 +31,7 @@ STATUSES = ("done", "failed")
 KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_profile_rms_m", "test_dc_error")
 """Metrics that a baseline keeps; `check` compares some of them."""
 
-_PROBLEM = ("status", "settings", "dataset_hash", "code_version")
+_PROBLEM = ("status", "settings", "dataset_hash", "protocol", "code_version")
 _MOST_BYTES = 64 << 20
 _DIGITS = 8  # significant, of a baseline's numbers
 
