@@ -304,6 +304,17 @@ class TestSubmission:
         lines[rows[0]["row"]]["test_mse"] = "0.001"
         assert altered(lines[rows[0]["row"]], rows[0])[0].startswith("test_mse 0.001, the run has")
 
+    def test_numbers_under_another_name_are_found(self, finished, tmp_path):
+        path = tmp_path / "lab.csv"
+        row = next(row for row in rows_of(load_cells(finished), "lab") if row["solver"].startswith("homo"))
+        append(path, [row])
+        (line,) = read_rows(path).to_dict("records")
+        for name, text in (("solver", "mine"), ("cloths", "fabric_9"), ("budget", "1 drapes"), ("kind", "null")):
+            assert altered(line | {name: text}, row) == [
+                f"{name} {text}, the run has {str(row[name]).partition(',')[0]}"
+            ]
+        assert altered(line | {"solver": "homo, search = 2"}, row) == []
+
     def test_verify_finds_an_altered_line(self, copy, data, tmp_path):
         path = tmp_path / "lab.csv"
         append(path, rows_of(load_cells(copy), "lab"))
