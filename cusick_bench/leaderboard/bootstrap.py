@@ -31,12 +31,13 @@ from numpy import ndarray
 from scipy.stats import bootstrap, norm, trim_mean
 from scipy.stats import t as student
 
+from cusick_bench.leaderboard.cell_number import split_of
+
 RESAMPLES = 4000
 LEVEL = 0.95
 MINIMUM_UNITS = 3  # least number of resampled units for a meaningful interval
-SEEDS = 10**18  # numbers of the cells of one split, since seeds have 18 digits at most
 
-Values = Mapping[tuple[str, int], float]  # (cloth, seed + SEEDS x number of the split) -> value
+Values = Mapping[tuple[str, int], float]  # (cloth, number of the cell as `cell_number` has it) -> value
 Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"] | float]
 
 
@@ -90,18 +91,6 @@ class Estimate:
     def decided(self) -> bool:
         """Whether there is an interval and it leaves out 0."""
         return self.low > 0 or self.high < 0
-
-
-def split_of(number: int) -> int:
-    """Which of its cloth's splits a cell is of, where samples are left out in turn.
-
-    Args:
-        number: Number of the cell among those of its method and cloth (`repeats`).
-
-    Returns:
-        The number of the split; 0 where a cloth has one split.
-    """
-    return number // SEEDS
 
 
 def repeats(table: pd.DataFrame) -> list[int]:

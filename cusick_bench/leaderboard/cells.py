@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
-from cusick_bench.leaderboard.bootstrap import SEEDS
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.record_types import check_result, check_run

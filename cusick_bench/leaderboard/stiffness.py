@@ -16,7 +16,8 @@ import pandas as pd
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import BOARD, method_label, variants
-from cusick_bench.leaderboard.bootstrap import SEEDS, Estimate, estimate, mean, repeats, split_of
+from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean, repeats
+from cusick_bench.leaderboard.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity

@@ -23,7 +23,8 @@ from cusick_bench.leaderboard import (
     markdown,
     text_table,
 )
-from cusick_bench.leaderboard.bootstrap import SEEDS, cell_values, mean
+from cusick_bench.leaderboard.bootstrap import cell_values, mean
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.proper_scores import variogram_score
 

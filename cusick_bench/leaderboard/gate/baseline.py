@@ -17,7 +17,7 @@ from cusick_bench.datasets.splits import LEAVE_ONE_OUT
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
-from cusick_bench.leaderboard.bootstrap import SEEDS
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
