@@ -1,13 +1,13 @@
 """From cells to ranked rows: one row a solver, beside the floor, the rows without physics and the oracles.
 
-Rows are ordered by a metric, best first (`order`). A row shares the rank of the row above it as long as the
-bootstrap interval of its paired difference from the first row of that rank includes 0. The floor and the
-oracles have no rank, since they have seen the held-out images that the others predict; nor has a row that
-lacks a cloth, since its mean is over an easier or harder set.
+Rows are ordered by a metric, best first (`order`). A row shares the rank of the row above it unless it is worse
+than the first row of that rank: unless the bootstrap interval of their paired difference is above 0. The floor and
+the oracles have no rank, since they have seen the held-out images that the others predict; nor has a row that
+lacks a cloth, or the metric of a cloth, since its mean is over an easier or harder set.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any
@@ -158,7 +158,7 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         cloths = tuple(sorted(table["cloth"].unique()))
         rows = ranking.rows(cells, table, cloths)
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        notes = tuple(_notes(cells, rows, cloths))
+        notes = tuple(_notes(cells, rows, cloths, by, _unmeasured(table, by)))
         boards.append(
             Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
         )
@@ -187,7 +187,7 @@ class _Ranking:
             rows.append(floor)
         rows.sort(key=lambda row: (not isfinite(cost := self.cost(row)), cost, row.label))
         values = {key: cell_values(group, self.by) for key, group in groups.items()}
-        return tuple(self._ranked(rows, values, cloths))
+        return tuple(self._ranked(rows, values, cloths, _unmeasured(table, self.by)))
 
     def _row(self, solver: str, variant: str, group: pd.DataFrame, failed: int, table: pd.DataFrame) -> Row:
         columns = {name: cell_values(group, name) for name in metric_names(group)}
@@ -246,17 +246,25 @@ class _Ranking:
         )
 
     def _ranked(
-        self, rows: list[Row], values: Mapping[tuple[str, str], Values], cloths: tuple[str, ...]
+        self,
+        rows: list[Row],
+        values: Mapping[tuple[str, str], Values],
+        cloths: tuple[str, ...],
+        unmeasured: Mapping[tuple[str, str], Sequence[str]],
     ) -> Iterator[Row]:
         leader, rank, place = None, 0, 0
         for row in rows:
             if row.kind not in _RANKED or row.cloths != cloths or not isfinite(row.value(self.by)):
                 yield row
                 continue
+            if unmeasured[row.solver, row.variant]:
+                yield row
+                continue
             place += 1
             own = values[row.solver, row.variant]
             statistic = self.direction.of(self.statistic)
-            if leader is None or difference(own, leader, statistic, self.generator).decided:
+            # Below 0 it is better on the cells that both have, and stands here for cells that one of them lacks.
+            if leader is None or difference(own, leader, statistic, self.generator).low > 0:
                 leader, rank = own, place
             yield replace(row, rank=rank)
 
@@ -354,7 +362,21 @@ def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _notes(cells: Cells, rows: tuple[Row, ...], cloths: tuple[str, ...]) -> Iterator[str]:
+def _unmeasured(table: pd.DataFrame, metric: str) -> dict[tuple[str, str], list[str]]:
+    """Cloths of which a (solver, variant) lacks a metric that another one, who is ranked by it, has."""
+    groups = dict(variants(table))
+    measured = {key: {cloth for cloth, _ in cell_values(group, metric)} for key, group in groups.items()}
+    known = {cloth for key, own in measured.items() if str(groups[key]["kind"].iloc[0]) in _RANKED for cloth in own}
+    return {key: sorted(known - own) for key, own in measured.items()}
+
+
+def _notes(
+    cells: Cells,
+    rows: tuple[Row, ...],
+    cloths: tuple[str, ...],
+    by: str,
+    unmeasured: Mapping[tuple[str, str], Sequence[str]],
+) -> Iterator[str]:
     yield (
         "Intervals of 95 % are found by bootstrap, of seeds within each cloth, or of cloths where seeds change "
         "nothing, and widened for small numbers of them as Student's t is. Rows of one rank cannot be told apart: the "
@@ -370,6 +392,13 @@ def _notes(cells: Cells, rows: tuple[Row, ...], cloths: tuple[str, ...]) -> Iter
     for row in rows:
         if row.kind in _RANKED and row.cloths != cloths:
             yield f"{row.label} has no rank: it lacks {', '.join(sorted(set(cloths) - set(row.cloths)))}."
+        elif row.kind in _RANKED and isfinite(row.value(by)) and (lacking := unmeasured[row.solver, row.variant]):
+            yield f"{row.label} has no rank: its cells on {', '.join(lacking)} have no {by}."
+        if row.failed and row.rank is not None:
+            yield (
+                f"{row.label} has failed in {row.failed} cells, so that its mean is over other cells than those of the "
+                "rows beside it."
+            )
     if any(row.draws > 1 and row.kind == "solver" and not isfinite(row.matched_null) for row in rows):
         yield (
             "A best-of-N score rewards N: run null:random-phase on the same cloths with as many draws "

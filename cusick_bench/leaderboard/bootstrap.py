@@ -2,9 +2,10 @@
 
 Seeds are resampled within each cloth (stratified), so that statements are about these cloths. If a cloth has only one
 seed, or seeds change nothing, this would give no interval; then the cloths are resampled, each with its mean over
-seeds. Where samples are left out in turn, a cloth has a cell for each of them, and these are treated like seeds. Two
-solvers are compared on the same resampled cells, so that effects of the cloth on both cancel. SciPy resamples the
-strata; this module decides which units they hold.
+seeds. Where samples are left out in turn, these are resampled within each cloth instead of seeds, each with its mean
+over seeds: fits with several seeds are scored on the same sample and tell little more than one of them. Two solvers are
+compared on the same resampled cells, so that effects of the cloth on both cancel. SciPy resamples the strata; this
+module decides which units they hold.
 
 Percentile intervals of few units are too narrow: of normal values those of 3, 5 and 12 cloths with one seed each would
 hold the true mean in 75, 82 and 93 % of cases instead of 95. So the bounds are stretched about the value as Student's t
@@ -30,11 +31,13 @@ from numpy import ndarray
 from scipy.stats import bootstrap, norm, trim_mean
 from scipy.stats import t as student
 
+from cusick_bench.leaderboard.cell_number import split_of
+
 RESAMPLES = 4000
 LEVEL = 0.95
 MINIMUM_UNITS = 3  # least number of resampled units for a meaningful interval
 
-Values = Mapping[tuple[str, int], float]  # (cloth, seed or number of the split and seed) -> value
+Values = Mapping[tuple[str, int], float]  # (cloth, number of the cell as `cell_number` has it) -> value
 Statistic = Callable[[Float[ndarray, "*batch cells"]], Float[ndarray, "*batch"] | float]
 
 
@@ -153,8 +156,8 @@ def difference(first: Values, second: Values, statistic: Statistic, generator: n
     """Statistic of `first` minus that of `second`, on the cells that both have, with its interval.
 
     Args:
-        first: A value for each cell (cloth, seed). A solver with one seed of a cloth is taken to have no randomness:
-            the value stands for all seeds that the other solver has there.
+        first: A value for each cell (cloth, seed). A solver with one seed of a cloth (of one of its splits) is taken to
+            have no randomness: the value stands for all seeds that the other solver has there.
         second: Values of the other solver.
         statistic: One of `STATISTICS`.
         generator: Source of the resamples.
@@ -169,9 +172,11 @@ def difference(first: Values, second: Values, statistic: Statistic, generator: n
 
 
 def _filled(own: Values, other: Values) -> Values:
-    seeds = Counter(cloth for cloth, _ in own)
-    single = {cloth: value for (cloth, _), value in own.items() if seeds[cloth] == 1}
-    return {(cloth, seed): single[cloth] for cloth, seed in other if cloth in single} | dict(own)
+    seeds = Counter((cloth, split_of(number)) for cloth, number in own)
+    single = {(cloth, split_of(number)): value for (cloth, number), value in own.items()}
+    single = {place: value for place, value in single.items() if seeds[place] == 1}
+    places = {cell: (cell[0], split_of(cell[1])) for cell in other}
+    return {cell: single[place] for cell, place in places.items() if place in single} | dict(own)
 
 
 def _interval(
@@ -208,13 +213,20 @@ def _stretch(units: int, freedom: int) -> float:
 
 
 def _strata(columns: Sequence[Values]) -> list[list[list[float]]]:
-    """Values to resample, a row a unit: the seeds of each cloth as a stratum, or else all cloths as one stratum."""
-    by_cloth: dict[str, list[list[float]]] = {}
-    for cloth, seed in sorted(columns[0]):
-        by_cloth.setdefault(cloth, []).append([column[cloth, seed] for column in columns])
+    """Values to resample, a row a unit: those of each cloth as a stratum, or else all cloths as one stratum."""
+    by_split: dict[str, dict[int, list[list[float]]]] = {}
+    for cloth, number in sorted(columns[0]):
+        of_split = by_split.setdefault(cloth, {}).setdefault(split_of(number), [])
+        of_split.append([column[cloth, number] for column in columns])
+    by_cloth = {cloth: _units(list(splits.values())) for cloth, splits in by_split.items()}
     if min(map(len, by_cloth.values())) > 1 and not all(_constant(rows) for rows in by_cloth.values()):
         return list(by_cloth.values())
     return [[np.mean(rows, axis=0).tolist() for rows in by_cloth.values()]]
+
+
+def _units(splits: list[list[list[float]]]) -> list[list[float]]:
+    """Units of a cloth: its seeds, or its splits where there are several, each with its mean over seeds."""
+    return splits[0] if len(splits) == 1 else [np.mean(seeds, axis=0).tolist() for seeds in splits]
 
 
 def _constant(rows: list[list[float]]) -> bool:

@@ -8,10 +8,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.record_types import check_result, check_run
@@ -116,7 +116,7 @@ def load_cells(folder: Path | str) -> Cells:
     numbers = _repeats(pd.concat([table, pd.DataFrame([dict(skipped[place].columns) for place in known])]))
     for place, number in zip(known, numbers[len(table) :], strict=True):
         skipped[place] = replace(skipped[place], columns={**skipped[place].columns, "repeat": number})
-    table = table.assign(repeat=numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
+    table = _numbered(table, numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
     return Cells(folder, _read_run(folder), table, tuple(skipped))
 
 
@@ -130,7 +130,12 @@ def numbered_alike(tables: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
         The tables, in this order.
     """
     numbers = iter(_repeats(pd.concat(tables)))
-    return [table.assign(repeat=list(islice(numbers, len(table)))) for table in tables]
+    return [_numbered(table, list(islice(numbers, len(table)))) for table in tables]
+
+
+def _numbered(table: pd.DataFrame, numbers: Sequence[int]) -> pd.DataFrame:
+    # Of several splits the numbers are larger than any that NumPy knows.
+    return table.assign(repeat=pd.Series(numbers, table.index, dtype=object if max(numbers) >= SEEDS else int))
 
 
 def _repeats(table: pd.DataFrame) -> list[int]:
@@ -138,14 +143,14 @@ def _repeats(table: pd.DataFrame) -> list[int]:
 
     The same problem has the same number for all methods.
     """
-    numbers = table["seed"].to_numpy(dtype=np.int64, copy=True)
-    stride = numbers.max() + 1
+    numbers = [int(seed) for seed in table["seed"]]
     for _, rows in table.groupby(["dataset_hash", "protocol", "cloth"]).indices.items():
         seeds, left_out = table["seed"].iloc[rows].tolist(), table["test"].iloc[rows].tolist()
         if len(set(zip(seeds, left_out, strict=True))) > len(set(seeds)):
             rank = {test: place for place, test in enumerate(sorted(set(left_out)))}
-            numbers[rows] += stride * np.array([rank[test] for test in left_out])
-    return numbers.tolist()
+            for row, test in zip(rows, left_out, strict=True):
+                numbers[row] += SEEDS * rank[test]
+    return numbers
 
 
 def _in_one_spelling(rows: Sequence[dict[str, Any]], skipped: Sequence[Skipped]) -> list[Skipped]:

@@ -17,6 +17,7 @@ import pandas as pd
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import BOARD, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean, repeats
+from cusick_bench.leaderboard.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity
@@ -182,7 +183,10 @@ def cell_table(cells: Cells) -> pd.DataFrame:
         none), and `path` below the results folder.
     """
     rows: list[dict[str, Any]] = []
+    stride = max(cells.table["seed"]) + 1  # so that numbers of many splits fit into a file's 64 bits
     for cell in cells.table.to_dict("records"):
+        number = int(cell["repeat"])
+        cell["repeat"] = split_of(number) * stride + number % SEEDS
         row = {str(name): value for name, value in cell.items() if name not in ("stiffness", "test", "folder")}
         row["test_samples"] = len(cell["test"])
         found = cell.get("stiffness")

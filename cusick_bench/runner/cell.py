@@ -169,6 +169,8 @@ def run_cell(
     if store.is_done(cell.key):
         return store.result(cell.key)
     with disk_errors(store.out), store.claimed(cell.key) as folder:
+        if store.is_done(cell.key):  # by another process, after the first look and before the claim
+            return store.result(cell.key)
         record = cell.record()
         write_json(folder / "cell.json", record)
         try:

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from cusick_bench import metrics
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate import paired
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
@@ -93,6 +94,14 @@ class TestStatistics:
         assert (found.units, found.test) == (2, "t")
         assert found.p > 0.1
 
+    def test_seeds_of_a_left_out_sample_that_change_nothing_count_once(self):
+        changes = dict(enumerate((1.1, 1.02, 1.05, 0.99)))
+        before = {("a", split * SEEDS + seed): 1.0 + split for split in changes for seed in range(9)}
+        after = {(cloth, number): value * changes[number // SEEDS] for (cloth, number), value in before.items()}
+        found = compare(before, after, level=0.01, generator=np.random.default_rng(0))
+        assert (found.units, found.test) == (4, "t")
+        assert found.p > 0.05
+
     def test_permutations_are_exact_where_all_can_be_counted(self):
         """Fourteen cloths all worse: one arrangement of 2^14 is as extreme."""
         generator = np.random.default_rng(5)
@@ -146,6 +155,14 @@ class TestCells:
             check(old.assign(dataset_hash="xyz"), old, Gate(METRICS))
         with pytest.raises(LeaderboardError, match=r"settings one, got two.*--write"):
             check(old.assign(settings="two"), old, Gate(METRICS))
+        with pytest.raises(LeaderboardError, match=r"protocol first-1, got first-8.*--protocol"):
+            check(old.assign(protocol="first-8"), old.assign(protocol="first-1"), Gate(METRICS))
+
+    def test_means_are_of_the_cells_that_are_compared(self):
+        before, after = cells((0, 1, 2), np.random.default_rng(1)), cells((1,), np.random.default_rng(2))
+        (found,) = (one for one in check(after, before, Gate(("test_mse",))).findings if one.solver == "noisy")
+        same = (before["solver"] == "noisy") & (before["seed"] == 1)
+        assert found.before == pytest.approx(before.loc[same, "test_mse"].mean())
 
     @pytest.mark.parametrize("metric", ["test_iou", "test_dc_cover_90", "train_dc_target", "test_fold_p", "draws"])
     def test_metrics_of_which_more_may_be_better_are_refused(self, metric):
@@ -253,6 +270,13 @@ class TestLeftOut:
         assert disc.comparison is not None
         assert disc.comparison.units == 2 * CLOTHS_RUN
         assert disc.ratio.low < 0.999 < 1.001 < disc.ratio.high  # some are worse, as many are better
+
+    def test_one_split_is_not_compared_with_it(self, left_out):
+        table = read_cells(left_out)
+        one = table.groupby(["solver", "cloth"], as_index=False).first().drop(columns=["left_out", "protocol"])
+        for now, then in ((table, one), (one, table)):
+            with pytest.raises(LeaderboardError, match=r"must have .* as in the baseline, got .*--protocol"):
+                check(now, then, Gate(("test_mse",)))
 
     def test_what_gets_worse_is_seen(self, left_out, tmp_path):
         table = read_cells(left_out)

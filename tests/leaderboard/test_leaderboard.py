@@ -24,6 +24,7 @@ from cusick_bench.leaderboard import (
     text_table,
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.proper_scores import variogram_score
 
@@ -200,6 +201,30 @@ def test_a_row_that_lacks_a_cloth_is_shown_without_rank(tmp_path):
     assert any("easy has no rank" in note and "viscose" in note for note in board.notes)
 
 
+def test_a_row_that_lacks_the_metric_of_a_cloth_has_no_rank_by_it(tmp_path):
+    """It is the worse one of every cloth that it has the metric of; its mean is small for want of the hard cloth."""
+    for cloth, error in zip(CLOTHS, (0.02, 0.02, 0.02, 0.02, 0.2), strict=True):
+        write_cell(tmp_path, "homo", cloth, test_hausdorff_m=None if cloth == "red" else 1.3 * error)
+        write_cell(tmp_path, "heter", cloth, test_hausdorff_m=error)
+    board = only(tmp_path, by="test_hausdorff_m")
+    assert {row.label: row.rank for row in board.rows if row.kind == "solver"} == {"homo": None, "heter": 1}
+    assert "homo has no rank: its cells on red have no test_hausdorff_m." in board.notes
+    assert set(ranks(only(tmp_path)).values()) == {None, 1}  # by test_mse, which all cells have
+
+
+def test_a_row_that_is_better_on_shared_cells_is_not_ranked_below(tmp_path, noise):
+    """Two of four cells on the hard cloth have failed, so that the worse solver has the smaller mean."""
+    for cloth, error in zip(CLOTHS, (0.02, 0.02, 0.02, 0.02, 0.2), strict=True):
+        for seed in range(4):
+            failed = {"status": "failed", "failure": "boom"} if (cloth, seed // 2) == ("red", 0) else {}
+            write_cell(tmp_path, "homo", cloth, seed, test_mse=error * (1.1 + noise.normal(0, 0.01)), **failed)
+            write_cell(tmp_path, "heter", cloth, seed, test_mse=error * (1 + noise.normal(0, 0.01)))
+    board = only(tmp_path)
+    assert [row.label for row in board.rows if row.kind == "solver"] == ["homo", "heter"]
+    assert {row.rank for row in board.rows if row.kind == "solver"} == {1}
+    assert any(note.startswith("homo has failed in 2 cells") for note in board.notes)
+
+
 @pytest.mark.parametrize(
     ("by", "values", "order"),
     [
@@ -261,6 +286,23 @@ def test_every_sample_that_is_left_out_in_turn_counts(tmp_path):
     homo, heter = (cell_values(table[table["solver"] == solver], "test_mse") for solver in ("homo", "heter"))
     assert len(homo) == 6
     assert [homo[cell] - value for cell, value in heter.items()] == pytest.approx([-0.01, -0.01])  # of the same samples
+
+
+def test_seeds_of_a_left_out_sample_are_no_samples_of_their_own(tmp_path):
+    """All of them are scored on one sample: ten seeds that change nothing know no more than one."""
+    intervals = []
+    for seeds in (1, 10):
+        for seed in range(seeds):
+            _leave_out(tmp_path / str(seeds), "homo", seed, {4: 0.03, 5: 0.05, 7: 0.1, 8: 0.02})
+        intervals.append(only(tmp_path / str(seeds)).rows[-1].estimates["test_mse"])
+    assert intervals[0].value == pytest.approx(0.05)
+    assert (intervals[1].low, intervals[1].high) == pytest.approx((intervals[0].low, intervals[0].high))
+
+
+def test_one_seed_of_a_left_out_sample_stands_for_all_seeds_of_it(noise):
+    first = {("red", split * SEEDS): 1.0 + split for split in range(3)}
+    second = {("red", split * SEEDS + seed): 1.0 for split in range(3) for seed in range(4)}
+    assert difference(first, second, mean, noise).value == pytest.approx(1.0)
 
 
 def test_the_same_seed_gives_the_same_board(tmp_path, noise):

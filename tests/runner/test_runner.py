@@ -345,6 +345,22 @@ class TestKill:
         with store.claimed(cell.key), pytest.raises(RunnerError, match="another process is running"):
             run_cell(dataset, cell, store, lambda *_: None)
 
+    def test_a_cell_that_was_finished_before_it_could_be_claimed_is_left_alone(
+        self, data, tmp_path, dataset, monkeypatch
+    ):
+        (cell,), _ = _run(data, tmp_path, ["null:disc"])
+        path, looks, is_done = tmp_path / "cells" / cell.key / "result.json", [], Store.is_done
+
+        def not_at_first(store: Store, key: str) -> bool:
+            looks.append(key)
+            return len(looks) > 1 and is_done(store, key)
+
+        monkeypatch.setattr(Store, "is_done", not_at_first)
+        before = path.stat()
+        assert run_cell(dataset, cell, Store(tmp_path), lambda *_: None)["status"] == "done"
+        assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+        assert len(looks) == 2
+
 
 def _arguments(data: Path, out: Path, *solvers: str) -> list[str]:
     options = [

@@ -1,8 +1,8 @@
 """Tables of cells to compare: read from a results folder, CSV or JSON, and written as a baseline to commit.
 
 A baseline has a line for each cell: its solver, cloth and seed (and the sample that is left out, where samples are left
-out in turn), whether it finished, hashes of its settings and data, and its metrics. Other projects need only the
-columns solver, cloth, seed and their metrics, as CSV or as JSON,
+out in turn), whether it finished, hashes of its settings and data, its split, and its metrics. Other projects need only
+the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 `{"cells": [{"solver": ..., "cloth": ..., "seed": ..., "train_mse": ...}]}`.
 """
 
@@ -17,6 +17,7 @@ from cusick_bench.datasets.splits import LEAVE_ONE_OUT
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
+from cusick_bench.leaderboard.cell_number import SEEDS
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
@@ -30,7 +31,7 @@ STATUSES = ("done", "failed")
 KEPT = ("train_mse", "test_mse", "test_mse_best", "test_hausdorff_m", "test_profile_rms_m", "test_dc_error")
 """Metrics that a baseline keeps; `check` compares some of them."""
 
-_PROBLEM = ("status", "settings", "dataset_hash", "code_version")
+_PROBLEM = ("status", "settings", "dataset_hash", "protocol", "code_version")
 _MOST_BYTES = 64 << 20
 _DIGITS = 8  # significant, of a baseline's numbers
 
@@ -105,7 +106,7 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     left_out = table[LEFT_OUT].tolist() if LEFT_OUT in table else []
     if not any(pd.notna(row) for row in left_out):
         return table.drop(columns=LEFT_OUT, errors="ignore").assign(repeat=table["seed"])
-    shift = [(1 + int(row)) * 10**18 if pd.notna(row) else 0 for row in left_out]  # seeds have 18 digits at most
+    shift = [(1 + int(row)) * SEEDS if pd.notna(row) else 0 for row in left_out]
     repeat = [seed + more for seed, more in zip(table["seed"].tolist(), shift, strict=True)]
     return table.astype({LEFT_OUT: "Int64"}).assign(repeat=pd.Series(repeat, table.index, dtype=object))
 

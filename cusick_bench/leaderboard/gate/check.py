@@ -17,7 +17,8 @@ from scipy import stats
 
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.gate.paired import Comparison, compare, holm
+from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
+from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, holm
 from cusick_bench.leaderboard.metric_name import GATED
 from cusick_bench.leaderboard.order import Direction, direction
 
@@ -58,7 +59,7 @@ class Finding:
         verdict: "regression", "unchanged" (no regression was found), "undecided" (too few cells, or none in common) or
             "new".
         detail: What there is to say, "" where the numbers say it.
-        before: Mean over the compared cells in the baseline.
+        before: Mean over cloths of the compared cells in the baseline.
         after: The same now.
         comparison: The paired test; None where there was none.
         p: Its p-value after Holm's correction.
@@ -181,8 +182,9 @@ def metrics_of_both(run: pd.DataFrame, baseline: pd.DataFrame) -> list[str]:
 
 
 def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
-    """Numbers on other data, meshes or budgets say nothing about each other."""
+    """Numbers on other data, splits, meshes or budgets say nothing about each other."""
     for name, remedy in (
+        ("protocol", "run with the baseline's split (--protocol)"),
         ("dataset_hash", "run on the data that the baseline was made on"),
         ("settings", "run with the baseline's mesh, budget and other settings (its first lines have the command)"),
     ):
@@ -195,6 +197,18 @@ def _require_same_problem(run: pd.DataFrame, baseline: pd.DataFrame) -> None:
                     f"{solver} must have the baseline's {name.replace('_', ' ')} {_listed(then)}, got {_listed(now)}; "
                     f"{remedy}, or make a new one with --write"
                 )
+    for solver in sorted(set(run["solver"]) & set(baseline["solver"])):
+        now, then = (_in_turn(_of(table, solver)) for table in (run, baseline))  # also of baselines without a protocol
+        if now != then:
+            words = {True: "samples that are left out in turn", False: "one split of each cloth"}
+            raise LeaderboardError(
+                f"{solver} must have {words[then]} as in the baseline, got {words[now]}; run with the baseline's split "
+                "(--protocol), or make a new one with --write"
+            )
+
+
+def _in_turn(table: pd.DataFrame) -> bool:
+    return LEFT_OUT in table and bool(table[LEFT_OUT].notna().any())
 
 
 def _require_measured(run: pd.DataFrame, baseline: pd.DataFrame, metric: str) -> None:
@@ -249,14 +263,14 @@ def _compared(
     for solver in solvers:
         for metric in metrics:
             before, after = (cell_values(_of(table, solver), metric) for table in (baseline, run))
-            cloths = {cloth for cloth, _ in before} & {cloth for cloth, _ in after}
-            if not cloths:
+            pairs = blocks(before, after).values()
+            if not pairs:
                 if before:
                     yield Finding(solver, metric, "undecided", "no cell in common")
                 continue
             then, now = (
-                float(np.mean([value for (cloth, _), value in values.items() if cloth in cloths]))
-                for values in (before, after)
+                float(np.mean([np.mean([getattr(block, side).mean() for block in cloth]) for cloth in pairs]))
+                for side in ("before", "after")
             )
             comparison = compare(before, after, level=level, generator=generator)
             yield Finding(solver, metric, "undecided", "", then, now, comparison, comparison.p)

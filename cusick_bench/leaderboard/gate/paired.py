@@ -1,7 +1,8 @@
 """Has a solver become worse? A paired test of two runs over the cells that they share.
 
-Cells are paired by cloth, and by seed where both runs have the same seeds; if a solver's seeds differ or are only
-partly shared, they are paired by cloth alone. For a cloth with values b (before) and a (after) the change is
+Cells are paired by cloth, by the sample that is left out where samples are left out in turn, and by the seeds that both
+runs have; where they share none, by cloth and sample alone. For a cloth with values b (before) and a (after) the change
+is
 
     d = (mean a - mean b) / mean of all of them,
 
@@ -28,6 +29,7 @@ from numpy import ndarray
 from scipy import stats
 
 from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
+from cusick_bench.leaderboard.cell_number import split_of
 
 PERMUTATIONS = 20_000
 POWER = 0.8  # at which a change counts as detectable
@@ -80,7 +82,7 @@ class Comparison:
 def blocks(before: Values, after: Values) -> dict[str, list[Block]]:
     """Pairs the values of two runs, cloth by cloth.
 
-    Seeds that change nothing within a cloth, in either run, are one value, not many.
+    Seeds that change nothing within a cloth (within one of its splits), in either run, are one value, not many.
 
     Args:
         before: Values of the baseline by (cloth, seed).
@@ -91,15 +93,24 @@ def blocks(before: Values, after: Values) -> dict[str, list[Block]]:
     """
     found: dict[str, list[Block]] = {}
     for cloth in sorted({cloth for cloth, _ in before} & {cloth for cloth, _ in after}):
-        old = {seed: value for (name, seed), value in before.items() if name == cloth}
-        new = {seed: value for (name, seed), value in after.items() if name == cloth}
-        if _constant(old) and _constant(new):
-            found[cloth] = [_block([next(iter(old.values()))], [next(iter(new.values()))])]
-        elif shared := sorted(old.keys() & new.keys()):
-            found[cloth] = [_block([old[seed]], [new[seed]]) for seed in shared]
+        old, new = ({number: one for (name, number), one in run.items() if name == cloth} for run in (before, after))
+        if splits := sorted({split_of(number) for number in old} & {split_of(number) for number in new}):
+            found[cloth] = [block for split in splits for block in _of_seeds(_within(old, split), _within(new, split))]
         else:
-            found[cloth] = [_block(list(old.values()), list(new.values()))]
+            found[cloth] = _of_seeds(old, new)
     return found
+
+
+def _within(values: Mapping[int, float], split: int) -> dict[int, float]:
+    return {number: value for number, value in values.items() if split_of(number) == split}
+
+
+def _of_seeds(old: Mapping[int, float], new: Mapping[int, float]) -> list[Block]:
+    if _constant(old) and _constant(new):
+        return [_block([next(iter(old.values()))], [next(iter(new.values()))])]
+    if shared := sorted(old.keys() & new.keys()):
+        return [_block([old[seed]], [new[seed]]) for seed in shared]
+    return [_block(list(old.values()), list(new.values()))]
 
 
 def compare(before: Values, after: Values, *, level: float, generator: np.random.Generator) -> Comparison:

@@ -56,8 +56,10 @@ class Check:
         return bool(self.difference <= self.tolerance)
 
 
-def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws: bool) -> Iterator[Check]:
-    """Compares stored metrics with those of a repetition; what only one of them knows is left out.
+def metric_checks(
+    stored: dict[str, Any], again: dict[str, float], *, same_draws: bool, all_known: bool = False
+) -> Iterator[Check]:
+    """Compares stored metrics with those of a repetition.
 
     Scores of the stored draws themselves must come out the same but for the arithmetic of another machine.
 
@@ -65,10 +67,14 @@ def metric_checks(stored: dict[str, Any], again: dict[str, float], *, same_draws
         stored: Metrics of the cell's `result.json`.
         again: Metrics of the repetition.
         same_draws: Whether the stored draws themselves were scored again.
+        all_known: Whether both have the same metrics, so that one that only one of them has was taken out or put in;
+            such a metric is left out otherwise.
 
     Returns:
         A comparison a metric.
     """
+    for name in sorted(stored.keys() ^ again.keys()) if all_known else ():
+        yield Check(name, inf, 0.0, f"{'not measured' if name in stored else 'not stored'}, but the other one has it")
     for name, value in again.items():
         if name not in stored:
             continue

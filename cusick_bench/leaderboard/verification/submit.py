@@ -27,6 +27,7 @@ from cusick_bench.leaderboard.formats import record
 from cusick_bench.leaderboard.text import typed
 from cusick_bench.leaderboard.verification.tracks import require_fit
 from cusick_bench.leaderboard.verification.verify import verified_keys
+from cusick_bench.runner.labels import unspaced
 from cusick_bench.runner.store import locked, write_atomically
 
 _TRACK = re.compile(r"[a-z0-9][a-z0-9-]*")
@@ -35,6 +36,8 @@ _FIRST = ("track", "solver", "variant", "kind", "state", "cells", "failed", "clo
 _LAST = (
     "dataset", "dataset_hash", "protocol", "settings", "budget", "command", "code_version", "hardware", "time", "row",
 )  # fmt: skip
+_STATED = ("solver", "kind", "cloths", "dataset", "dataset_hash", "protocol", "settings", "budget")
+"""Columns of text that say what a line's numbers are of."""
 _GRID = ("solver", "variant", "kind", "cells", "cloths", "dataset", "dataset_hash", "protocol")
 """Columns by which a line of a leaderboard and a line of a track are matched, whatever code they were run with."""
 
@@ -119,14 +122,14 @@ def read_rows(path: Path) -> pd.DataFrame:
 
 
 def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
-    """Numbers of a committed line that are not what its run says; intervals, which depend on the rows beside, apart.
+    """What a committed line says and its run does not, but for what depends on the rows beside: intervals, variant.
 
     Args:
         line: The committed line.
         made: The line that its run gives now, from `rows_of`.
 
     Returns:
-        A sentence a number that differs.
+        A sentence for each number that differs, and for each of `_STATED`.
     """
     wrong = []
     for name, value in made.items():
@@ -139,6 +142,12 @@ def altered(line: dict[str, Any], made: dict[str, Any]) -> list[str]:
             claimed = nan
         if not (isnan(claimed) and isnan(value)) and not isclose(claimed, value, rel_tol=1e-9, abs_tol=1e-12):
             wrong.append(f"{name} {text or 'missing'}, the run has {value:.6g}")
+    for name in _STATED:
+        claimed, text = (str(one[name]) if name in one else "" for one in (line, made))
+        if name == "solver":  # equal options may be written in several ways
+            claimed, text = (unspaced(one).partition(",")[0] for one in (claimed, text))
+        if name in line and claimed != text:
+            wrong.append(f"{name} {claimed or 'missing'}, the run has {text}")
     return wrong
 
 

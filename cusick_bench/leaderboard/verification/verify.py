@@ -3,6 +3,7 @@
 A cell is verified if its record is the one that its folder is named after, the data have the same hash, the stored
 parameters drape to the stored shape and picture, and the metrics and the stated stiffness are the same, each within a
 stated tolerance (`resimulate`). This detects parameters, pictures, metrics or stiffnesses that were changed afterwards.
+Costs, which cannot be made again, and the trace have to fit the hashes of the cell's marker.
 The outcome is kept in `verified.json` of the results folder, with hashes of the files for which it is valid.
 """
 
@@ -10,9 +11,11 @@ import logging
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
+from cusick_bench import metrics
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks, stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import (
@@ -26,7 +29,7 @@ from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import cell_numerics
 from cusick_bench.runner.samples import seen_of_samples
-from cusick_bench.runner.store import file_digests, read_json, write_json
+from cusick_bench.runner.store import Store, file_digests, locked, read_json, write_json
 from cusick_bench.sim.errors import CusickError
 from cusick_bench.sim.setup import Simulators
 from cusick_bench.solvers.registry import make_solver
@@ -116,14 +119,17 @@ def keep(run: Path, verifications: list[Verification]) -> None:
         verifications: From `verify_cell`.
     """
     path = run / VERIFIED
-    known = _kept(path)
-    for verification in verifications:
-        known[verification.key] = verification.record() | {
+    found = {
+        verification.key: verification.record()
+        | {
             "files": file_digests(run / "cells" / verification.key, _FILES),
             "code": code_state(),
             "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }
-    write_json(path, known)
+        for verification in verifications
+    }
+    with locked(run):  # two commands may verify solvers of one run
+        write_json(path, _kept(path) | found)
 
 
 def _kept(path: Path) -> dict[str, Any]:
@@ -175,7 +181,10 @@ def _verified(
     again = rescore(repetition, cell, dataset)
     lost = sorted(set(result["metrics"]) - set(again))
     notes += [*repetition.notes, *([f"no longer measured: {', '.join(lost)}"] if lost else [])]
-    checks += [*repetition.checks, *metric_checks(result["metrics"], again, same_draws=repetition.same_draws)]
+    stored, same_code = result["metrics"], dict(cell.numerics).get("metrics") == metrics.NUMERICS_VERSION
+    checks += [*repetition.checks, *metric_checks(stored, again, same_draws=repetition.same_draws, all_known=same_code)]
+    fault = Store(folder.parent.parent).fault(folder.name)
+    checks.append(Check("files", inf if fault else 0.0, 0.0, fault))
     checks += stiffness_checks(result, repetition.stiffness)
     held = all(check.holds for check in checks)
     status = "differs" if not held else "verified" if repetition.simulated else "rescored"
