@@ -25,19 +25,20 @@ from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.shape import dihedral_angles, fade_in
+from cusick_bench.sim.cloth.warp import about_centre
 from cusick_bench.sim.drape import DrapeSimulator
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.sim.history import StateLaw, drop_with_history
 
 Field = Callable[[Tensor], Tensor]
-"""From material points (n, 2) [m] to values (n,)."""
+"""From material points (n, 2), about the cloth's centre [m], to values (n,)."""
 
 PositionMap = Callable[[Tensor], Tensor]
 """From positions (vertices, 3) [m] to positions."""
 
 MeshField = Callable[[Mesh, Tensor], Tensor]
-"""From a mesh and material points (n, 2) [m] to values (n,)."""
+"""From a mesh and material points (n, 2), about the cloth's centre [m], to values (n,)."""
 
 RestAngle = Callable[[Mesh], Tensor]
 """From a mesh to dihedral angles (hinges,) [rad], positive where the cloth is convex seen from its face."""
@@ -73,7 +74,8 @@ class Setup:
         side: Which face lies up.
         capture: Number of the picture in the order in which a sample's pictures are taken, from 1.
         later: Whether an earlier picture of the same face lies before this one.
-        laying: Height in which the cloth is laid down [m], as a field or per vertex; it fades in from the plate's edge.
+        laying: Height in which the cloth is laid down [m], as a function of places about the plate's axis [m] or per
+            vertex; it fades in from the plate's edge.
         rest: Height of the rest shape towards the face [m].
         log_bending, log_stretch, log_mass: Logarithms of factors over the cloth.
         rest_angles: Further stress-free angles, added.
@@ -149,7 +151,7 @@ class Setup:
         mesh = self.mesh
         angle = torch.zeros(len(mesh.hinges), dtype=torch.float64)
         if self.rest is not None:
-            flat = torch.from_numpy(mesh.material)
+            flat = torch.from_numpy(about_centre(mesh, mesh.material))
             angle = angle + dihedral_angles(torch.column_stack([flat, self.rest(flat)]), mesh.hinges)
         for added in self.rest_angles:
             angle = angle + added(mesh)
@@ -278,7 +280,7 @@ def turned(shape: Float[Tensor, "vertices 3"], degrees: float | Tensor) -> Float
 
 
 def _factor(logs: Sequence[Field], mesh: Mesh, points: np.ndarray) -> Tensor:
-    at = torch.from_numpy(points)
+    at = torch.from_numpy(about_centre(mesh, points))
     total = torch.zeros(len(points), dtype=torch.float64)
     for log in logs:
         total = total + (log.field(mesh, at) if isinstance(log, OnCloth) else log(at))

@@ -9,10 +9,13 @@ the versions of the parts that it uses.
 new version. After raising a version: `python tests/support/golden.py --write`.
 """
 
+from collections.abc import Iterable
+
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.cloth import membrane
-from cusick_bench.sim.effects.registry import parse
+from cusick_bench.sim.effects.base import Effect
+from cusick_bench.sim.effects.registry import parse, registered
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.laws import paper, plate, published
 from cusick_bench.solvers.base import Solver
@@ -77,8 +80,7 @@ def cell_numerics(
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
-        acting = [parse(cause).effect for cause in causes]
-        versions |= {f"effect {one.name}": one.version for one in acting if one.version > 1}  # records omit version 1
+        versions |= _effect_versions(parse(cause).effect for cause in causes)
     if both_faces:
         versions["both faces"] = BOTH_FACES
     if repeats:
@@ -98,4 +100,9 @@ def diagnosis_numerics(**above: int) -> dict[str, int]:
     versions = {"datasets": datasets.NUMERICS_VERSION, "metrics": metrics.NUMERICS_VERSION, **above}
     for law in ("paper", "plate"):  # of an atlas' cheaper drapes, and of the base model
         versions |= drape_numerics(law, with_effects=True)
-    return dict(sorted(versions.items()))
+    return dict(sorted((versions | _effect_versions(registered().values())).items()))
+
+
+def _effect_versions(effects: Iterable[Effect]) -> dict[str, int]:
+    """Versions of effects by name; records omit version 1."""
+    return {f"effect {one.name}": one.version for one in effects if one.version > 1}

@@ -21,6 +21,7 @@ from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.errors import SimulationError
 
 _KEPT = 32  # largest number of cached meshes
+_DIGITS = 12  # of metres
 
 
 def cloth_circle(mesh: Mesh) -> tuple[Float[ndarray, "2"], float]:
@@ -37,6 +38,19 @@ def cloth_circle(mesh: Mesh) -> tuple[Float[ndarray, "2"], float]:
     twice = rim[:, 0] * following[:, 1] - rim[:, 1] * following[:, 0]
     centre = ((rim + following) * twice[:, None]).sum(0) / (3 * twice.sum())
     return centre, float(np.hypot(*(rim - centre).T).mean())
+
+
+def about_centre(mesh: Mesh, points: Float[ndarray, "points 2"]) -> Float[ndarray, "points 2"]:
+    """Material points seen from the cloth's centre, which may lie beside the plate's axis.
+
+    Args:
+        mesh: The cloth.
+        points: Points about the plate's axis [m].
+
+    Returns:
+        Points about the cloth's centre [m]; the same numbers where the cloth lies centred.
+    """
+    return points - np.round(cloth_circle(mesh)[0], _DIGITS)  # 0 but for rounding where the cloth lies centred
 
 
 @lru_cache(maxsize=_KEPT)

@@ -173,6 +173,14 @@ def test_a_hem_is_at_the_rim_and_not_at_the_plate():
     np.testing.assert_allclose(field(np.array([[0.149, 0.0], [0.0, -0.12], [0.09, 0.0]])), [1.1, 0, 0], atol=1e-3)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_hem_lies_at_the_rim_of_a_cloth_cut_too_large(order):
+    hem, cut = ("rim-stiffening", {"stiffening": 1.1, "width": 0.01}), ("cut-size", {"error": 0.004})
+    made = TrueCase((3, 2), dict([hem, cut][::order]), VERTICES, STEPS).scene(1, 1)
+    field = made.log_bending[-1]
+    np.testing.assert_allclose(field(np.array([[0.153, 0.0], [0.0, -0.147], [0.0, 0.141]])), [1.1, 1.1, 0], atol=0.1)
+
+
 def _one_case(vertices=150):
     system = SceneSystems(vertices, 5, "paper").system_of(scene())
     faces, hinges = len(system.elements.faces), len(system.elements.hinges)

@@ -91,7 +91,7 @@ class TrueCase:
                 yield picture
 
     def scene(self, sample: int, capture: int) -> Scene:
-        """The circumstances of one picture: natural variability, then the causes in order.
+        """The circumstances of one picture: natural variability, then the causes in order, the cut first.
 
         Args:
             sample: Number of the sample, from 1.
@@ -101,7 +101,7 @@ class TrueCase:
             The scene.
         """
         scene = self._natural(sample, capture)
-        for name, value in self.causes.items():
+        for name, value in sorted(self.causes.items(), key=lambda cause: cause[0] != "cut-size"):  # a hem follows it
             scene = self.world.law(name)(scene, value)
         return scene
 

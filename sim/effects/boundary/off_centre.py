@@ -31,6 +31,7 @@ class OffCentre(Effect):
     )  # fmt: skip
     located = "direction"
     signed = False
+    version = 2  # 2: fields of stiffness and rest shape lie about the cloth's centre
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         from cusick_bench.sim.cloth.warp import shifted

@@ -31,6 +31,7 @@ class PlateSlip(Effect):
         Parameter("slide", "m", 0.0, 0.02, 2e-3, "assumed: as far as a cloth is misplaced", summary="of each laying"),
     )
     signed = False
+    version = 2  # 2: fields of stiffness and rest shape lie about the cloth's centre
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
         from cusick_bench.sim.cloth.warp import shifted

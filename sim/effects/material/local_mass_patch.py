@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from jaxtyping import Float
-
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
 from cusick_bench.sim.effects.material.patch import PLACE, Patch
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
-    from cusick_bench.sim.cloth.mesh import Mesh
     from cusick_bench.sim.setup import Setup
 
 
@@ -40,11 +35,5 @@ class LocalMassPatch(Effect):
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch
 
-        from cusick_bench.sim.setup import OnCloth
-
         patch, mass = Patch.of(value), value["mass"]
-
-        def log_factor(mesh: Mesh, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
-            return torch.log1p(mass * patch.on(mesh, points))
-
-        return setup.with_added(log_mass=OnCloth(log_factor, setup.mesh))
+        return setup.with_added(log_mass=lambda points: torch.log1p(mass * patch(points)))

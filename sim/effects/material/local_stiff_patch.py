@@ -31,9 +31,5 @@ class LocalStiffPatch(Effect):
     gradient = "adjoint"
 
     def _apply(self, setup: Setup, value: Values) -> Setup:
-        from cusick_bench.sim.setup import OnCloth
-
         patch, stiffening = Patch.of(value), value["stiffening"]
-        return setup.with_added(
-            log_bending=OnCloth(lambda mesh, points: stiffening * patch.on(mesh, points), setup.mesh)
-        )
+        return setup.with_added(log_bending=lambda points: stiffening * patch(points))

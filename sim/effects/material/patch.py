@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.sim.constants import CLOTH_RADIUS
@@ -15,10 +14,6 @@ from cusick_bench.sim.effects.base import Parameter, Values
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from cusick_bench.sim.cloth.mesh import Mesh
-
-
-_DIGITS = 12  # of metres
 
 PLACE = (
     Parameter(
@@ -62,25 +57,8 @@ class Patch:
         """
         return cls(value["direction"], value["radius"], value["size"])
 
-    def on(self, mesh: Mesh, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
-        """The patch on a cloth that may lie beside the plate's axis.
-
-        Args:
-            mesh: The cloth.
-            points: Material points about the plate's axis [m].
-
-        Returns:
-            The patch at these points.
-        """
-        import torch
-
-        from cusick_bench.sim.cloth.warp import cloth_circle
-
-        centre = np.round(cloth_circle(mesh)[0], _DIGITS)  # 0 but for rounding where the cloth lies centred
-        return self(points - torch.from_numpy(centre))
-
     def __call__(self, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
-        """The patch on a cloth that lies centred."""
+        """The patch at points about the cloth's centre [m]."""
         import torch
 
         angle = torch.as_tensor(self.direction, dtype=torch.float64) * (math.pi / 180)

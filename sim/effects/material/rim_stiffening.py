@@ -47,9 +47,8 @@ class RimStiffening(Effect):
 
         def log_factor(mesh: Mesh, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
             rim = mesh.material[mesh.boundary]
-            centre = torch.from_numpy(rim.mean(0))
             radius = float(np.hypot(*(rim - rim.mean(0)).T).mean())
-            inward = (radius - torch.linalg.norm(points - centre, dim=1)).clamp(min=0)
+            inward = (radius - torch.linalg.norm(points, dim=1)).clamp(min=0)
             return stiffening * torch.exp(-inward / width)
 
         return setup.with_added(log_bending=OnCloth(log_factor, setup.mesh))

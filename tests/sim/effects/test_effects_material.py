@@ -10,7 +10,7 @@ import pytest
 import torch
 from numpy import ndarray
 
-from cusick_bench.sim.cloth.heterogeneity import face_centres
+from cusick_bench.sim.cloth.heterogeneity import face_centres, hinge_centres
 from cusick_bench.sim.cloth.material import Material, uniform_material
 from cusick_bench.sim.cloth.mesh import Mesh, disc_mesh
 from cusick_bench.sim.cloth.shape import smooth_field
@@ -261,6 +261,27 @@ def test_a_patch_lies_at_its_place_of_a_cloth_beside_the_axis(moved, side):
     middle = (added @ torch.from_numpy(face_centres(bare.mesh)) / added.sum()).numpy()
     place = cloth_circle(bare.mesh)[0] + _at(0.12, 130.0).numpy()[0]
     assert np.abs(middle - place).max() < 5e-4
+
+
+@pytest.mark.parametrize("moved", ["off-centre:shift=0.02,direction=30", "plate-slip:slide=0.02"])
+def test_stiffness_and_rest_shape_lie_on_the_cloth_wherever_it_lies(moved):
+    """Both faces of a specimen, moved to opposite sides in its own frame, have one field."""
+    bump, place, mesh = _at(0.12, 130.0), [], disc_mesh(2699)
+    for side in ("up", "down"):
+        setup = replace(
+            _setup(mesh),
+            side=side,
+            rest=lambda points: 1e-3 * torch.exp(-((points - bump) ** 2).sum(1) / (2 * 0.01**2)),
+        )
+        setup = parse(moved).apply(parse("stiffness-field:spread=0.5").apply(setup))
+        centre = cloth_circle(setup.mesh)[0]
+        assert np.hypot(*centre) == pytest.approx(0.02, abs=1e-9)
+        points = torch.from_numpy(hinge_centres(setup.mesh) - centre)
+        factor = setup.cloth().bending[:, 0, 0] / CLOTH.bending[0, 0]
+        assert torch.allclose(factor, setup.log_bending[0](points).exp(), rtol=1e-9)
+        weight = setup.rest_angle().abs()
+        place.append((weight @ points / weight.sum()).numpy())
+    assert np.abs(place - bump.numpy()).max() < 1e-3
 
 
 @pytest.mark.parametrize("moved", ["cut-size:error=-0.006", "off-centre:shift=0.01,direction=30"])
