@@ -233,6 +233,18 @@ class TestRun:
         assert set(table.loc[table["solver"] == "null:disc", "code_version"]) == {numerics_text(versions)}
         assert len(table) == 2 * CLOTHS_RUN
 
+    def test_seeds_of_older_code_that_were_not_repeated_do_not_count(self, lab, tmp_path, monkeypatch):
+        with monkeypatch.context() as patch:
+            patch.setattr("cusick_bench.metrics.NUMERICS_VERSION", 0)
+            folder = solve(lab, tmp_path / "both", [0, 1], ["null:random-phase", "null:disc"])
+        before = read_cells(folder)
+        assert set(before["seed"]) == {0, 1}
+        solve(lab, folder, [0], ["null:random-phase"])
+        table = read_cells(folder)
+        assert set(table.loc[table["solver"] == "null:random-phase", "seed"]) == {0}
+        others = [one.loc[one["solver"] == "null:disc"].reset_index(drop=True) for one in (before, table)]
+        assert others[0].equals(others[1])
+
     def test_cells_of_older_code_do_not_stand_for_what_a_stopped_run_lacks(self, lab, tmp_path, monkeypatch):
         """As in a folder that continuous integration keeps from commit to commit."""
         with monkeypatch.context() as patch:

@@ -117,14 +117,22 @@ def _left_out(protocol: str, test: Sequence[int]) -> int | None:
 
 
 def _of_run(cells: Cells) -> pd.DataFrame:
-    """Cells of a results folder; where it holds some twice (other code, other settings), those asked for last."""
+    """Cells of a results folder; where it holds some twice (other code, other settings), those asked for last.
+
+    Cells of a solver by other code than those of the last command stay out, though this asked for fewer seeds.
+    """
     done = cells.table.drop(columns="repeat")
     done[LEFT_OUT] = [_left_out(*row) for row in zip(done["protocol"], done["test"], strict=True)]
     done["key"] = [folder.name for folder in done["folder"]]
     done["settings"] = done["settings"].map(settings_digest)
     others = [
         {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": cell.status, "key": cell.folder.name}
-        | ({LEFT_OUT: _left_out(cell.columns["protocol"], cell.columns["test"])} if cell.columns else {})
+        | (
+            {LEFT_OUT: _left_out(cell.columns["protocol"], cell.columns["test"])}
+            | {"code_version": cell.columns["code_version"]}
+            if cell.columns
+            else {}
+        )
         for cell in cells.skipped
         if cell.seed is not None
     ]
@@ -134,7 +142,14 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     places = {key: place for place, command in enumerate(commands) for key in command.get("cells", [])}
     asked = pd.Series([places.get(key, -1) for key in table["key"]], table.index)
     last = asked.groupby([table[name] for name in (*IDENTITY, LEFT_OUT)], dropna=False).transform("max")
-    table = table.loc[asked == last]
+    table, asked = table.loc[asked == last], asked[asked == last]
+    latest = table.loc[asked == asked.groupby(table["solver"]).transform("max")]
+    codes = latest.dropna(subset=["code_version"]).groupby("solver")["code_version"].agg(set).to_dict()
+    same = [
+        pd.isna(code) or code in codes.get(solver, {code})
+        for solver, code in zip(table["solver"], table["code_version"], strict=True)
+    ]
+    table = table.loc[same]
     _require_finished(cells, table)
     kept = table.sort_values(list(IDENTITY), ignore_index=True)
     return kept[[*IDENTITY, LEFT_OUT, *_PROBLEM, *metric_names(kept)]].astype({"seed": int})
