@@ -142,8 +142,8 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     places = {key: place for place, command in enumerate(commands) for key in command.get("cells", [])}
     asked = pd.Series([places.get(key, -1) for key in table["key"]], table.index)
     last = asked.groupby([table[name] for name in (*IDENTITY, LEFT_OUT)], dropna=False).transform("max")
-    table, asked = table.loc[asked == last], asked[asked == last]
-    latest = table.loc[asked == asked.groupby(table["solver"]).transform("max")]
+    table = table.loc[asked == last].assign(asked=last)
+    latest = table.loc[table["asked"] == table.groupby("solver")["asked"].transform("max")]
     codes = latest.dropna(subset=["code_version"]).groupby("solver")["code_version"].agg(set).to_dict()
     same = [
         pd.isna(code) or code in codes.get(solver, {code})
