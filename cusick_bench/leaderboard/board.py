@@ -156,9 +156,10 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
     boards = []
     for _, table in cells.table.groupby(BOARD, sort=True):
         cloths = tuple(sorted(table["cloth"].unique()))
-        rows = ranking.rows(cells, table, cloths)
+        unmeasured = _unmeasured(table, by)
+        rows = ranking.rows(cells, table, cloths, unmeasured)
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        notes = tuple(_notes(cells, rows, cloths, by, _unmeasured(table, by)))
+        notes = tuple(_notes(cells, rows, cloths, by, unmeasured))
         boards.append(
             Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
         )
@@ -178,7 +179,13 @@ class _Ranking:
         """Value by which rows are ordered, smaller is better; NaN where the row has none."""
         return float(self.direction.cost(row.value(self.by)))
 
-    def rows(self, cells: Cells, table: pd.DataFrame, cloths: tuple[str, ...]) -> tuple[Row, ...]:
+    def rows(
+        self,
+        cells: Cells,
+        table: pd.DataFrame,
+        cloths: tuple[str, ...],
+        unmeasured: Mapping[tuple[str, str], Sequence[str]],
+    ) -> tuple[Row, ...]:
         groups = dict(variants(table))
         rows = []
         for (solver, variant), group in groups.items():
@@ -187,7 +194,7 @@ class _Ranking:
             rows.append(floor)
         rows.sort(key=lambda row: (not isfinite(cost := self.cost(row)), cost, row.label))
         values = {key: cell_values(group, self.by) for key, group in groups.items()}
-        return tuple(self._ranked(rows, values, cloths, _unmeasured(table, self.by)))
+        return tuple(self._ranked(rows, values, cloths, unmeasured))
 
     def _row(self, solver: str, variant: str, group: pd.DataFrame, failed: int, table: pd.DataFrame) -> Row:
         columns = {name: cell_values(group, name) for name in metric_names(group)}
@@ -254,10 +261,8 @@ class _Ranking:
     ) -> Iterator[Row]:
         leader, rank, place = None, 0, 0
         for row in rows:
-            if row.kind not in _RANKED or row.cloths != cloths or not isfinite(row.value(self.by)):
-                yield row
-                continue
-            if unmeasured[row.solver, row.variant]:
+            whole = row.kind in _RANKED and row.cloths == cloths and isfinite(row.value(self.by))
+            if not whole or unmeasured[row.solver, row.variant]:
                 yield row
                 continue
             place += 1

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
-from cusick_bench.leaderboard.cell_number import SEEDS
+from cusick_bench.leaderboard.cell_number import SEEDS, with_numbers
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.record_types import check_result, check_run
@@ -116,7 +116,7 @@ def load_cells(folder: Path | str) -> Cells:
     numbers = _repeats(pd.concat([table, pd.DataFrame([dict(skipped[place].columns) for place in known])]))
     for place, number in zip(known, numbers[len(table) :], strict=True):
         skipped[place] = replace(skipped[place], columns={**skipped[place].columns, "repeat": number})
-    table = _numbered(table, numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
+    table = with_numbers(table, numbers[: len(table)]).sort_values(["solver", "cloth", "seed"], ignore_index=True)
     return Cells(folder, _read_run(folder), table, tuple(skipped))
 
 
@@ -130,12 +130,7 @@ def numbered_alike(tables: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
         The tables, in this order.
     """
     numbers = iter(_repeats(pd.concat(tables)))
-    return [_numbered(table, list(islice(numbers, len(table)))) for table in tables]
-
-
-def _numbered(table: pd.DataFrame, numbers: Sequence[int]) -> pd.DataFrame:
-    # Of several splits the numbers are larger than any that NumPy knows.
-    return table.assign(repeat=pd.Series(numbers, table.index, dtype=object if max(numbers) >= SEEDS else int))
+    return [with_numbers(table, list(islice(numbers, len(table)))) for table in tables]
 
 
 def _repeats(table: pd.DataFrame) -> list[int]:

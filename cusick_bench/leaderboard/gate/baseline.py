@@ -7,7 +7,7 @@ the columns solver, cloth, seed and their metrics, as CSV or as JSON,
 """
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from cusick_bench.datasets.splits import LEAVE_ONE_OUT
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
-from cusick_bench.leaderboard.cell_number import SEEDS
+from cusick_bench.leaderboard.cell_number import SEEDS, with_numbers
 from cusick_bench.leaderboard.cells import Cells, load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
@@ -108,7 +108,7 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
         return table.drop(columns=LEFT_OUT, errors="ignore").assign(repeat=table["seed"])
     shift = [(1 + int(row)) * SEEDS if pd.notna(row) else 0 for row in left_out]
     repeat = [seed + more for seed, more in zip(table["seed"].tolist(), shift, strict=True)]
-    return table.astype({LEFT_OUT: "Int64"}).assign(repeat=pd.Series(repeat, table.index, dtype=object))
+    return with_numbers(table.astype({LEFT_OUT: "Int64"}), repeat)
 
 
 def _left_out(protocol: str, test: Sequence[int]) -> int | None:
@@ -127,12 +127,7 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     done["settings"] = done["settings"].map(settings_digest)
     others = [
         {"solver": cell.solver, "cloth": cell.cloth, "seed": cell.seed, "status": cell.status, "key": cell.folder.name}
-        | (
-            {LEFT_OUT: _left_out(cell.columns["protocol"], cell.columns["test"])}
-            | {"code_version": cell.columns["code_version"]}
-            if cell.columns
-            else {}
-        )
+        | (_problem_of(cell.columns) if cell.columns else {})
         for cell in cells.skipped
         if cell.seed is not None
     ]
@@ -153,6 +148,11 @@ def _of_run(cells: Cells) -> pd.DataFrame:
     _require_finished(cells, table)
     kept = table.sort_values(list(IDENTITY), ignore_index=True)
     return kept[[*IDENTITY, LEFT_OUT, *_PROBLEM, *metric_names(kept)]].astype({"seed": int})
+
+
+def _problem_of(columns: Mapping[str, Any]) -> dict[str, Any]:
+    """What a cell that has no metrics shares with those that have."""
+    return {LEFT_OUT: _left_out(columns["protocol"], columns["test"]), "code_version": columns["code_version"]}
 
 
 def _require_finished(cells: Cells, table: pd.DataFrame) -> None:

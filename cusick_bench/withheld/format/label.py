@@ -200,21 +200,6 @@ def read_label_documents(path: Path) -> dict[str, LabelDocument]:
     return {case: validated(_LABEL, entry, f"{path}: {case}") for case, entry in found.items()}
 
 
-def read_labels(path: Path) -> dict[str, Label]:
-    """Reads the truth of every case from `labels.json`.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The truth by case.
-
-    Raises:
-        WithheldError: A file that cannot be read, or what breaks the format.
-    """
-    return {case: truth_of(label) for case, label in read_label_documents(path).items()}
-
-
 def read_label(content: Any, where: str) -> Label:
     """Checks one label of `labels.json`.
 

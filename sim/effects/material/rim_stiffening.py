@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.sim.effects.base import Effect, Parameter, Values
@@ -41,14 +40,13 @@ class RimStiffening(Effect):
     def _apply(self, setup: Setup, value: Values) -> Setup:
         import torch
 
+        from cusick_bench.sim.cloth.warp import cloth_circle
         from cusick_bench.sim.setup import OnCloth
 
         stiffening, width = value["stiffening"], value["width"]
 
         def log_factor(mesh: Mesh, points: Float[Tensor, "points 2"]) -> Float[Tensor, " points"]:
-            rim = mesh.material[mesh.boundary]
-            radius = float(np.hypot(*(rim - rim.mean(0)).T).mean())
-            inward = (radius - torch.linalg.norm(points, dim=1)).clamp(min=0)
+            inward = (cloth_circle(mesh)[1] - torch.linalg.norm(points, dim=1)).clamp(min=0)
             return stiffening * torch.exp(-inward / width)
 
         return setup.with_added(log_bending=OnCloth(log_factor, setup.mesh))
