@@ -14,8 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from cusick_bench.datasets.files.hanging_line import without_perspective
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
-from cusick_bench.datasets.files.silhouette import without_perspective
 
 RAYS = 360
 SAMPLES_PER_RAY = 256

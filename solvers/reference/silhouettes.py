@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from cusick_bench.datasets.files.hanging_line import with_perspective
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
-from cusick_bench.datasets.files.silhouette import with_perspective
 
 
 @dataclass(frozen=True, eq=False)

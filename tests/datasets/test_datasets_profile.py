@@ -8,8 +8,9 @@ import torch
 from toy_cloths import draw, surface, wavy_profile
 
 from cusick_bench.datasets import load
+from cusick_bench.datasets.files.hanging_line import rim_depth
 from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of, rim_depth
+from cusick_bench.datasets.files.silhouette import drape_coefficient_of, fold_count_of, profile_of
 from cusick_bench.datasets.profile import (
     Profile,
     amplitude_spectrum,

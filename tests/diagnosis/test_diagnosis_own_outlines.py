@@ -144,9 +144,12 @@ def leaning(points: ndarray) -> ndarray:
 
 
 @pytest.mark.parametrize(("name", "severity", "move"), [("perspective", 1 / 0.7, near), ("camera-tilt", 4.0, leaning)])
-@pytest.mark.parametrize("cloth", ["fabric_2", "fabric_3", "fabric_4", "fabric_5"])
+@pytest.mark.parametrize(
+    ("cloth", "most"),
+    [("fabric_1", 0.2), ("fabric_2", 0.13), ("fabric_3", 0.06), ("fabric_4", 0.06), ("fabric_5", 0.06)],
+)
 def test_what_hangs_on_depth_is_undone_without_knowing_it(
-    drapes: DrapeDataset, cloth: str, name: str, severity: float, move: Callable[[ndarray], ndarray]
+    drapes: DrapeDataset, cloth: str, most: float, name: str, severity: float, move: Callable[[ndarray], ndarray]
 ) -> None:
     plain, wrong = (photographed(drapes, cloth, one) for one in (np.copy, move))
     axis = np.zeros((2, 1))  # of the camera on both faces
@@ -154,7 +157,7 @@ def test_what_hangs_on_depth_is_undone_without_knowing_it(
     zero = np.array([1e-9])
     without, with_error = (sample_statistics(one).features().contrast for one in (plain, wrong))
     expected = (with_error - without) / RESOLUTION
-    assert np.linalg.norm(found - expected) < 0.25 * np.linalg.norm(expected)
+    assert np.linalg.norm(found - expected) < most * np.linalg.norm(expected)
     assert np.linalg.norm(OwnOutlines(wrong).change(name, zero, axis).contrast[0] / RESOLUTION) < 1e-3
 
 

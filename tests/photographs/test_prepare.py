@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.datasets.audit.audit import audit
-from cusick_bench.datasets.files.silhouette import with_perspective
+from cusick_bench.datasets.files.hanging_line import with_perspective
 
 TOLERANCE = 0.5e-3  # [m] root-mean-square
 
