@@ -24,6 +24,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.units import shown_unit
 
 if TYPE_CHECKING:
     from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument
@@ -179,8 +180,7 @@ def _parameters(cause: Cause) -> list[str]:
 
 
 def _shown(parameter: ParameterValue) -> str:
-    unit = "" if parameter.unit == "1" else parameter.unit
-    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {unit}".strip()
+    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {shown_unit(parameter.unit)}".strip()
 
 
 def _print_laboratory(shared: LaboratoryDocument) -> None:
