@@ -13,8 +13,8 @@ import torch
 from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
-from cusick_bench.leaderboard.cells import load_cells
-from cusick_bench.leaderboard.source import load_data_of
+from cusick_bench.leaderboard.cells.loading import load_cells
+from cusick_bench.leaderboard.cells.source import load_data_of
 from cusick_bench.metrics.found_stiffness import DRAWS
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.problem.cloth_prior import CLOTH

@@ -27,7 +27,7 @@ from cusick_bench.leaderboard.bootstrap import (
     estimate,
     repeats,
 )
-from cusick_bench.leaderboard.cells import Cells, Skipped
+from cusick_bench.leaderboard.cells.loading import Cells, Skipped
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.order import Direction, direction

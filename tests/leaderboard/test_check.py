@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from cusick_bench import metrics
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
-from cusick_bench.leaderboard.cell_number import SEEDS
+from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate import paired
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline

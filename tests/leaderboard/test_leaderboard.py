@@ -24,7 +24,7 @@ from cusick_bench.leaderboard import (
     text_table,
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
-from cusick_bench.leaderboard.cell_number import SEEDS
+from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.proper_scores import variogram_score
 

@@ -120,7 +120,7 @@ def figure_8(
 
 def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells, DrapeDataset]:
     from cusick_bench.leaderboard import load_cells
-    from cusick_bench.leaderboard.source import load_data_of
+    from cusick_bench.leaderboard.cells.source import load_data_of
 
     cells = load_cells(run)
     return cells, load_data_of(cells, data, fabrics_csv)

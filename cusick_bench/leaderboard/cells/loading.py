@@ -11,10 +11,10 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
-from cusick_bench.leaderboard.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
+from cusick_bench.leaderboard.cells.record_types import check_result, check_run
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
-from cusick_bench.leaderboard.record_types import check_result, check_run
 from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
