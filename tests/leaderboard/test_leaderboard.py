@@ -209,7 +209,11 @@ def test_a_row_that_lacks_the_metric_of_a_cloth_has_no_rank_by_it(tmp_path):
     board = only(tmp_path, by="test_hausdorff_m")
     assert {row.label: row.rank for row in board.rows if row.kind == "solver"} == {"homo": None, "heter": 1}
     assert "homo has no rank: its cells on red have no test_hausdorff_m." in board.notes
-    assert set(ranks(only(tmp_path)).values()) == {None, 1}  # by test_mse, which all cells have
+    by_another = only(tmp_path)  # by test_mse, which all cells have
+    assert set(ranks(by_another).values()) == {None, 1}
+    said = "homo: its cells on red have no test_hausdorff_m; means of these are over other cloths"
+    assert [note.startswith(said) for note in by_another.notes].count(True) == 1
+    assert not any(note.startswith("heter") for note in by_another.notes)
 
 
 def test_a_row_that_is_better_on_shared_cells_is_not_ranked_below(tmp_path, noise):
