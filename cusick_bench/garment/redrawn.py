@@ -71,7 +71,7 @@ def _problem(folder: Path, record: dict[str, Any], solver: Solver) -> DrapeProbl
     version = dict(cell.numerics).get(f"solver {solver.name}")
     if version not in (None, solver.version):
         raise GarmentError(f"the cell is of its version {version}, and {solver.version} is here; run the cell again")
-    dataset = load_data_of(load_cells(folder.resolve().parents[1]))
+    dataset = load_data_of(load_cells(folder.resolve().parents[1], changed=True))
     if dataset.content_hash != cell.dataset_hash:
         raise GarmentError(f"{dataset.name} has changed since the run; run the cell again")
     return build_problem(dataset, cell)

@@ -27,6 +27,7 @@ from cusick_bench.leaderboard.bootstrap import cell_values, mean
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.proper_scores import variogram_score
+from cusick_bench.runner import Store
 
 app = typer.Typer()
 app.command()(leaderboard)
@@ -382,6 +383,21 @@ def test_failed_unfinished_and_damaged_cells_are_named_and_not_fatal(tmp_path):
     notes = " ".join(only(tmp_path).notes)
     assert "residual 0.3" in notes
     assert "heter on pink" in notes
+
+
+def test_a_cell_that_was_edited_is_left_out_with_a_note(tmp_path):
+    kept, edited = (write_cell(tmp_path, "homo", cloth) for cloth in ("blue", "red"))
+    for cell in (kept, edited):
+        Store(tmp_path).mark_done(cell.name)
+    text = (edited / "result.json").read_text()
+    (edited / "result.json").write_text(text.replace('"test_mse": 0.05,', '"test_mse": 0.01,'))
+    assert load_cells(tmp_path).table["cloth"].tolist() == ["blue"]
+    (note,) = [note for note in only(tmp_path).notes if note.startswith("Left out")]
+    assert "damaged: homo on red, seed 0" in note
+    assert "result.json is not what the cell was finished with; repeat the run command, which runs the cell" in note
+    assert load_cells(tmp_path, changed=True).table["cloth"].tolist() == ["blue", "red"]  # for `verify`
+    with pytest.raises(LeaderboardError, match="is not what the cell was finished with"):
+        load_cells(tmp_path).require_sound()
 
 
 def test_failed_cells_of_a_row_are_counted(tmp_path):

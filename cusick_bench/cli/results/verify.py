@@ -58,7 +58,7 @@ def verify_command(
     from cusick_bench.sim.setup import Simulators
 
     run = target.parent.parent if (target / "cell.json").is_file() else target
-    cells = load_cells(run)
+    cells = load_cells(run, changed=True)
     table = cells.table
     if run != target:
         table = table.loc[[folder.name == target.name for folder in table["folder"]]]
