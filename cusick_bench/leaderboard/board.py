@@ -422,7 +422,7 @@ def _notes(
 def _partly_measured(
     row: Row, unmeasured: Mapping[str, Mapping[tuple[str, str], Sequence[str]]], by: str
 ) -> dict[tuple[str, ...], list[str]]:
-    """Metrics that a row has of some of its cloths only, by the cloths that lack them; without the one that ranks it."""
+    """Metrics that a row has of some of its cloths only, by the cloths that lack them; not the one that ranks it."""
     found: dict[tuple[str, ...], list[str]] = {}
     for metric, lacking in unmeasured.items():
         own = tuple(cloth for cloth in lacking.get((row.solver, row.variant), ()) if cloth in row.cloths)
