@@ -93,6 +93,23 @@ def test_a_generation_that_was_stopped_goes_on(made, tmp_path, monkeypatch):
     assert contents(copy) == contents(cases)
 
 
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_suite_that_other_code_began_is_not_gone_on_with(made, tmp_path, monkeypatch, recorded):
+    """Its cases would be of two versions; a suite of before versions were kept may be of any."""
+    cases, labels = (shutil.copytree(folder, tmp_path / folder.name) for folder in made)
+    if recorded:
+        monkeypatch.setattr(generate_module, "NUMERICS_VERSION", 99)
+    else:
+        document = json.loads((labels / "suite.json").read_text())
+        del document["numerics"]
+        (labels / "suite.json").write_text(json.dumps(document))
+    assert len(generate(suite(), cases, labels)) == 4  # there is nothing left to make
+    shutil.rmtree(cases / "case_0002")
+    with pytest.raises(WithheldError, match=r"must be made by the same code.*finish it with the code that began it"):
+        generate(suite(), cases, labels)
+    assert not (cases / "case_0002").exists()
+
+
 def test_every_label_is_sealed_before_any_answer(made):
     cases, labels = made
     published = json.loads((cases / "commitment.json").read_text())["cases"]

@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,11 @@ import numpy as np
 from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
+from cusick_bench.runner.labels import numerics_text
+from cusick_bench.runner.numerics import drape_numerics
 from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
 from cusick_bench.withheld.format.seal import COMMITMENT, salt_of, sealed
@@ -46,6 +49,8 @@ class Suite:
         detectable: Severities at which effects are detected in most cases; typical severities if None.
         world: Name of the world that the cases lie in.
         multiples: Severities of single effects, in multiples of what is typical or detectable.
+        numerics: Versions of the code that makes the cases, by part; None in a file of before these were kept. The same
+            suite may be made by other code, so they do not count where suites are compared.
     """
 
     seed: int
@@ -55,6 +60,7 @@ class Suite:
     detectable: DetectableSeverities | None = None
     world: str = DEFAULT
     multiples: tuple[float, ...] = MULTIPLES
+    numerics: dict[str, int] | None = field(default=None, compare=False, repr=False)
 
     def plans(self) -> list[Plan]:
         """Plans the cases of the suite.
@@ -66,6 +72,15 @@ class Suite:
 
 
 _SUITE = TypeAdapter(Suite)
+
+
+def suite_numerics() -> dict[str, int]:
+    """Versions of what decides the pictures of a suite's cases.
+
+    Returns:
+        Version of each part, by name.
+    """
+    return dict(sorted((drape_numerics("paper") | {"withheld": NUMERICS_VERSION}).items()))
 
 
 def read_suite(path: Path) -> Suite:
@@ -99,17 +114,18 @@ def generate(
         Folders of the cases, in order.
 
     Raises:
-        WithheldError: Folders within each other, or that hold another suite, or a case that cannot be made.
+        WithheldError: Folders within each other, or that hold another suite or cases by other code, or a case that
+            cannot be made.
     """
     _check_folders(out, labels)
     plans = suite.plans()
+    missing = [plan for plan in plans if not (out / plan.case).is_dir()]
+    if missing:
+        _require_same_code(labels / SUITE)
     _commit(suite, plans, out, labels)
-    missing: list[Plan] = []
     for plan in plans:
-        if (out / plan.case).is_dir():
+        if plan not in missing:
             step(plan.case)
-        else:
-            missing.append(plan)
     if workers == 1:
         with one_thread():
             for plan in missing:
@@ -128,6 +144,23 @@ def _check_folders(out: Path, labels: Path) -> None:
         )
 
 
+def _require_same_code(path: Path) -> None:
+    """Refuses to go on with a suite that other code began: its cases would be of two versions.
+
+    Raises:
+        WithheldError: Other code, or nobody knows which.
+    """
+    if not path.exists():
+        return
+    begun, now = read_suite(path).numerics, suite_numerics()
+    if begun != now:
+        by = "code that did not record its version" if begun is None else f"code {numerics_text(begun)}"
+        raise WithheldError(
+            f"all cases of a suite must be made by the same code, but {path.parent} was begun by {by}, and this is "
+            f"{numerics_text(now)}; finish it with the code that began it, or make it anew in empty folders"
+        )
+
+
 def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> None:
     """Writes labels and commitment, or checks that they are there already."""
     found = {plan.case: sealed(label_of(plan).content(), salt_of(suite.seed, plan.case)) for plan in plans}
@@ -136,7 +169,7 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         "cases": {case: label["sha256"] for case, label in found.items()},
     }
     documents = (
-        (labels / SUITE, _SUITE.dump_python(suite, mode="json")),
+        (labels / SUITE, _SUITE.dump_python(replace(suite, numerics=suite_numerics()), mode="json")),
         (labels / LABELS, found),
         (out / COMMITMENT, commitment),
     )
