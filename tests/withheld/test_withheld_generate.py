@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
+from cusick_bench.files.digest import folder_digest
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.seal import holds, salt_of, seal, sealed
+from cusick_bench.withheld.format.seal import holds, published_files, salt_of, seal, sealed
 from cusick_bench.withheld.suite import generate as generate_module
 from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, MULTIPLES, OUTSIDE, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities, read_detectable
@@ -123,6 +124,17 @@ def test_every_label_is_sealed_before_any_answer(made):
         assert not holds(label | {"severity": 1e9}, published[case])
         assert not holds(label | {"salt": "0" * 32}, published[case])
         assert not holds(label, "0" * 64)
+
+
+def test_the_files_of_every_case_are_sealed_when_all_are_there(made, tmp_path):
+    cases = shutil.copytree(made[0], tmp_path / "cases")
+    sealed_files = published_files(cases / "commitment.json")
+    assert sealed_files == {case.name: folder_digest(case) for case in cases.glob("case_*")}
+    generate(suite(), cases, made[1])
+    picture = next((cases / "case_0003").rglob("*.jpg"))
+    picture.write_bytes(picture.read_bytes() + b" ")
+    with pytest.raises(WithheldError, match="the files of case_0003 have another SHA-256"):
+        generate(suite(), cases, made[1])
 
 
 def test_salts_depend_on_seed_and_case():

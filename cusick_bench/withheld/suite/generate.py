@@ -1,7 +1,8 @@
 """Writes a withheld suite: cases in the public layout here, sealed labels there.
 
 Labels and the commitment to them are written first and every case appears whole or not at all, so a generation that
-was stopped goes on where it was. Everything follows from the seed.
+was stopped goes on where it was. The commitment binds the cases' files as well once all are there. Everything follows
+from the seed.
 """
 
 import json
@@ -18,6 +19,7 @@ import numpy as np
 from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
+from cusick_bench.files.digest import folder_digest
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import drape_numerics
 from cusick_bench.runner.processes import one_thread, process_pool
@@ -25,7 +27,15 @@ from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
-from cusick_bench.withheld.format.seal import COMMITMENT, salt_of, sealed
+from cusick_bench.withheld.format.seal import (
+    COMMITMENT,
+    FILES,
+    published_files,
+    published_seals,
+    require_published_files,
+    salt_of,
+    sealed,
+)
 from cusick_bench.withheld.suite.design import MULTIPLES, Kind, Plan, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
@@ -132,6 +142,7 @@ def generate(
                 step(write_case(suite, plan, out))
     elif missing:
         _on_processes(suite, missing, out, workers, step)
+    _seal_files(plans, out)
     return [out / plan.case for plan in plans]
 
 
@@ -174,8 +185,13 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         (out / COMMITMENT, commitment),
     )
     texts = {path: json.dumps(document, indent=1) + "\n" for path, document in documents}
-    for path, text in texts.items():  # all of them, before any is written
-        if path.exists() and not (read_suite(path) == suite if path.name == SUITE else path.read_text() == text):
+    same: dict[Path, Callable[[Path], bool]] = {
+        labels / SUITE: lambda path: read_suite(path) == suite,
+        labels / LABELS: lambda path: path.read_text() == texts[path],
+        out / COMMITMENT: lambda path: published_seals(path) == commitment["cases"],
+    }
+    for path in texts:  # all of them, before any is written
+        if path.exists() and not same[path](path):
             raise WithheldError(
                 f"{path} belongs to another suite; go on with the seed and options that it was made with, or choose "
                 "an empty folder"
@@ -184,6 +200,20 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             _write_whole(path, text.encode())
+
+
+def _seal_files(plans: Sequence[Plan], out: Path) -> None:
+    """Adds to the commitment which files each case consists of, or checks that they still are these.
+
+    Raises:
+        WithheldError: A case that was changed after it had been sealed.
+    """
+    path, found = out / COMMITMENT, {plan.case: folder_digest(out / plan.case) for plan in plans}
+    if published := published_files(path):
+        require_published_files(found, published, str(out))
+        return
+    more = {"files_hash": "SHA-256 of the list of (name, SHA-256) of a case's files, as Python prints it", FILES: found}
+    _write_whole(path, (json.dumps(read_object(path) | more, indent=1) + "\n").encode())
 
 
 def _write_whole(path: Path, content: bytes) -> None:
