@@ -3,7 +3,6 @@
 import gc
 import os
 import sys
-from difflib import get_close_matches
 from importlib import import_module
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -15,6 +14,7 @@ from typer.main import get_command
 
 from cusick_bench.cli.common import interruptible, stop_on_termination
 from cusick_bench.cli.verbosity import QUIET, VERBOSE, Version, message_options, messages, tell_less, tell_more
+from cusick_bench.sim.errors import did_you_mean
 
 PANELS = {
     "Data": {"data": "data.data", "datasets": "data.datasets"},
@@ -90,8 +90,8 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is called for; a name that does not exist is answered with the nearest that does."""
-        if args and args[0] not in COMMANDS and (near := get_close_matches(args[0], COMMANDS, n=1)):
-            ctx.fail(f"No such command {args[0]!r}. Did you mean {near[0]!r}?")
+        if args and args[0] not in COMMANDS and (hint := did_you_mean(args[0], COMMANDS)):
+            ctx.fail(f"No such command {args[0]!r}; {hint.rstrip()}")
         return super().resolve_command(ctx, args)
 
 

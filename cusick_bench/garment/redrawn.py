@@ -13,8 +13,8 @@ import torch
 from numpy import ndarray
 
 from cusick_bench.garment.errors import GarmentError
-from cusick_bench.leaderboard.cells import load_cells
-from cusick_bench.leaderboard.source import load_data_of
+from cusick_bench.leaderboard.cells.loading import load_cells
+from cusick_bench.leaderboard.cells.source import load_data_of
 from cusick_bench.metrics.found_stiffness import DRAWS
 from cusick_bench.problem import DrapeProblem
 from cusick_bench.problem.cloth_prior import CLOTH
@@ -71,7 +71,7 @@ def _problem(folder: Path, record: dict[str, Any], solver: Solver) -> DrapeProbl
     version = dict(cell.numerics).get(f"solver {solver.name}")
     if version not in (None, solver.version):
         raise GarmentError(f"the cell is of its version {version}, and {solver.version} is here; run the cell again")
-    dataset = load_data_of(load_cells(folder.resolve().parents[1]))
+    dataset = load_data_of(load_cells(folder.resolve().parents[1], changed=True))
     if dataset.content_hash != cell.dataset_hash:
         raise GarmentError(f"{dataset.name} has changed since the run; run the cell again")
     return build_problem(dataset, cell)

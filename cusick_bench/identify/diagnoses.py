@@ -8,13 +8,13 @@ from cusick_bench.datasets.errors import DataError
 from cusick_bench.diagnosis import NUMERICS_VERSION
 from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.data_set import data_set_diagnosis
-from cusick_bench.diagnosis.document.folder_names import folder_names
 from cusick_bench.diagnosis.document.laboratory import write_laboratory
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.diagnosis.options import Options as DiagnosisOptions
+from cusick_bench.files.plain_names import plain_names
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.workspace import Workspace, fingerprint, keep, kept
 from cusick_bench.report.diagnosis.page import write_diagnosis_page
@@ -37,7 +37,7 @@ def fabric_folder(workspace: Workspace, dataset: DrapeDataset, fabric: str) -> P
     Returns:
         Its path, whether it exists or not.
     """
-    return workspace.diagnosis / folder_names(dataset.cloths)[fabric]
+    return workspace.diagnosis / plain_names(dataset.cloths)[fabric]
 
 
 def diagnose_fabrics(

@@ -7,7 +7,7 @@ from cusick_bench.lazy import lazy_names
 if TYPE_CHECKING:
     from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, variants
     from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
-    from cusick_bench.leaderboard.cells import Cells, Skipped, load_cells
+    from cusick_bench.leaderboard.cells.loading import Cells, Skipped, load_cells
     from cusick_bench.leaderboard.errors import LeaderboardError
     from cusick_bench.leaderboard.formats import board_table, csv, html_table, latex, markdown, record, terminal
     from cusick_bench.leaderboard.stiffness import (
@@ -61,12 +61,12 @@ __getattr__ = lazy_names(
     __name__,
     {
         "COLUMNS": "text",
-        "Cells": "cells",
+        "Cells": "cells.loading",
         "Estimate": "bootstrap",
         "Leaderboard": "board",
         "LeaderboardError": "errors",
         "Row": "board",
-        "Skipped": "cells",
+        "Skipped": "cells.loading",
         "StiffnessRow": "stiffness",
         "board_table": "formats",
         "cell_records": "stiffness",
@@ -78,7 +78,7 @@ __getattr__ = lazy_names(
         "interquartile_mean": "bootstrap",
         "latex": "formats",
         "leaderboards": "board",
-        "load_cells": "cells",
+        "load_cells": "cells.loading",
         "markdown": "formats",
         "metric_names": "board",
         "record": "formats",

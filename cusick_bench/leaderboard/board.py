@@ -27,7 +27,7 @@ from cusick_bench.leaderboard.bootstrap import (
     estimate,
     repeats,
 )
-from cusick_bench.leaderboard.cells import Cells, Skipped
+from cusick_bench.leaderboard.cells.loading import Cells, Skipped
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.order import Direction, direction
@@ -156,8 +156,9 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
     boards = []
     for _, table in cells.table.groupby(BOARD, sort=True):
         cloths = tuple(sorted(table["cloth"].unique()))
-        unmeasured = _unmeasured(table, by)
-        rows = ranking.rows(cells, table, cloths, unmeasured)
+        groups = dict(variants(table))
+        unmeasured = {metric: _unmeasured(groups, metric) for metric in metric_names(table)}
+        rows = ranking.rows(cells, table, cloths, unmeasured[by])
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
         notes = tuple(_notes(cells, rows, cloths, by, unmeasured))
         boards.append(
@@ -367,9 +368,8 @@ def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _unmeasured(table: pd.DataFrame, metric: str) -> dict[tuple[str, str], list[str]]:
-    """Cloths of which a (solver, variant) lacks a metric that another one, who is ranked by it, has."""
-    groups = dict(variants(table))
+def _unmeasured(groups: Mapping[tuple[str, str], pd.DataFrame], metric: str) -> dict[tuple[str, str], list[str]]:
+    """Cloths of which a (solver, variant) lacks a metric that another one, whose kind is ranked, has."""
     measured = {key: {cloth for cloth, _ in cell_values(group, metric)} for key, group in groups.items()}
     known = {cloth for key, own in measured.items() if str(groups[key]["kind"].iloc[0]) in _RANKED for cloth in own}
     return {key: sorted(known - own) for key, own in measured.items()}
@@ -380,7 +380,7 @@ def _notes(
     rows: tuple[Row, ...],
     cloths: tuple[str, ...],
     by: str,
-    unmeasured: Mapping[tuple[str, str], Sequence[str]],
+    unmeasured: Mapping[str, Mapping[tuple[str, str], Sequence[str]]],
 ) -> Iterator[str]:
     yield (
         "Intervals of 95 % are found by bootstrap, of seeds within each cloth, or of cloths where seeds change "
@@ -397,12 +397,17 @@ def _notes(
     for row in rows:
         if row.kind in _RANKED and row.cloths != cloths:
             yield f"{row.label} has no rank: it lacks {', '.join(sorted(set(cloths) - set(row.cloths)))}."
-        elif row.kind in _RANKED and isfinite(row.value(by)) and (lacking := unmeasured[row.solver, row.variant]):
+        elif row.kind in _RANKED and isfinite(row.value(by)) and (lacking := unmeasured[by][row.solver, row.variant]):
             yield f"{row.label} has no rank: its cells on {', '.join(lacking)} have no {by}."
         if row.failed and row.rank is not None:
             yield (
                 f"{row.label} has failed in {row.failed} cells, so that its mean is over other cells than those of the "
                 "rows beside it."
+            )
+        for lacking, metrics in _partly_measured(row, unmeasured, by).items():
+            yield (
+                f"{row.label}: its cells on {', '.join(lacking)} have no {', '.join(metrics)}; means of these are over "
+                "other cloths than those of the rows beside it."
             )
     if any(row.draws > 1 and row.kind == "solver" and not isfinite(row.matched_null) for row in rows):
         yield (
@@ -412,3 +417,15 @@ def _notes(
     for cell in cells.skipped:
         where = f"{cell.solver or '?'} on {cell.cloth or '?'}, seed {'?' if cell.seed is None else cell.seed}"
         yield f"Left out, {cell.status}: {where} ({cell.folder.name}): {cell.reason.splitlines()[0]}"
+
+
+def _partly_measured(
+    row: Row, unmeasured: Mapping[str, Mapping[tuple[str, str], Sequence[str]]], by: str
+) -> dict[tuple[str, ...], list[str]]:
+    """Metrics that a row has of some of its cloths only, by the cloths that lack them; not the one that ranks it."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for metric, lacking in unmeasured.items():
+        own = tuple(cloth for cloth in lacking.get((row.solver, row.variant), ()) if cloth in row.cloths)
+        if own and metric != by and isfinite(row.value(metric)):
+            found.setdefault(own, []).append(metric)
+    return found

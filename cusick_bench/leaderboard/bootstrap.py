@@ -31,7 +31,7 @@ from numpy import ndarray
 from scipy.stats import bootstrap, norm, trim_mean
 from scipy.stats import t as student
 
-from cusick_bench.leaderboard.cell_number import split_of
+from cusick_bench.leaderboard.cells.cell_number import split_of
 
 RESAMPLES = 4000
 LEVEL = 0.95

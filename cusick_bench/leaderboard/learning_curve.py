@@ -14,7 +14,7 @@ import pandas as pd
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import Split
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, estimate, mean
-from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.stiffness import stiffness_scores
 from cusick_bench.metrics.found_stiffness import FoundStiffness

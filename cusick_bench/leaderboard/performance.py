@@ -28,7 +28,7 @@ from numpy import ndarray
 from cusick_bench.leaderboard.anytime import Steps, steps_of
 from cusick_bench.leaderboard.board import failures, method_label, variants
 from cusick_bench.leaderboard.bootstrap import cell_values, repeats
-from cusick_bench.leaderboard.cells import Skipped
+from cusick_bench.leaderboard.cells.loading import Skipped
 
 NEAR = 0.1
 """A loss counts as reached within this relative distance of the lowest one."""

@@ -12,7 +12,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
-from cusick_bench.runner.errors import RunnerError
+from cusick_bench.runner.errors import CellIsRunning, RunnerError
 from cusick_bench.runner.executor import CellExecutor
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.pool import Borrowed, Processes
@@ -20,6 +20,7 @@ from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.results import Results
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store, disk_errors, locked, read_json, write_json
+from cusick_bench.runner.turns import Turns
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
@@ -37,7 +38,7 @@ def run(
     command: Sequence[str] = (),
     force: bool = False,
 ) -> Results:
-    """Runs the cells that are not finished yet.
+    """Runs the cells that are not finished yet; those that another process is running come last, and are waited for.
 
     Args:
         source: Where the data come from.
@@ -88,14 +89,19 @@ def _executor(given: Executor | CellExecutor | None, workers: int) -> CellExecut
 
 def _run_here(dataset: DrapeDataset, cells: Sequence[Cell], store: Store, watcher: Watcher) -> None:
     simulators, warm_up = Simulators(most=SIMULATORS_KEPT), WarmUp()
-    for cell in cells:
+    turns = Turns(cells, watcher)
+    for cell in turns:
 
         def report(fraction: float, loss: float, message: str, cell: Cell = cell) -> None:
             watcher.update(cell, fraction, loss, message)
 
         report(0.0, float("inf"), "starting")
         warm_up.before(dataset, cell)
-        result = run_cell(dataset, cell, store, report, simulators)
+        try:
+            result = run_cell(dataset, cell, store, report, simulators)
+        except CellIsRunning:
+            turns.put_off(cell)
+            continue
         watcher.end(cell, result["status"], result["failure"])
 
 

@@ -12,11 +12,13 @@ from typing import Any
 
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import cores
+from cusick_bench.runner.errors import CellIsRunning
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store
+from cusick_bench.runner.turns import Turns
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 
@@ -117,11 +119,11 @@ class Processes:
         left = list(cells)
         while left:
             messages = multiprocessing.get_context("spawn").Queue()
-            workers, waiting = min(self.workers, len(left)), iter(left)
+            workers, turns = min(self.workers, len(left)), Turns(left, watcher)
             threads = max(1, cores() // workers)
             with process_pool(workers, threads=threads, initializer=_start_worker, initargs=(messages,)) as pool:
-                lost = Borrowed(pool, messages, ahead).until_broken(source, waiting, store, watcher)
-            left = list(waiting)
+                lost = Borrowed(pool, messages, ahead).until_broken(source, turns, store, watcher)
+            left = turns.rest()
             if lost:
                 yield lost
 
@@ -154,15 +156,15 @@ class Borrowed:
         Returns:
             Cells lost with a worker that died, and with the executor that it broke.
         """
-        waiting = iter(cells)
-        return [*self.until_broken(source, waiting, store, watcher), *waiting]
+        turns = Turns(cells, watcher)
+        return [*self.until_broken(source, turns, store, watcher), *turns.rest()]
 
-    def until_broken(self, source: Source, waiting: Iterator[Cell], store: Store, watcher: Watcher) -> list[Cell]:
+    def until_broken(self, source: Source, turns: Turns, store: Store, watcher: Watcher) -> list[Cell]:
         """Runs cells until there are none left, or a worker dies, of which executors break.
 
         Args:
             source: Where the data come from.
-            waiting: What to run; what was not begun stays in it.
+            turns: What to run; what was not begun stays in it.
             store: Where results lie.
             watcher: Told of the grid's progress.
 
@@ -173,7 +175,7 @@ class Borrowed:
         ended: queue.SimpleQueue[tuple[Cell, Future[dict[str, Any]]]] = queue.SimpleQueue()
         under_way = 0
         while True:
-            while not lost and under_way < self.ahead and (cell := next(waiting, None)) is not None:
+            while not lost and under_way < self.ahead and (cell := turns.due()) is not None:
                 try:
                     future = self.pool.submit(work, source, cell, store.out)
                 except BrokenExecutor:
@@ -181,7 +183,7 @@ class Borrowed:
                     break
                 under_way += 1
                 future.add_done_callback(lambda done, cell=cell: ended.put((cell, done)))
-            if not under_way:
+            if not under_way and (lost or not turns):
                 return lost
             try:
                 cell, future = ended.get(timeout=POLL_SECONDS)
@@ -194,6 +196,8 @@ class Borrowed:
                 result = future.result()
             except BrokenExecutor:
                 lost.append(cell)
+            except CellIsRunning:
+                turns.put_off(cell)
             else:
                 watcher.end(cell, result["status"], result["failure"])
 

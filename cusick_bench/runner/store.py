@@ -209,19 +209,36 @@ class Store:
         folder = self.folder(key)
         if not (folder / "done").exists():
             return ""
-        try:
-            marked = read_json(folder / "done").get("files")
-        except (OSError, RunnerError):
-            marked = None
-        if not isinstance(marked, dict) or not set(MARKED) <= set(marked):
+        if not set(MARKED) <= set(self._marked(key)):
             return f"{folder / 'done'} is damaged"
-        present = file_digests(folder, MARKED)
+        changed = self.changed(key)
+        return str(folder / changed) if changed else ""
+
+    def changed(self, key: str) -> str:
+        """What of a finished cell is no longer as its marker says.
+
+        Args:
+            key: Name of the cell.
+
+        Returns:
+            A sentence that begins with the file's name; "" where nothing has changed, or where the marker names no
+            files, as in cells of before markers held hashes.
+        """
+        marked, present = self._marked(key), file_digests(self.folder(key), MARKED)
         for name in MARKED:
-            if name not in present:
-                return f"{folder / name} is missing"
-            if present[name] != marked[name]:
-                return f"{folder / name} is not what the cell was finished with"
+            if name in marked and name not in present:
+                return f"{name} is missing"
+            if name in marked and present[name] != marked[name]:
+                return f"{name} is not what the cell was finished with"
         return ""
+
+    def _marked(self, key: str) -> dict[str, str]:
+        """Hashes of the files of a cell, as its marker has them; none where the marker is damaged or missing."""
+        try:
+            marked = read_json(self.folder(key) / "done").get("files")
+        except (OSError, RunnerError):
+            return {}
+        return marked if isinstance(marked, dict) else {}
 
     def result(self, key: str) -> dict[str, Any]:
         """A finished or failed cell's result.

@@ -27,6 +27,7 @@ from cusick_bench.runner.processes import threads_of_new_processes
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source
 from cusick_bench.runner.store import Store, disk_errors
+from cusick_bench.runner.turns import Turns
 from cusick_bench.sim.errors import TimeLimit
 
 CLUSTERS = ("slurm", "local")
@@ -44,7 +45,6 @@ POLL_SECONDS = {"slurm": 3.0, "local": 0.3}  # between looks at what is finished
 # How long a task may be neither in the queue nor finished before it is lost: network file systems show what another
 # node has written up to 60 s later (acregmax and acdirmax of NFS).
 GRACE_SECONDS = {"slurm": 90.0, "local": 1.0}
-RUNNING_ELSEWHERE_SECONDS = 5.0  # between looks at a cell that another task runs
 
 _log = logging.getLogger(__name__)
 
@@ -104,28 +104,24 @@ class Batch:
     def __call__(self) -> None:
         """Runs the cells; an error that is no cell's own is told when all have been tried.
 
+        A task of an earlier command may still run a cell; it is waited for, and what it has finished is kept.
+
         Raises:
             RunnerError: Errors that are no cell's own.
             UncompletedJobError: Of submitit: the task ran into its time limit once more than it may.
         """
         errors: list[str] = []
+        turns = Turns(self.cells)
         with _stopping():
-            for cell in self.cells:
+            for cell in turns:
                 try:
-                    self._run(cell)
+                    work(self.source, cell, self.out)
+                except CellIsRunning:
+                    turns.put_off(cell)
                 except Exception as error:
                     errors.append(f"{cell.solver} on {cell.cloth}, seed {cell.seed}: {error}")
         if errors:
             raise RunnerError("\n".join(errors))
-
-    def _run(self, cell: Cell) -> None:
-        """A task of an earlier command may still run the cell; it is waited for, and what it has finished is kept."""
-        while True:
-            try:
-                work(self.source, cell, self.out)
-                return
-            except CellIsRunning:
-                time.sleep(RUNNING_ELSEWHERE_SECONDS)
 
     def checkpoint(self, *arguments: Any, **options: Any) -> Any:
         """Task that submitit queues again at the time limit: the same one, since finished cells are skipped."""

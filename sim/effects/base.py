@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from cusick_bench.sim.errors import SimulationError
+from cusick_bench.sim.units import shown_unit
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -56,7 +57,8 @@ class Parameter:
     @property
     def unit_text(self) -> str:
         """The unit behind a number, with a space before it; empty of a pure number."""
-        return "" if self.unit in ("", "1") else f" {self.unit}"
+        unit = shown_unit(self.unit)
+        return f" {unit}" if unit else ""
 
     @property
     def usual(self) -> float:

@@ -6,8 +6,9 @@ A package elsewhere registers its own through an entry point in the group `cusic
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
@@ -184,7 +185,7 @@ def parse(text: str) -> Cause:
 
 
 def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
-    """The setup with all causes, in order.
+    """The setup with all causes, in order; an effect that acts once more draws random numbers of its own.
 
     Args:
         causes: Effects with their parameters.
@@ -193,6 +194,13 @@ def apply_all(causes: Sequence[Cause], setup: Setup) -> Setup:
     Returns:
         Another setup; the given one stays as it is.
     """
+    seeds = {"specimen_seed": setup.specimen_seed, "laying_seed": setup.laying_seed}
+    earlier: Counter[str] = Counter()
     for cause in causes:
-        setup = cause.apply(setup)
+        if times := earlier[cause.effect.name]:
+            other_seeds = {name: (*seed, times) for name, seed in seeds.items()}
+            setup = replace(cause.apply(replace(setup, **other_seeds)), **seeds)
+        else:
+            setup = cause.apply(setup)
+        earlier[cause.effect.name] += 1
     return setup

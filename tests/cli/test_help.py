@@ -101,7 +101,7 @@ def test_completion_is_offered_once():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["simulat"], "Did you mean 'simulate'?"),
+        (["simulat"], "did you mean 'simulate'?"),
         (["run", "--sover", "homo"], "--solver"),
         (["diagnose", "--without-effect", "crep"], "did you mean 'creep'?"),
         (["run", "--out", "OUT", "--solver", "hommo"], "did you mean 'homo'?"),

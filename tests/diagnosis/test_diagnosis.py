@@ -204,6 +204,10 @@ def test_an_effect_many_times_as_strong_as_usual_is_to_be_measured(emulator: Emu
     assert not unusual([Candidate(offset, {"shift": 6e-3, "direction": 0.0})])
     (note,) = unusual([Candidate(offset, {"shift": 23e-3, "direction": 0.0})])
     assert "camera-offset: shift 0.023 m is 16 times what is usual" in note
+    pure = next(one for one in hypotheses(emulator) if one.effect.severity.unit == "1")
+    severity = pure.effect.severity
+    (note,) = unusual([Candidate(pure, {severity.name: 8 * severity.typical})])
+    assert f"{severity.name} {8 * severity.typical:.3g} is 8 times what is usual" in note  # without a unit "1"
 
 
 def test_direction_turns_the_shift(emulator: Emulator) -> None:

@@ -13,14 +13,14 @@ from typer.testing import CliRunner
 from cusick_bench import metrics
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
-from cusick_bench.leaderboard.cell_number import SEEDS
+from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate import paired
 from cusick_bench.leaderboard.gate.baseline import read_cells, write_baseline
 from cusick_bench.leaderboard.gate.check import Gate, check
 from cusick_bench.leaderboard.gate.paired import compare, holm
 from cusick_bench.problem import Budget
-from cusick_bench.runner import ProblemSettings, Source, plan, run
+from cusick_bench.runner import ProblemSettings, Source, Store, plan, run
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.sim.engine.settings import DrapeSettings
 
@@ -207,6 +207,7 @@ class TestRun:
             if result["solver"].startswith("homo"):
                 result["metrics"]["train_mse"] *= 1.05
                 path.write_text(json.dumps(result))
+                Store(other).mark_done(path.parent.name)
         found = check(read_cells(other), baseline).regressions
         assert [(finding.solver, finding.metric) for finding in found] == [("homo,search=2", "train_mse")]
 

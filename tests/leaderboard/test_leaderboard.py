@@ -24,9 +24,10 @@ from cusick_bench.leaderboard import (
     text_table,
 )
 from cusick_bench.leaderboard.bootstrap import cell_values, mean
-from cusick_bench.leaderboard.cell_number import SEEDS
+from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
 from cusick_bench.metrics.proper_scores import variogram_score
+from cusick_bench.runner import Store
 
 app = typer.Typer()
 app.command()(leaderboard)
@@ -209,7 +210,11 @@ def test_a_row_that_lacks_the_metric_of_a_cloth_has_no_rank_by_it(tmp_path):
     board = only(tmp_path, by="test_hausdorff_m")
     assert {row.label: row.rank for row in board.rows if row.kind == "solver"} == {"homo": None, "heter": 1}
     assert "homo has no rank: its cells on red have no test_hausdorff_m." in board.notes
-    assert set(ranks(only(tmp_path)).values()) == {None, 1}  # by test_mse, which all cells have
+    by_another = only(tmp_path)  # by test_mse, which all cells have
+    assert set(ranks(by_another).values()) == {None, 1}
+    said = "homo: its cells on red have no test_hausdorff_m; means of these are over other cloths"
+    assert [note.startswith(said) for note in by_another.notes].count(True) == 1
+    assert not any(note.startswith("heter") for note in by_another.notes)
 
 
 def test_a_row_that_is_better_on_shared_cells_is_not_ranked_below(tmp_path, noise):
@@ -378,6 +383,21 @@ def test_failed_unfinished_and_damaged_cells_are_named_and_not_fatal(tmp_path):
     notes = " ".join(only(tmp_path).notes)
     assert "residual 0.3" in notes
     assert "heter on pink" in notes
+
+
+def test_a_cell_that_was_edited_is_left_out_with_a_note(tmp_path):
+    kept, edited = (write_cell(tmp_path, "homo", cloth) for cloth in ("blue", "red"))
+    for cell in (kept, edited):
+        Store(tmp_path).mark_done(cell.name)
+    text = (edited / "result.json").read_text()
+    (edited / "result.json").write_text(text.replace('"test_mse": 0.05,', '"test_mse": 0.01,'))
+    assert load_cells(tmp_path).table["cloth"].tolist() == ["blue"]
+    (note,) = [note for note in only(tmp_path).notes if note.startswith("Left out")]
+    assert "damaged: homo on red, seed 0" in note
+    assert "result.json is not what the cell was finished with; repeat the run command, which runs the cell" in note
+    assert load_cells(tmp_path, changed=True).table["cloth"].tolist() == ["blue", "red"]  # for `verify`
+    with pytest.raises(LeaderboardError, match="is not what the cell was finished with"):
+        load_cells(tmp_path).require_sound()
 
 
 def test_failed_cells_of_a_row_are_counted(tmp_path):

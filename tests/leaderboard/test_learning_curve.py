@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import LeaderboardError
-from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantity
 

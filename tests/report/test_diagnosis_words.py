@@ -108,3 +108,4 @@ def test_numbers_are_rounded_without_lying():
     assert [plain(value) for value in (0.0874, -0.0021, 12345.0, 0.0)] == ["0.087", "−0.0021", "12345", "0"]
     assert measure(0.0021, "m") == "2.1\u00a0mm"
     assert measure(40.0, "deg") == "40°"
+    assert measure(0.2, "1") == measure(0.2, "") == "0.20"

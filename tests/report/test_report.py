@@ -79,6 +79,13 @@ def test_a_name_with_dollars_is_no_formula_in_pictures(tmp_path):
     assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["silk_homo.png"]
 
 
+def test_cloths_whose_names_files_cannot_tell_apart_have_a_picture_each(tmp_path):
+    for cloth in ("silk 1", "silk:1"):
+        write_cell(tmp_path, "homo", cloth)
+    make(tmp_path, pictures=tmp_path / "pictures")
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["silk_1_homo.png", "silk_1_homo_2.png"]
+
+
 def test_page_is_self_contained_and_runs_its_own_scripts_only(page):
     assert page.asks_for() == []
     assert page.policy().startswith("default-src 'none'")

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.leaderboard import load_cells
-from cusick_bench.leaderboard.source import data_of
+from cusick_bench.leaderboard.cells.source import data_of
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -115,7 +115,7 @@ def test_files_from_the_future_are_as_good_as_others(data, cells, undisturbed, t
 
 
 def test_two_runners_on_one_folder_finish_the_grid_once(data, undisturbed, tmp_path):
-    """Each in a process of its own, as two machines are; whoever comes second to a cell is told, or finds it done."""
+    """Each in a process of its own, as two machines are; whoever comes second to a cell comes back to it."""
     words = ["run", "--data", str(data), "--out", str(tmp_path / "out"), "--vertices", "97", "--steps", "5"]
     words += ["--budget", "8", "--law", "paper", *(word for solver in SOLVERS for word in ("--solver", solver))]
     environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
@@ -130,9 +130,8 @@ def test_two_runners_on_one_folder_finish_the_grid_once(data, undisturbed, tmp_p
             )
         )  # fmt: skip
     for one in ended:
-        assert one.returncode == 0 or "another process is running" in one.stderr + one.stdout, one.stderr
+        assert one.returncode == 0, one.stderr
         assert "Traceback" not in one.stderr
-    assert any(one.returncode == 0 for one in ended)
     assert _numbers(tmp_path / "out") == undisturbed
 
 

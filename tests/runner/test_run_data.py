@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.leaderboard import LeaderboardError, load_cells
-from cusick_bench.leaderboard.source import data_of, load_data_of
+from cusick_bench.leaderboard.cells.source import data_of, load_data_of
 
 TABLE = "fabric,areal_density_kg_m2,thickness_m\nfabric_1,0.35,0.0004\n"
 

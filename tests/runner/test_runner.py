@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from cusick_bench.runner import (
     RunnerError,
     Source,
     Store,
+    Unwatched,
     load_prediction,
     plan,
     run,
@@ -344,6 +346,28 @@ class TestKill:
         store.prepare()
         with store.claimed(cell.key), pytest.raises(RunnerError, match="another process is running"):
             run_cell(dataset, cell, store, lambda *_: None)
+
+    @pytest.mark.parametrize("threads", [0, 1])
+    def test_a_cell_that_another_process_runs_comes_last(self, data, tmp_path, dataset, monkeypatch, caplog, threads):
+        """The others are not kept waiting for it, and it is waited for, in this process as on an executor."""
+        monkeypatch.setattr("cusick_bench.runner.turns.WAIT_SECONDS", 0.05)
+        (held,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
+        store, ended = Store(tmp_path), []
+        store.prepare()
+
+        class LetGo(Unwatched):
+            def end(self, cell: Cell, status: str, failure: str) -> None:
+                ended.append(cell.solver)
+                other.close()
+
+        with ExitStack() as other, ThreadPoolExecutor(1) as executor:
+            other.enter_context(store.claimed(held.key))
+            options = {"executor": executor} if threads else {}
+            _, results = _run(data, tmp_path, ["null:disc", "null:copy"], watcher=LetGo(), **options)
+        assert ended == ["null:copy", "null:disc"]
+        assert [result["status"] for result in results] == ["done", "done"]
+        (said,) = [record.getMessage() for record in caplog.records]
+        assert f"another process is running null:disc on fabric_1, seed 0 (cell {held.key})" in said
 
     def test_a_cell_that_was_finished_before_it_could_be_claimed_is_left_alone(
         self, data, tmp_path, dataset, monkeypatch

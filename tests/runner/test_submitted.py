@@ -6,8 +6,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -16,6 +18,7 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Store, Submitted, Unwatched, plan, run
+from cusick_bench.runner.pool import work
 from cusick_bench.runner.submitted import GRACE_SECONDS, POLL_SECONDS, Batch
 from cusick_bench.sim.engine.settings import DrapeSettings
 
@@ -192,6 +195,25 @@ def test_a_task_that_may_not_be_queued_again_stops_and_no_cell_has_failed(data, 
     assert (tmp_path / "cells" / cells[0].key / "cell.json").exists()
     assert not list(tmp_path.glob("cells/*/result.json"))
     assert not (tmp_path / "cells" / cells[1].key).exists()
+
+
+def test_a_cell_that_an_earlier_commands_task_runs_comes_last(data, cells, tmp_path, monkeypatch):
+    pytest.importorskip("submitit")
+    monkeypatch.setattr("cusick_bench.runner.turns.WAIT_SECONDS", 0.05)
+    store, order = Store(tmp_path), []
+    store.prepare()
+    with ExitStack() as other:
+        other.enter_context(store.claimed(cells[0].key))
+
+        def watched(source: Source, cell: Cell, out: Path) -> dict[str, Any]:
+            result = work(source, cell, out)
+            order.append(cell)
+            other.close()
+            return result
+
+        monkeypatch.setattr("cusick_bench.runner.submitted.work", watched)
+        Batch(Source(str(data)), tuple(cells), tmp_path)()
+    assert order == [cells[1], cells[0]]
 
 
 def test_one_error_keeps_no_other_cell_from_being_run(data, cells, tmp_path):

@@ -42,6 +42,39 @@ def test_answers_keep_to_the_format(small_suite: Path, small_answers: Path) -> N
     assert len(score(read_labelled_answers(small_answers, labels, commitment)).cases) == 3
 
 
+def test_cases_with_other_pictures_than_the_sealed_ones_are_not_answered(small_suite: Path, tmp_path: Path) -> None:
+    cases = shutil.copytree(small_suite / "cases", tmp_path / "cases")
+    pictures = sorted((cases / "case_0002").rglob("*.jpg"))
+    pictures[0].write_bytes(pictures[1].read_bytes())
+    with pytest.raises(
+        WithheldError, match=f"{cases} must be the cases that were published, but the files of case_0002"
+    ):
+        answer_suite(cases, tmp_path / "answers.json", SHIPPED, QUICK)
+    with pytest.raises(WithheldError, match="the files of case_0002"):
+        oracle_closures(
+            cases, read_label_documents(small_suite / "labels" / "labels.json"), tmp_path / "o", SHIPPED, Draping(2)
+        )
+
+
+def test_answers_to_other_pictures_than_the_sealed_ones_are_not_scored(
+    small_suite: Path, small_answers: Path, tmp_path: Path
+) -> None:
+    labels, commitment = small_suite / "labels" / "labels.json", small_suite / "cases" / "commitment.json"
+    notes = read_labelled_answers(small_answers, labels, commitment).notes
+    assert "The files of 3 answered cases are those that were published." in notes
+    document = json.loads(small_answers.read_text())
+    document["files"]["case_0002"] = "0" * 64
+    answers = tmp_path / "answers.json"
+    answers.write_text(json.dumps(document))
+    with pytest.raises(WithheldError, match="the files of case_0002 have another SHA-256"):
+        read_labelled_answers(answers, labels, commitment)
+    published = json.loads(commitment.read_text())
+    del published["files"]  # as suites published before their files were sealed
+    (tmp_path / "commitment.json").write_text(json.dumps(published))
+    old = read_labelled_answers(answers, labels, tmp_path / "commitment.json").notes
+    assert not any("files" in note for note in old)
+
+
 def test_labels_that_lie_change_nothing(
     small_suite: Path, small_answers: Path, tmp_path: Path, one_thread: None
 ) -> None:

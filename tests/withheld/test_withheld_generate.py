@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
+from cusick_bench.files.digest import folder_digest
 from cusick_bench.withheld.errors import WithheldError
-from cusick_bench.withheld.format.seal import holds, salt_of, seal, sealed
+from cusick_bench.withheld.format.seal import holds, published_files, salt_of, seal, sealed
 from cusick_bench.withheld.suite import generate as generate_module
 from cusick_bench.withheld.suite.design import DRAWN, EFFECTS, MULTIPLES, OUTSIDE, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities, read_detectable
@@ -93,6 +94,23 @@ def test_a_generation_that_was_stopped_goes_on(made, tmp_path, monkeypatch):
     assert contents(copy) == contents(cases)
 
 
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_suite_that_other_code_began_is_not_gone_on_with(made, tmp_path, monkeypatch, recorded):
+    """Its cases would be of two versions; a suite of before versions were kept may be of any."""
+    cases, labels = (shutil.copytree(folder, tmp_path / folder.name) for folder in made)
+    if recorded:
+        monkeypatch.setattr(generate_module, "NUMERICS_VERSION", 99)
+    else:
+        document = json.loads((labels / "suite.json").read_text())
+        del document["numerics"]
+        (labels / "suite.json").write_text(json.dumps(document))
+    assert len(generate(suite(), cases, labels)) == 4  # there is nothing left to make
+    shutil.rmtree(cases / "case_0002")
+    with pytest.raises(WithheldError, match=r"must be made by the same code.*finish it with the code that began it"):
+        generate(suite(), cases, labels)
+    assert not (cases / "case_0002").exists()
+
+
 def test_every_label_is_sealed_before_any_answer(made):
     cases, labels = made
     published = json.loads((cases / "commitment.json").read_text())["cases"]
@@ -106,6 +124,17 @@ def test_every_label_is_sealed_before_any_answer(made):
         assert not holds(label | {"severity": 1e9}, published[case])
         assert not holds(label | {"salt": "0" * 32}, published[case])
         assert not holds(label, "0" * 64)
+
+
+def test_the_files_of_every_case_are_sealed_when_all_are_there(made, tmp_path):
+    cases = shutil.copytree(made[0], tmp_path / "cases")
+    sealed_files = published_files(cases / "commitment.json")
+    assert sealed_files == {case.name: folder_digest(case) for case in cases.glob("case_*")}
+    generate(suite(), cases, made[1])
+    picture = next((cases / "case_0003").rglob("*.jpg"))
+    picture.write_bytes(picture.read_bytes() + b" ")
+    with pytest.raises(WithheldError, match="the files of case_0003 have another SHA-256"):
+        generate(suite(), cases, made[1])
 
 
 def test_salts_depend_on_seed_and_case():

@@ -29,6 +29,7 @@ from cusick_bench.diagnosis.atlas.design import Design
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.units import shown_unit
 from cusick_bench.withheld.errors import WithheldError
 
 if TYPE_CHECKING:
@@ -232,7 +233,7 @@ def power(
     table = Table("effect", "unit", *levels, "|d|", title="by ln B / (rho g R^3); |d| it takes", padding=(0, 0))
     for name, one in registered().items():
         row = found["severity"].get(name, (None,) * len(levels))
-        unit, factor = ("mm", 1e3) if one.severity.unit == "m" else (one.severity.unit, 1.0)
+        unit, factor = ("mm", 1e3) if one.severity.unit == "m" else (shown_unit(one.severity.unit), 1.0)
         cells = ["" if value is None else f"{factor * value:.2g}" for value in row]
         table.add_row(name, unit, *cells, f"{shift[name]:.1f}" if name in shift else "")
     output.print(table)

@@ -24,6 +24,7 @@ from cusick_bench.cli.progress import progress_bar
 from cusick_bench.cli.written_paths import folder_made
 from cusick_bench.diagnosis.options import SHIPPED, Options
 from cusick_bench.runner.store import write_atomically
+from cusick_bench.sim.units import shown_unit
 
 if TYPE_CHECKING:
     from cusick_bench.diagnosis.document.laboratory import LaboratoryDocument
@@ -57,10 +58,10 @@ def diagnose_data(
     from cusick_bench.datasets import load
     from cusick_bench.diagnosis.atlas.store import load as load_atlas
     from cusick_bench.diagnosis.data_set import data_set_diagnosis
-    from cusick_bench.diagnosis.document.folder_names import folder_names
     from cusick_bench.diagnosis.document.laboratory import write_laboratory
     from cusick_bench.diagnosis.errors import DiagnosisError, Refused
     from cusick_bench.diagnosis.measure.captures import read_captures
+    from cusick_bench.files.plain_names import plain_names
     from cusick_bench.sim.effects import effect
 
     options = Options(samples, True, tuple(effect(name).name for name in without_effect or ()), seed)
@@ -71,7 +72,7 @@ def diagnose_data(
     if summary is not None and summary.is_dir():
         raise DiagnosisError(f"--table must name a file, got the folder {summary}; give for instance diagnosis.csv")
     written: list[_Written] = []
-    folders = folder_names(dataset.cloths)
+    folders = plain_names(dataset.cloths)
     kept = interruptible(lambda: f"{len(written)} of {len(chosen)} fabrics are written to {out}")
     room = (folder_made(out), folder_made(None if summary is None else summary.parent))
     with progress_bar("reading data", len(chosen) + 1) as bar, kept, room[0], room[1]:
@@ -179,8 +180,7 @@ def _parameters(cause: Cause) -> list[str]:
 
 
 def _shown(parameter: ParameterValue) -> str:
-    unit = "" if parameter.unit == "1" else parameter.unit
-    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {unit}".strip()
+    return "unknown" if parameter.value is None else f"{parameter.value:.3g} {shown_unit(parameter.unit)}".strip()
 
 
 def _print_laboratory(shared: LaboratoryDocument) -> None:

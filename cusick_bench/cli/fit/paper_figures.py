@@ -71,14 +71,16 @@ def figure_7(
     as_json: Json = False,
 ) -> None:
     """Figure 7, held-out samples beside the best draw of each solver, which is chosen by looking at the sample."""
+    from cusick_bench.files.plain_names import plain_names
     from cusick_bench.report.figures.side_by_side import held_out
 
     cells, dataset = _load(run, data, fabrics_csv)
     with _drawing(out, 2 * _cloths(cells)) as bar:
         strips = held_out(cells, dataset, _asked(solver), samples=samples, progress=bar.begin)
         title = "held-out samples and the best draw for each, chosen by an oracle (orange: real outline)"
+        names = plain_names(dataset.cloths)
         paths = [
-            _sheet([strip for strip in strips if strip.cloth == cloth], out, f"figure-7-{cloth}.png", title, bar)
+            _sheet([strip for strip in strips if strip.cloth == cloth], out, f"figure-7-{names[cloth]}.png", title, bar)
             for cloth in dict.fromkeys(strip.cloth for strip in strips)
         ]
     document = {"chosen_by": "held-out image", "strips": [strip.document() for strip in strips]}
@@ -118,7 +120,7 @@ def figure_8(
 
 def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells, DrapeDataset]:
     from cusick_bench.leaderboard import load_cells
-    from cusick_bench.leaderboard.source import load_data_of
+    from cusick_bench.leaderboard.cells.source import load_data_of
 
     cells = load_cells(run)
     return cells, load_data_of(cells, data, fabrics_csv)

@@ -97,7 +97,7 @@ def check_command(
 
 def _facts(run: Path) -> list[str]:
     """Head of a baseline: what made it."""
-    from cusick_bench.leaderboard.cells import load_cells
+    from cusick_bench.leaderboard.cells.loading import load_cells
     from cusick_bench.leaderboard.text import typed
     from cusick_bench.runner.environment import code_text
 

@@ -78,7 +78,7 @@ def _of_data(cells: Cells, data: str | None) -> tuple[Unseen, Protocol]:
     Where the data are not the run's there are no radii and the release's protocol, with a warning.
     """
     from cusick_bench.datasets.files.protocol import RELEASE
-    from cusick_bench.leaderboard.source import load_data_of
+    from cusick_bench.leaderboard.cells.source import load_data_of
 
     try:
         dataset = load_data_of(cells, data)

@@ -28,7 +28,7 @@ def submit_command(
 
     Run `verify` before, or the rows are marked *reported*.
     """
-    from cusick_bench.leaderboard.cells import load_cells
+    from cusick_bench.leaderboard.cells.loading import load_cells
     from cusick_bench.leaderboard.verification.submit import append, rows_of
 
     path = out or Path("leaderboards") / f"{track}.csv"

@@ -17,7 +17,7 @@ from cusick_bench.leaderboard.verification.comparison import METRIC, METRIC_SAME
 from cusick_bench.runner.labels import unspaced
 
 if TYPE_CHECKING:
-    from cusick_bench.leaderboard.cells import Cells
+    from cusick_bench.leaderboard.cells.loading import Cells
     from cusick_bench.leaderboard.verification.verify import Verification
 
 
@@ -52,13 +52,13 @@ def verify_command(
     The outcome is kept in RUN/verified.json, from which `submit` marks rows. Exit status 1 if a cell's scores cannot
     be reproduced.
     """
-    from cusick_bench.leaderboard.cells import load_cells
-    from cusick_bench.leaderboard.source import load_data_of
+    from cusick_bench.leaderboard.cells.loading import load_cells
+    from cusick_bench.leaderboard.cells.source import load_data_of
     from cusick_bench.leaderboard.verification.verify import keep, verify_cell
     from cusick_bench.sim.setup import Simulators
 
     run = target.parent.parent if (target / "cell.json").is_file() else target
-    cells = load_cells(run)
+    cells = load_cells(run, changed=True)
     table = cells.table
     if run != target:
         table = table.loc[[folder.name == target.name for folder in table["folder"]]]

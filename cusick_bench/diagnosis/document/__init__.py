@@ -2,6 +2,5 @@
 
 model: `DiagnosisDocument`, its fields with units, its writer and its reader; answer: the fields that answer a withheld
 case; part: what all parts of a document share; build: makes both from a `Diagnosis`; headline: the verdict in a
-sentence; statistic_rows: the statistics of data and model side by side; folder_names: where the documents of a data
-set's fabrics lie.
+sentence; statistic_rows: the statistics of data and model side by side.
 """

@@ -17,10 +17,10 @@ from cusick_bench.datasets.splits import LEAVE_ONE_OUT
 from cusick_bench.files import read_csv, read_json
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import metric_names
-from cusick_bench.leaderboard.cell_number import SEEDS, with_numbers
-from cusick_bench.leaderboard.cells import Cells, load_cells
+from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.loading import Cells, load_cells
+from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
 from cusick_bench.runner.labels import unspaced
 from cusick_bench.runner.store import write_atomically
 

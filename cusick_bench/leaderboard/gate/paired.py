@@ -29,7 +29,7 @@ from numpy import ndarray
 from scipy import stats
 
 from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
-from cusick_bench.leaderboard.cell_number import split_of
+from cusick_bench.leaderboard.cells.cell_number import split_of
 
 PERMUTATIONS = 20_000
 POWER = 0.8  # at which a change counts as detectable

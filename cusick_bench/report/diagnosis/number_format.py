@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from cusick_bench.sim.units import shown_unit
+
 UNKNOWN = "–"  # shown where a value is not known
 _SPACE = "\u00a0"  # keeps a number and its unit on one line
 
@@ -63,7 +65,8 @@ def measure(value: float | None, unit: str, digits: int = 2) -> str:
         return f"{plain(1e3 * value, digits)}{_SPACE}m{unit}"
     if unit == "deg":
         return f"{signed(f'{value:.{0 if abs(value) >= 10 else 1}f}')}°"
-    return plain(value, digits) + ("" if unit in ("", "1") else f"{_SPACE}{unit}")
+    shown = shown_unit(unit)
+    return plain(value, digits) + (f"{_SPACE}{shown}" if shown else "")
 
 
 def signed(digits: str) -> str:

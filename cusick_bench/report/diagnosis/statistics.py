@@ -7,6 +7,7 @@ from cusick_bench.diagnosis.document.model import DiagnosisDocument, StatisticRo
 from cusick_bench.report.diagnosis.named_causes import named_cause
 from cusick_bench.report.diagnosis.number_format import UNKNOWN, plain, signed
 from cusick_bench.report.diagnosis.words import statistic_name
+from cusick_bench.sim.units import shown_unit
 
 _MOST_ROWS = 10
 _ROUNDING = 1e-9  # share of a row's largest value below which another one is 0 but for rounding
@@ -90,7 +91,7 @@ def _shown(row: StatisticRow, z: float, largest: float) -> ShownStatistic:
     score = signed(f"{z:.1f}")
     return ShownStatistic(
         name=statistic_name(row.name),
-        unit="" if row.unit == "1" else _MILLIMETRES.get(row.unit, row.unit),
+        unit=_MILLIMETRES.get(row.unit, shown_unit(row.unit)),
         up=shown(row.up),
         down=shown(row.down),
         base=shown(row.base),

@@ -1,6 +1,5 @@
 """One self-contained HTML page of a results folder: leaderboard, and for every solver and cloth what was fitted."""
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from markupsafe import Markup
 from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
+from cusick_bench.files.plain_names import plain_names
 from cusick_bench.leaderboard import (
     Cells,
     Leaderboard,
@@ -168,6 +168,7 @@ def _section(
     progress: Progress,
 ) -> _Drawn:
     section, files = ClothSection(cloth, f"cloth-{number}", []), []
+    names = plain_names(_picture_titles(cells.table))
     models: list[DrapeModel] = []
     lines: list[StiffnessLine] = []
     for label, group in _in_order(cells.table, boards):
@@ -197,8 +198,9 @@ def _section(
             lines.append(StiffnessLine(label, found, view.bending_draws))
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-            files.append(folder / f"{_plain(cloth)}_{_plain(label)}.png")
-            save_figure(files[-1], f"{cloth}: {label}", view, drape, of_split)
+            title = _picture_title(cloth, label)
+            files.append(folder / f"{names[title]}.png")
+            save_figure(files[-1], title, view, drape, of_split)
     if lines:
         truth = any(line.found.true_bending for line in lines)
         section = replace(section, stiffness=stiffness_picture(cloth, lines), truth=truth)
@@ -218,16 +220,24 @@ def _in_order(table: pd.DataFrame, boards: list[Leaderboard]) -> Iterator[tuple[
     yield from sorted(groups, key=key)
 
 
+def _picture_title(cloth: str, label: str) -> str:
+    return f"{cloth}: {label}"
+
+
+def _picture_titles(table: pd.DataFrame) -> list[str]:
+    """Titles of all pictures of a run, in an order that is the same whichever of them are drawn."""
+    return sorted(
+        _picture_title(cloth, method_label(solver, variant))
+        for (solver, variant), group in variants(table)
+        for cloth in set(group["cloth"])
+    )
+
+
 def _seeds(group: pd.DataFrame) -> str:
     count, splits = len(group), len(set(group["test"]))
     if splits > 1:
         return f"seed {group['seed'].iloc[0]} and one of {splits} splits shown, of {count} cells"
     return "" if count == 1 else f"seed {group['seed'].iloc[0]} shown, of {count}"
-
-
-def _plain(name: str) -> str:
-    """A name that is safe in file names and anchors."""
-    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "unnamed"
 
 
 def _summary(cells: Cells, cloths: int) -> str:

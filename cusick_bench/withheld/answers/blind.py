@@ -20,7 +20,7 @@ from cusick_bench.diagnosis.document import answer as stated
 from cusick_bench.diagnosis.document.build import answer
 from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.options import Options
-from cusick_bench.files.digest import file_digest
+from cusick_bench.files.digest import file_digest, folder_digest
 from cusick_bench.runner.environment import version_text
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.store import write_atomically
@@ -30,7 +30,7 @@ from cusick_bench.withheld.answers.parts import answer_numerics, case_part
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import Answer, AnswersDocument, LeaveOut, read_answer
 from cusick_bench.withheld.format.checked_json import read_object
-from cusick_bench.withheld.format.seal import seals_beside
+from cusick_bench.withheld.format.seal import files_beside, require_published_files, seals_beside
 
 _DIGITS = 6
 _SIMULATORS_KEPT = 20
@@ -119,9 +119,9 @@ def answer_each(
         The document that was written.
 
     Raises:
-        WithheldError: Seals beside the cases that cannot be read.
+        WithheldError: Seals beside the cases that cannot be read, or a case with other files than the sealed ones.
     """
-    seals = _seals_of(asked)
+    seals, files = _seals_of(asked), _files_of(asked)
     parts = {folder: case_part(out, folder, atlas, options) for folder, options in asked.items()}
     todo: list[_Task] = []
     for folder, part in parts.items():
@@ -134,7 +134,11 @@ def answer_each(
     more: dict[str, Any] = {} if leave_out is None else {"leave_out": leave_out}
     more |= {"seals": seals} if seals else {}
     document = AnswersDocument(
-        code_version=version_text(answer_numerics()), atlas_sha256=file_digest(atlas), answers=answers, **more
+        code_version=version_text(answer_numerics()),
+        atlas_sha256=file_digest(atlas),
+        files=files,
+        answers=answers,
+        **more,
     )
     write_atomically(out, json.dumps(document.content(), indent=1).encode())
     return document
@@ -167,6 +171,19 @@ def _seals_of(folders: Collection[Path]) -> dict[str, str]:
     """The seal of every case that has one; nothing but the document of the answers depends on them."""
     beside = {parent: seals_beside(parent) for parent in {folder.parent for folder in folders}}
     return {one.name: beside[one.parent][one.name] for one in folders if one.name in beside[one.parent]}
+
+
+def _files_of(folders: Collection[Path]) -> dict[str, str]:
+    """SHA-256 of the files of every case.
+
+    Raises:
+        WithheldError: Another one than the case was published with.
+    """
+    found = {folder: folder_digest(folder) for folder in folders}
+    for parent in {folder.parent for folder in folders}:
+        own = {folder.name: digest for folder, digest in found.items() if folder.parent == parent}
+        require_published_files(own, files_beside(parent), str(parent))
+    return {folder.name: digest for folder, digest in found.items()}
 
 
 def _refused(reason: str) -> stated.Answer:

@@ -11,12 +11,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cusick_bench.diagnosis import NUMERICS_VERSION
-from cusick_bench.files.digest import file_digest
+from cusick_bench.files.digest import file_digest, folder_digest
 from cusick_bench.runner.labels import numerics_text
 from cusick_bench.runner.numerics import diagnosis_numerics
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.withheld.format.label import LabelDocument
-from cusick_bench.withheld.format.seal import require_one_suite, seals_beside
+from cusick_bench.withheld.format.seal import (
+    files_beside,
+    require_one_suite,
+    require_published_files,
+    seals_beside,
+)
 
 Found = TypeVar("Found")
 
@@ -64,17 +69,20 @@ def gather(
 
 
 def require_labels_of(cases: Path, labels: Mapping[str, LabelDocument]) -> None:
-    """Checks that labels are those of cases, where seals lie beside these.
+    """Checks that labels are those of cases, and these those that were published, where seals lie beside them.
 
     Args:
         cases: Folder of the cases.
         labels: Content of labels.json.
 
     Raises:
-        WithheldError: Labels of another suite.
+        WithheldError: Labels of another suite, or a case with other files than the sealed ones.
     """
     carried = {case: label.sha256 for case, label in labels.items()}
     require_one_suite(carried, seals_beside(cases), "the labels", str(cases))
+    if published := files_beside(cases):
+        found = {case: folder_digest(cases / case) for case in labels if (cases / case).is_dir()}
+        require_published_files(found, published, str(cases))
 
 
 def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:
@@ -89,7 +97,7 @@ def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:
     Returns:
         The file, which need not be there.
     """
-    found_from = [numerics_text(answer_numerics()), file_digest(atlas), _folder_digest(folder), *map(str, options)]
+    found_from = [numerics_text(answer_numerics()), file_digest(atlas), folder_digest(folder), *map(str, options)]
     fingerprint = hashlib.sha256(" ".join(found_from).encode()).hexdigest()[:16]
     return out.with_name(out.name + ".parts") / fingerprint / f"{folder.name}.json"
 
@@ -101,9 +109,3 @@ def answer_numerics() -> dict[str, int]:
         Version of each part, by name.
     """
     return diagnosis_numerics(diagnosis=NUMERICS_VERSION)
-
-
-def _folder_digest(folder: Path) -> str:
-    """SHA-256 of the names and bytes of all files in a folder."""
-    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in folder.rglob("*") if path.is_file()}
-    return hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()

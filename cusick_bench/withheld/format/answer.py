@@ -300,6 +300,7 @@ class AnswersDocument(Document):
         atlas_sha256: SHA-256 of the atlas that they were given with.
         leave_out: Given where every case was answered without its own effect.
         seals: The seals that lay beside the cases when they were answered: these tell which suite they are of.
+        files: SHA-256 of the files of each case when it was answered; empty in older documents.
         answers: The answer of each case.
     """
 
@@ -307,6 +308,7 @@ class AnswersDocument(Document):
     atlas_sha256: str | None = None
     leave_out: LeaveOut | None = None
     seals: dict[str, str] = Field(default_factory=dict)
+    files: dict[str, str] = Field(default_factory=dict)
     answers: dict[str, Answer]
 
 

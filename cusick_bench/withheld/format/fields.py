@@ -1,7 +1,6 @@
 """Kinds of values that documents hold: numbers, probabilities, names of causes, one value or one for each effect."""
 
 from collections.abc import Collection
-from difflib import get_close_matches
 from math import isinf, nan
 from typing import Annotated, Any, TypeVar
 
@@ -17,6 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from cusick_bench.sim.errors import did_you_mean
 from cusick_bench.withheld.format import causes
 
 T = TypeVar("T")
@@ -100,8 +100,7 @@ def known_name(name: str, choices: Collection[str]) -> str:
         PydanticCustomError: Another name; says which known name is most like it.
     """
     if name not in choices:
-        near = get_close_matches(name, list(choices), n=1)
-        remedy = f"did you mean {near[0]!r}?" if near else f"use {', '.join(choices)}"
+        remedy = did_you_mean(name, choices).rstrip() or f"use {', '.join(choices)}"
         raise PydanticCustomError("known_name", "must be a known name", {"remedy": remedy})
     return name
 

@@ -1,7 +1,8 @@
-"""Seals labels: whoever made the cases is bound to them before anybody answers.
+"""Seals labels and cases: whoever made them is bound to both before anybody answers.
 
 A label's seal is SHA-256 of its salt and the label in canonical JSON (keys sorted, no spaces), both in UTF-8. The salt
-keeps the few possible labels from being tried one by one; it lies with the labels, never with the cases.
+keeps the few possible labels from being tried one by one; it lies with the labels, never with the cases. A case is
+sealed by SHA-256 of its files, once all cases are made; older commitments seal labels only.
 
 Cases of all suites have the same names, so seals also tell which suite cases, answers and labels are of.
 """
@@ -17,6 +18,8 @@ from cusick_bench.withheld.format.checked_json import read_object
 
 COMMITMENT = "commitment.json"
 """File with the seals, which lies beside the cases."""
+FILES = "files"
+"""Key under which it has the SHA-256 of each case's files."""
 
 _NOT_SEALED = ("salt", "sha256")
 _DIGITS = 64  # of a seal
@@ -93,6 +96,41 @@ def published_seals(path: Path) -> dict[str, str]:
     return {case: seal for case, seal in inner.items() if isinstance(seal, str) and len(seal) == _DIGITS}
 
 
+def published_files(path: Path) -> dict[str, str]:
+    """Reads by which files the cases of a suite were published.
+
+    Args:
+        path: File with the seals.
+
+    Returns:
+        SHA-256 of the files of each case (`folder_digest`); empty where only labels are sealed, as they were at first.
+
+    Raises:
+        WithheldError: A file that cannot be read.
+    """
+    files = read_object(path).get(FILES)
+    return {case: str(digest) for case, digest in files.items()} if isinstance(files, dict) else {}
+
+
+def require_published_files(found: Mapping[str, str], published: Mapping[str, str], where: str) -> None:
+    """Checks that cases are those that were published, as far as they were sealed.
+
+    Args:
+        found: SHA-256 of the files of each case.
+        published: The same as it was published.
+        where: What the cases are, for the message.
+
+    Raises:
+        WithheldError: A case with other files.
+    """
+    for case, digest in found.items():
+        if published.get(case, digest) != digest:
+            raise WithheldError(
+                f"{where} must be the cases that were published, but the files of {case} have another SHA-256: they "
+                "were changed, or are not complete; fetch cases and commitment anew"
+            )
+
+
 def seals_beside(cases: Path) -> dict[str, str]:
     """The seals that lie beside cases.
 
@@ -107,6 +145,22 @@ def seals_beside(cases: Path) -> dict[str, str]:
     """
     path = cases / COMMITMENT
     return published_seals(path) if path.exists() else {}
+
+
+def files_beside(cases: Path) -> dict[str, str]:
+    """The seals of files that lie beside cases.
+
+    Args:
+        cases: Folder of the cases.
+
+    Returns:
+        SHA-256 of the files of each case; empty where none lie there.
+
+    Raises:
+        WithheldError: A file of seals that cannot be read.
+    """
+    path = cases / COMMITMENT
+    return published_files(path) if path.exists() else {}
 
 
 def require_one_suite(carried: Mapping[str, str | None], seals: Mapping[str, str], labels: str, cases: str) -> None:

@@ -11,7 +11,13 @@ from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.answer import REFUSED, Answer, AnswersDocument, read_answers
 from cusick_bench.withheld.format.fields import finite_or_nan
 from cusick_bench.withheld.format.label import DETECTABLE, NULL, Label, LabelDocument, read_label_documents, truth_of
-from cusick_bench.withheld.format.seal import holds, published_seals, require_one_suite
+from cusick_bench.withheld.format.seal import (
+    holds,
+    published_files,
+    published_seals,
+    require_one_suite,
+    require_published_files,
+)
 from cusick_bench.withheld.scoring.measures import DISTINCT
 
 _NAMES_SHOWN = 3  # in a message
@@ -45,14 +51,14 @@ def read_labelled_answers(answers: Path, labels: Path, commitment: Path | None =
 
     Raises:
         WithheldError: A file that cannot be read, a case in one file only, labels of another suite than the answered
-            cases, or a label that is not the sealed one.
+            cases, a label that is not the sealed one, or answers to other files than the sealed ones.
     """
     answered, labelled = read_answers(answers), read_label_documents(labels)
     truth = labels_to_answer(answered, {case: truth_of(label) for case, label in labelled.items()})
     _require_same_cases(set(answered.answers), set(truth), answers, labels)
     carried = {case: label.sha256 for case, label in labelled.items()}
     require_one_suite(carried, answered.seals, str(labels), f"the cases that {answers} answers")
-    notes = [_check_seals(labelled, commitment)]
+    notes = [_check_seals(labelled, commitment), *_check_files(answered, str(answers), commitment)]
     if answered.leave_out is not None:
         notes.append(
             f"Leave-one-effect-out: {len(truth)} cases with one effect of at least {answered.leave_out.least:g} times "
@@ -180,3 +186,15 @@ def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -
     fit = f"All {len(labels)} labels fit the seals published in {commitment.name}"
     left = sorted(published.keys() - labels.keys())
     return f"{fit}; {len(left)} cases sealed there are not scored: {_some(left)}." if left else f"{fit}."
+
+
+def _check_files(answered: AnswersDocument, answers: str, commitment: Path | None) -> list[str]:
+    """What the seals prove of the cases' files, in sentences; nothing where either side has none.
+
+    Raises:
+        WithheldError: A case was answered that has other files than those that were published.
+    """
+    published = {} if commitment is None else published_files(commitment)
+    require_published_files(answered.files, published, f"the cases that {answers} answers")
+    sealed = published.keys() & answered.files.keys() & answered.answers.keys()
+    return [f"The files of {len(sealed)} answered cases are those that were published."] if sealed else []

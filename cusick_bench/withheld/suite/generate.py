@@ -1,7 +1,8 @@
 """Writes a withheld suite: cases in the public layout here, sealed labels there.
 
 Labels and the commitment to them are written first and every case appears whole or not at all, so a generation that
-was stopped goes on where it was. Everything follows from the seed.
+was stopped goes on where it was. The commitment binds the cases' files as well once all are there. Everything follows
+from the seed.
 """
 
 import json
@@ -10,7 +11,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,23 @@ import numpy as np
 from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
+from cusick_bench.files.digest import folder_digest
+from cusick_bench.runner.labels import numerics_text
+from cusick_bench.runner.numerics import drape_numerics
 from cusick_bench.runner.processes import one_thread, process_pool
 from cusick_bench.sim.errors import DrapeDiverged
+from cusick_bench.withheld import NUMERICS_VERSION
 from cusick_bench.withheld.errors import WithheldError
 from cusick_bench.withheld.format.checked_json import read_object, validated
-from cusick_bench.withheld.format.seal import COMMITMENT, salt_of, sealed
+from cusick_bench.withheld.format.seal import (
+    COMMITMENT,
+    FILES,
+    published_files,
+    published_seals,
+    require_published_files,
+    salt_of,
+    sealed,
+)
 from cusick_bench.withheld.suite.design import MULTIPLES, Kind, Plan, plan_suite
 from cusick_bench.withheld.suite.detectable import DetectableSeverities
 from cusick_bench.withheld.suite.labels import label_of
@@ -46,6 +59,8 @@ class Suite:
         detectable: Severities at which effects are detected in most cases; typical severities if None.
         world: Name of the world that the cases lie in.
         multiples: Severities of single effects, in multiples of what is typical or detectable.
+        numerics: Versions of the code that makes the cases, by part; None in a file of before these were kept. The same
+            suite may be made by other code, so they do not count where suites are compared.
     """
 
     seed: int
@@ -55,6 +70,7 @@ class Suite:
     detectable: DetectableSeverities | None = None
     world: str = DEFAULT
     multiples: tuple[float, ...] = MULTIPLES
+    numerics: dict[str, int] | None = field(default=None, compare=False, repr=False)
 
     def plans(self) -> list[Plan]:
         """Plans the cases of the suite.
@@ -66,6 +82,15 @@ class Suite:
 
 
 _SUITE = TypeAdapter(Suite)
+
+
+def suite_numerics() -> dict[str, int]:
+    """Versions of what decides the pictures of a suite's cases.
+
+    Returns:
+        Version of each part, by name.
+    """
+    return dict(sorted((drape_numerics("paper") | {"withheld": NUMERICS_VERSION}).items()))
 
 
 def read_suite(path: Path) -> Suite:
@@ -99,23 +124,25 @@ def generate(
         Folders of the cases, in order.
 
     Raises:
-        WithheldError: Folders within each other, or that hold another suite, or a case that cannot be made.
+        WithheldError: Folders within each other, or that hold another suite or cases by other code, or a case that
+            cannot be made.
     """
     _check_folders(out, labels)
     plans = suite.plans()
+    missing = [plan for plan in plans if not (out / plan.case).is_dir()]
+    if missing:
+        _require_same_code(labels / SUITE)
     _commit(suite, plans, out, labels)
-    missing: list[Plan] = []
     for plan in plans:
-        if (out / plan.case).is_dir():
+        if plan not in missing:
             step(plan.case)
-        else:
-            missing.append(plan)
     if workers == 1:
         with one_thread():
             for plan in missing:
                 step(write_case(suite, plan, out))
     elif missing:
         _on_processes(suite, missing, out, workers, step)
+    _seal_files(plans, out)
     return [out / plan.case for plan in plans]
 
 
@@ -128,6 +155,23 @@ def _check_folders(out: Path, labels: Path) -> None:
         )
 
 
+def _require_same_code(path: Path) -> None:
+    """Refuses to go on with a suite that other code began: its cases would be of two versions.
+
+    Raises:
+        WithheldError: Other code, or nobody knows which.
+    """
+    if not path.exists():
+        return
+    begun, now = read_suite(path).numerics, suite_numerics()
+    if begun != now:
+        by = "code that did not record its version" if begun is None else f"code {numerics_text(begun)}"
+        raise WithheldError(
+            f"all cases of a suite must be made by the same code, but {path.parent} was begun by {by}, and this is "
+            f"{numerics_text(now)}; finish it with the code that began it, or make it anew in empty folders"
+        )
+
+
 def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> None:
     """Writes labels and commitment, or checks that they are there already."""
     found = {plan.case: sealed(label_of(plan).content(), salt_of(suite.seed, plan.case)) for plan in plans}
@@ -136,13 +180,18 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         "cases": {case: label["sha256"] for case, label in found.items()},
     }
     documents = (
-        (labels / SUITE, _SUITE.dump_python(suite, mode="json")),
+        (labels / SUITE, _SUITE.dump_python(replace(suite, numerics=suite_numerics()), mode="json")),
         (labels / LABELS, found),
         (out / COMMITMENT, commitment),
     )
     texts = {path: json.dumps(document, indent=1) + "\n" for path, document in documents}
-    for path, text in texts.items():  # all of them, before any is written
-        if path.exists() and not (read_suite(path) == suite if path.name == SUITE else path.read_text() == text):
+    same: dict[Path, Callable[[Path], bool]] = {
+        labels / SUITE: lambda path: read_suite(path) == suite,
+        labels / LABELS: lambda path: path.read_text() == texts[path],
+        out / COMMITMENT: lambda path: published_seals(path) == commitment["cases"],
+    }
+    for path in texts:  # all of them, before any is written
+        if path.exists() and not same[path](path):
             raise WithheldError(
                 f"{path} belongs to another suite; go on with the seed and options that it was made with, or choose "
                 "an empty folder"
@@ -151,6 +200,20 @@ def _commit(suite: Suite, plans: Sequence[Plan], out: Path, labels: Path) -> Non
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             _write_whole(path, text.encode())
+
+
+def _seal_files(plans: Sequence[Plan], out: Path) -> None:
+    """Adds to the commitment which files each case consists of, or checks that they still are these.
+
+    Raises:
+        WithheldError: A case that was changed after it had been sealed.
+    """
+    path, found = out / COMMITMENT, {plan.case: folder_digest(out / plan.case) for plan in plans}
+    if published := published_files(path):
+        require_published_files(found, published, str(out))
+        return
+    more = {"files_hash": "SHA-256 of the list of (name, SHA-256) of a case's files, as Python prints it", FILES: found}
+    _write_whole(path, (json.dumps(read_object(path) | more, indent=1) + "\n").encode())
 
 
 def _write_whole(path: Path, content: bytes) -> None:

@@ -158,6 +158,15 @@ def test_plate_slip_goes_as_far_every_time_and_anywhere():
     assert cause.apply(_setup(laying_seed=(7, 1))).mesh is cause.apply(_setup(laying_seed=(7, 1))).mesh
 
 
+def test_two_slips_go_in_directions_of_their_own():
+    cause = parse("plate-slip:slide=0.003")
+    once, twice = (apply_all(causes, _setup(laying_seed=(7, 1))).mesh for causes in ([cause], [cause, cause]))
+    first, both = ((mesh.material - MESH.material)[MESH.boundary].mean(0) for mesh in (once, twice))
+    assert np.hypot(*first) == pytest.approx(0.003)
+    assert np.hypot(*(both - first)) == pytest.approx(0.003)
+    assert not np.allclose(both, 2 * first, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", BOUNDARY)
 def test_face_down_the_laboratorys_side_stays_where_it_is(name):
     value = {"direction": 25.0} if any(p.name == "direction" for p in effect(name).parameters) else {}

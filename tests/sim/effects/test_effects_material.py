@@ -319,6 +319,16 @@ def test_the_field_belongs_to_the_specimen_and_not_to_its_laying():
     assert not torch.equal(field.apply(_setup(specimen_seed=(9,)), {}).cloth().bending, base)
 
 
+def test_two_fields_on_one_cloth_are_drawn_each_by_itself():
+    one = parse("stiffness-field:spread=0.3,length=0.04")
+    points = torch.as_tensor(MESH.material)
+    alone, both = one.apply(_setup()), apply_all([one, one], _setup())
+    first, second = (field(points) for field in both.log_bending)
+    assert torch.equal(first, alone.log_bending[0](points))
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.7
+    assert (both.specimen_seed, both.laying_seed) == (alone.specimen_seed, alone.laying_seed)
+
+
 # --- self-contact -----------------------------------------------------------------------------------------------------
 
 

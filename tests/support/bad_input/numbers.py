@@ -161,7 +161,7 @@ _RUN: dict[str, tuple[str, str]] = {
 }
 
 _OTHERS: dict[str, tuple[str, str]] = {
-    "unknown command": ("simulat", "Did you mean 'simulate'"),
+    "unknown command": ("simulat", "did you mean 'simulate'"),
     "unknown command of a group": ("data stat {here}/lab", "No such command 'stat'"),
     "unknown option of all": ("--verbosity 3", "No such option"),
     "no results there": ("leaderboard {here}/nothing", "no results folder at"),

@@ -26,7 +26,7 @@ def unusual(causes: Sequence[Candidate]) -> list[str]:
         times = abs(one.value[p.name]) / p.typical
         if times > _UNUSUAL:
             notes.append(
-                f"{one.hypothesis.name}: {p.name} {one.value[p.name]:.3g} {p.unit} is {times:.0f} times what is usual; "
-                "measure it: if it is not so, something that is not on the list acts instead"
+                f"{one.hypothesis.name}: {p.name} {one.value[p.name]:.3g}{p.unit_text} is {times:.0f} times what is "
+                "usual; measure it: if it is not so, something that is not on the list acts instead"
             )
     return notes

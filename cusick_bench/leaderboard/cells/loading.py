@@ -11,14 +11,15 @@ from typing import Any
 import pandas as pd
 
 from cusick_bench.files import BadFile, read_json_object
-from cusick_bench.leaderboard.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.cell_number import SEEDS, with_numbers
+from cusick_bench.leaderboard.cells.plausible import metric_of, name_of, whole_number_of
+from cusick_bench.leaderboard.cells.record_types import check_result, check_run
 from cusick_bench.leaderboard.errors import LeaderboardError
-from cusick_bench.leaderboard.plausible import metric_of, name_of, whole_number_of
-from cusick_bench.leaderboard.record_types import check_result, check_run
 from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.runner import labelled
 from cusick_bench.runner.environment import code_text
 from cusick_bench.runner.labels import numerics_text, unspaced
+from cusick_bench.runner.store import Store
 
 _MAXIMUM_BYTES = 16 * 2**20  # a result.json has a few kilobytes
 _REQUIRED = ("solver", "kind", "cloth", "seed")
@@ -79,11 +80,13 @@ class Cells:
             raise LeaderboardError(f"{damaged[0].folder / 'result.json'}: {damaged[0].reason}{more}")
 
 
-def load_cells(folder: Path | str) -> Cells:
+def load_cells(folder: Path | str, *, changed: bool = False) -> Cells:
     """Reads every cell below a results folder.
 
     Args:
         folder: The folder that `cusick-bench run --out` wrote, or is writing.
+        changed: Whether cells with files that were changed since they were finished stay in the table, for those who
+            want to find them out; otherwise they count as damaged.
 
     Returns:
         Finished cells as a table, and the others by name.
@@ -97,7 +100,7 @@ def load_cells(folder: Path | str) -> Cells:
     rows: list[dict[str, Any]] = []
     skipped: list[Skipped] = []
     for cell in sorted(path for path in folder.glob("cells/*") if path.is_dir()):
-        outcome = _read_cell(cell)
+        outcome = _read_cell(cell, changed)
         if isinstance(outcome, Skipped):
             skipped.append(outcome)
         else:
@@ -168,9 +171,9 @@ def _in_one_spelling(rows: Sequence[dict[str, Any]], skipped: Sequence[Skipped])
     return [replace(cell, solver=columns.get("solver", cell.solver), columns=columns) for cell, columns in others]
 
 
-def _read_cell(folder: Path) -> dict[str, Any] | Skipped:
+def _read_cell(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
     try:
-        return _read_result(folder)
+        return _read_result(folder, changed)
     except FileNotFoundError:
         asked = _asked(folder / "cell.json")
         return Skipped(folder, "unfinished", "still running, or killed; repeat the run command to go on", **asked)
@@ -179,7 +182,7 @@ def _read_cell(folder: Path) -> dict[str, Any] | Skipped:
         return Skipped(folder, "damaged", f"{error}; repeat the run command, which runs the cell again", **asked)
 
 
-def _read_result(folder: Path) -> dict[str, Any] | Skipped:
+def _read_result(folder: Path, changed: bool) -> dict[str, Any] | Skipped:
     result = _read_json(folder / "result.json")
     for name in _REQUIRED:
         if name not in result:
@@ -195,6 +198,8 @@ def _read_result(folder: Path) -> dict[str, Any] | Skipped:
     for name in ("train_mse", "test_mse") if test else ("train_mse",):
         if not math.isfinite(metrics.get(name, math.nan)):
             raise ValueError(f"result.json has no finite {name}")
+    if not changed and (what := Store(folder.parent.parent).changed(folder.name)):
+        raise ValueError(what)
     spent = {f"spent_{name}": metric_of(f"spent_{name}", value) for name, value in result.get("spent", {}).items()}
     known = {**identity, **_problem(result), "test": test}
     return {**known, **spent, **metrics, "stiffness": read_stiffness(result), "folder": folder}

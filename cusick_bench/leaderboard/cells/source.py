@@ -9,7 +9,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.errors import DataNotFound
 from cusick_bench.datasets.loading import read_dataset
 from cusick_bench.datasets.registry import folder_of
-from cusick_bench.leaderboard.cells import Cells
+from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.errors import LeaderboardError
 
 
