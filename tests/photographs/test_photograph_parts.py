@@ -287,6 +287,9 @@ def test_confidence_is_high_where_nothing_speaks_against():
         ("unseen", 0.01, "leaves the picture"),
         ("expected_mm", 0.5, "make 0.7 mm likely"),
         ("beyond_plate", 0.0, "is there a cloth?"),
+        ("reread_mm", 0.7, "differ by 0.7 mm all along it: too coarse, or not sharp"),
+        ("burnt", 0.5, "the cloth is overexposed along 50% of it"),
+        ("off_circle_mm", 0.1, "a circle within 0.10 mm: a paper ring"),
     ],
 )
 def test_each_doubt_counts_alone(measure_, value, says):
