@@ -174,6 +174,7 @@ def test_the_bare_plate_is_a_ruler():
     found = view.on_plane(laboratory.camera.project(ring))
     assert np.hypot(*found.T) == pytest.approx(0.12, abs=5e-4)
     assert 0 < view.uncertainty.tilt_rad < 0.05
+    assert not view.knows_lens
 
 
 def test_a_pin_in_the_middle_of_the_plate_is_no_matter():
