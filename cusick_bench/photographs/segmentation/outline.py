@@ -29,8 +29,8 @@ _LEAST, _MOST = 0.97, 1.06  # plate radii and flat radii between which the outli
 _WEAK = 1.2  # [standard deviations] least strength of an edge
 _SECTOR = 15  # number of angles, 1 degree apart, whose strange places are counted together
 _SNAPS = 2  # how often the outline is moved to the nearest edges
-_BESIDE = (0.8e-3, 2.0e-3, 2e-4)  # [m] from the outline, inwards, between which the cloth is looked at; and steps
-_WHITE = 252.0  # level from which on a place is taken to be overexposed, as noise and JPEG make it a little darker
+_BESIDE = (1.0e-3, 3.0e-3, 2e-4)  # [m] from the outline, inwards, between which the cloth is looked at; and steps
+_WHITE = 250.0  # level from which on a place is taken to be overexposed, as noise and JPEG make it a little darker
 _ROUNDS = 1  # how often colours are learnt again from the outline
 
 
@@ -139,7 +139,7 @@ def _burnt(picture: PlanePicture, curve: Curve) -> float:
     """
     places = curve[:, None] - np.arange(*_BESIDE)[:, None] * normals(curve)[:, None]
     light, _ = replace(picture, shading=np.zeros_like(picture.shading)).light_at(places)
-    return float((light.min(axis=-1).mean(axis=1) > linear_light(np.array(_WHITE))).mean())
+    return float((np.median(light.min(axis=-1), axis=1) > linear_light(np.array(_WHITE))).mean())
 
 
 def _span(picture: PolarPicture) -> slice:
