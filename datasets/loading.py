@@ -12,7 +12,7 @@ from cusick_bench.datasets.files.fabrics import read_fabrics
 from cusick_bench.datasets.files.layout import NUMBER_ZERO, Layout, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
-from cusick_bench.datasets.index import CORRECTIONS, Progress, build_index, survey
+from cusick_bench.datasets.index import CORRECTIONS, Progress, Survey, build_index, survey
 from cusick_bench.datasets.registry import REGISTRY, folder_of
 
 _log = logging.getLogger(__name__)
@@ -93,6 +93,7 @@ def read_dataset(
     found = survey(layout, protocol, measure=strict or bool(wanted and not verified), progress=progress)
     if strict and found.faults:
         raise next(iter(found.faults.values()))
+    _tell_copies(layout, found)
     name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
     applied = () if verified else wanted
     dataset = DrapeDataset(
@@ -115,6 +116,28 @@ def _tell_problems(layout: Layout) -> None:
             what = f"{problem.detail}, and there are no other silhouettes"
             raise DataNotFound(what, where=where, remedy=remedy, kind=problem.kind)
         _log.warning("%s: %s; %s", where, problem.detail, remedy)
+
+
+def _tell_copies(layout: Layout, found: Survey) -> None:
+    """Warns of pictures that are stored again as another sample or capture: they make drapes look too alike.
+
+    No drape repeats to the last bit. Pictures of named sets are copies by design.
+    """
+    first: dict[str, str] = {}
+    copies: list[tuple[str, str]] = []
+    for entry in layout.silhouettes:
+        digest = found.hashes.get(entry.path)
+        if digest is None or entry.is_named:
+            continue
+        if digest in first:
+            copies.append((entry.path, first[digest]))
+        first.setdefault(digest, entry.path)
+    if copies:
+        number = "1 silhouette is" if len(copies) == 1 else f"{len(copies)} silhouettes are"
+        _log.warning(
+            "%s: %s a copy of another one, such as %s of %s, and count as drapes of their own; put the right "
+            "pictures there, or remove the copies", layout.root, number, *copies[0],
+        )  # fmt: skip
 
 
 def _corrections(correct: Collection[str] | bool) -> tuple[str, ...]:

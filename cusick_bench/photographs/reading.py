@@ -22,6 +22,7 @@ _FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP")
 _DEEP = ("I", "F")  # beginnings of Pillow's modes of 16 and 32 bits
 _MOST_PIXELS = 120_000_000
 _LEAST_SIDE = 240  # [px]
+_SAME_SHAPE = 0.01  # largest difference of the sides' ratio of a picture that was scaled and not cropped
 _FULL_FRAME = math.hypot(36, 24)  # [mm] diagonal of the film that "35 mm equivalent" refers to
 
 
@@ -112,9 +113,13 @@ def focal_in_pixels(film: float, size: tuple[int, int]) -> float:
 def _focal(image: Image.Image) -> float | None:
     """Focal length from the 35 mm equivalent in the header [px]."""
     try:
-        value = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+        header = image.getexif().get_ifd(ExifTags.IFD.Exif)
+        value = float(header.get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+        taken = [float(header.get(side, 0)) for side in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)]
     except Exception:  # a damaged header, of which decoders raise anything, tells no focal length
         return None
+    if min(taken) > 0 and abs(max(taken) / min(taken) * min(image.size) / max(image.size) - 1) > _SAME_SHAPE:
+        return None  # it was cropped: the focal length is that of the whole picture's diagonal
     return focal_in_pixels(value, image.size) if 5 <= value <= 1000 else None
 
 

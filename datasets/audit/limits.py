@@ -13,7 +13,7 @@ from cusick_bench.datasets.files.measure import ImageMeasure
 from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.irregularity import Irregularity
 
-GREY = 0.02  # largest grey area away from the outline, over that of the cloth
+GREY = 0.01  # largest grey area away from the outline, over that of the cloth: a point of drape coefficient or so
 HOLE = 0.001  # largest hole, over the area of the cloth
 BEYOND = 1.2  # largest reach of a silhouette over the flat radius
 UNCOVERED = 0.75  # least radius that must fit into the silhouette, over that of the plate
@@ -35,7 +35,7 @@ def impossible_faults(path: str, image: ImageMeasure, protocol: Protocol) -> Ite
     """
     small, cloth = image.blemishes, 1e3 * protocol.cloth_radius_m
     if small.grey > GREY:
-        detail = f"not black and white: {small.grey:.0%} of the cloth's size is grey away from its outline"
+        detail = f"not black and white: {small.grey:.1%} of the cloth's size is grey away from its outline"
         yield Irregularity(path, "image-grey", f"{detail}, at most {GREY:.0%} may be")
     if small.largest_hole > HOLE * small.cloth:
         yield Irregularity(path, "hole", f"a hole of {small.largest_hole} px in a cloth of {small.cloth} px")

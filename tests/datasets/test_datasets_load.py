@@ -440,3 +440,13 @@ def test_measuring_survives_any_cache(toy, monkeypatch, tmp_path):
     for path in stored:
         path.write_bytes(b"garbage")
     assert load(toy).index.equals(expected)
+
+
+def test_copies_of_a_picture_that_count_as_drapes_are_told(toy, caplog):
+    load(toy)
+    assert "copy" not in caplog.text
+    shutil.copy(image_path(toy, 1, 1), image_path(toy, 2, 1))
+    load(toy)
+    first, second = (image_path(toy, sample, 1).relative_to(toy).as_posix() for sample in (1, 2))
+    assert f"{toy}: 1 silhouette is a copy of another one, such as {second} of {first}" in caplog.text
+    assert "remove the copies" in caplog.text

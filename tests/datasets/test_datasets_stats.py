@@ -170,6 +170,20 @@ def test_stats_command(toy):
     assert CliRunner().invoke(app, ["stats", str(toy), "--cloth", "silk"]).exit_code == 2
 
 
+def test_stats_say_which_of_their_pictures_show_no_cloth(toy):
+    """The drape coefficient of a grey cloth is too low by its grey, and would look like any other."""
+    clean = CliRunner().invoke(app, ["stats", str(toy)])
+    assert "no cloth on its plate" not in clean.stderr
+    grey = "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_1.png"
+    write_image(toy / grey, 0.8 * draw(toy_profile(7, 1, 1)))
+    told = " ".join(CliRunner().invoke(app, ["stats", str(toy), "--json"]).stderr.split())
+    assert "1 of the silhouettes shows no cloth on its plate" in told
+    assert f"{grey}: not black and white" in told
+    assert f"data audit {toy}" in told
+    other = CliRunner().invoke(app, ["stats", str(toy), "--cloth", "fabric_8"])
+    assert "no cloth on its plate" not in other.stderr
+
+
 def test_info_command(toy):
     table = toy / "mine.csv"
     table.write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.2,0.0004\n")

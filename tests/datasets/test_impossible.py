@@ -52,6 +52,7 @@ def _block(value: float, rows: slice, columns: slice) -> np.ndarray:
 IMPOSSIBLE: dict[str, tuple[str, Callable[[], np.ndarray]]] = {
     "grey cloth": ("image-grey", lambda: 0.8 * draw(DRAPE)),
     "grey ground": ("image-grey", lambda: 0.1 + 0.9 * draw(DRAPE)),
+    "ground a little grey": ("image-grey", lambda: 0.008 + 0.992 * draw(DRAPE)),
     "photograph": ("image-grey", _photograph),
     "at the border": ("touches-border", lambda: draw(DRAPE, centre=(127.5, 215.0))),
     "beyond its own size": ("radius-beyond-cloth", lambda: draw(DRAPE, scale=1000.0)),
@@ -64,6 +65,7 @@ IMPOSSIBLE: dict[str, tuple[str, Callable[[], np.ndarray]]] = {
 }
 POSSIBLE = {
     "clean": lambda: draw(DRAPE),
+    "ground one level from white": lambda: 0.004 + 0.996 * draw(DRAPE),
     "soft edge": lambda: np.clip(0.5 + (draw(DRAPE, scale=723.0) + draw(DRAPE, scale=735.0) - 1) / 3, 0, 1).round(),
     "a speck": lambda: _block(1.0, slice(10, 13), slice(126, 129)),
     "a pin hole": lambda: _block(0.0, slice(120, 123), slice(150, 153)),

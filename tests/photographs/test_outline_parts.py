@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
@@ -10,7 +11,7 @@ from scipy.spatial import KDTree
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.reading import Photograph, linear_light
 from cusick_bench.photographs.segmentation.colour import Neighbours, colour_features
-from cusick_bench.photographs.segmentation.confidence import ACCEPTED
+from cusick_bench.photographs.segmentation.confidence import ACCEPTED, doubts
 from cusick_bench.photographs.segmentation.curve import curve_of, normals, outermost, resampled
 from cusick_bench.photographs.segmentation.outline import find_outline
 from cusick_bench.photographs.segmentation.plane import PlanePicture, brightness_terms, plane_picture
@@ -118,3 +119,45 @@ def test_steep_folds_on_a_small_plate_are_not_ragged():
     smaller = find_outline(picture, _view(), plate=0.055, cloth=0.110)  # of which such folds would be odd
     assert smaller.confidence < ACCEPTED
     assert smaller.evidence.roughness_mm > 2 * found.evidence.roughness_mm
+
+
+def _levels(inside, cloth, outside, blur=1.0):
+    """A photograph of flat colours, drawn four times as fine as its pixels; light adds up, and is cut off at white."""
+    fine = (np.arange(3600) + 0.5) / 4 - 0.5
+    x, y = np.meshgrid((fine - MIDDLE[0]) / SCALE, (MIDDLE[1] - fine) / SCALE)
+    light = np.where(inside(x, y)[..., None], np.array(cloth), outside(x, y)[..., None]).astype(np.float32)
+    light = light.reshape(900, 4, 900, 4, 3).mean(axis=(1, 3))
+    light = cv2.GaussianBlur(light, (0, 0), blur)
+    levels = 255 * np.clip(light, 0, 1) ** (1 / 2.2) + np.random.default_rng(0).normal(0, 1, light.shape)
+    return Photograph(np.clip(levels, 0, 255).astype(np.uint8), None)
+
+
+def _cloth(x, y):
+    return np.hypot(x, y) < _true_radii(np.arctan2(y, x))
+
+
+def test_a_paper_ring_under_pale_cloth_is_not_taken_for_the_cloth():
+    """The ring that is weighed in the classical test has the size of the flat cloth: a drape coefficient of 100 %."""
+    ring = _levels(_cloth, (0.6, 0.6, 0.6), lambda x, y: np.where(np.hypot(x, y) < 0.15, 0.95, 0.04))
+    found = find_outline(ring, _view(), plate=0.09, cloth=0.15)
+    assert found.radii == pytest.approx(np.full(720, 0.15), abs=5e-4)  # or the test tries nothing
+    assert found.confidence < ACCEPTED
+    assert "a paper ring" in "; ".join(doubts(found.evidence))
+
+
+def test_an_overexposed_cloth_is_not_taken_for_a_larger_one():
+    """White cloth that burns out blooms over its rim, on all sides alike, and its edge is as sharp as any."""
+    burnt = _levels(_cloth, (3.5, 3.5, 3.5), lambda x, y: np.full(x.shape, 0.04), blur=2.0)
+    found = find_outline(burnt, _view(), plate=0.09, cloth=0.15)
+    assert np.mean(found.radii - _true_radii(TURN)) > 6e-4  # or the test tries nothing
+    assert found.confidence < ACCEPTED
+    assert doubts(found.evidence) == ("the cloth is overexposed along 100% of it, and looks larger than it is",)
+
+
+def test_an_edge_that_is_wide_for_its_shape_is_not_read_too_far_out():
+    """The network takes the blur of a clean edge for the shade of a rim that hangs, and adds .8 mm all around."""
+    blurred = _levels(_cloth, (0.8, 0.8, 0.8), lambda x, y: np.full(x.shape, 0.03), blur=1.7)
+    found = find_outline(blurred, _view(), plate=0.09, cloth=0.15)
+    assert np.mean(found.radii - _true_radii(TURN)) > 6e-4  # or the test tries nothing
+    assert found.confidence < ACCEPTED
+    assert "light and network differ" in "; ".join(doubts(found.evidence))

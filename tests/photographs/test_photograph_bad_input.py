@@ -10,7 +10,11 @@ from typer.testing import CliRunner
 
 from cusick_bench.cli import app
 from cusick_bench.photographs.preparation.pictures import find_pictures
+from cusick_bench.photographs.preparation.setting_text import SettingText, setting_of
 from cusick_bench.photographs.preparation.weights import weights_of_options
+from cusick_bench.photographs.reading import read_photograph
+from cusick_bench.photographs.studio.scene import bare_plate, make_laboratory
+from cusick_bench.photographs.studio.shot import photograph
 
 GREY = np.full((400, 500, 3), 128, np.uint8)
 
@@ -106,6 +110,52 @@ def test_samples_may_be_numbered_by_their_date(tmp_path):
     assert [picture.sample for picture in found.drapes] == [20261126, 20261127]
 
 
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [
+        ("Fabric 2/Fabric_1_Sample_1.jpg", "lies in the folder of fabric 2, and its name says fabric 1"),
+        ("Fabric 1/Sample 3/Sample_1.jpg", "lies in the folder of sample 3, and its name says sample 1"),
+    ],
+)
+def test_a_picture_in_the_folder_of_another_one_is_refused(tmp_path, place, says):
+    folder = _folder(tmp_path, "plate.jpg")
+    (folder / place).parent.mkdir(parents=True)
+    cv2.imwrite(str(folder / place), GREY)
+    assert says in _refused(folder, tmp_path)
+    (folder / place).rename(folder / "Fabric_1_Sample_1.jpg")
+    assert len(find_pictures(folder).drapes) == 1
+
+
+@pytest.mark.parametrize(
+    ("cloth", "plate", "told"),
+    [
+        ("30 cm", "180 mm", False),
+        ("9.45 in", "7.09 in", False),
+        ("36 cm", "18 cm", False),
+        ("15 cm", "9 cm", True),  # radii: the drape coefficient would be right, and all lengths half of what they are
+        ("30 cm", "9 cm", True),
+    ],
+)
+def test_diameters_that_could_be_radii_are_told(tmp_path, caplog, cloth, plate, told):
+    setting_of(SettingText(cloth_diameter=cloth, plate_diameter=plate), tmp_path, [1])
+    assert ("no sizes of the standard" in caplog.text) == told
+    assert ("not radii" in caplog.text) == told
+
+
+@pytest.mark.parametrize(("taken", "known"), [((4000, 3200), True), ((4000, 3000), False), ((0, 0), True)])
+def test_a_cropped_picture_tells_no_focal_length(tmp_path, taken, known):
+    """Its header has that of the whole picture, from which the camera's height would come out too low."""
+    header = Image.Exif()
+    tags = {
+        ExifTags.Base.FocalLengthIn35mmFilm: 26,
+        ExifTags.Base.ExifImageWidth: taken[0],
+        ExifTags.Base.ExifImageHeight: taken[1],
+    }
+    header.get_ifd(ExifTags.IFD.Exif).update(tags)
+    Image.fromarray(GREY).save(tmp_path / "plate.jpg", exif=header)
+    assert (read_photograph(tmp_path / "plate.jpg").focal is not None) == known
+
+
 @pytest.mark.parametrize("texts", [["180 g/m2", "2=200 g/m2"], ["2=200 g/m2", "180 g/m2"]])
 def test_the_weight_of_one_fabric_goes_before_that_of_all(texts):
     assert weights_of_options(texts, [1, 2]) == pytest.approx({1: 0.18, 2: 0.2})
@@ -172,3 +222,15 @@ def test_the_output_folder_must_be_new(tmp_path):
         result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(out)])
         assert result.exit_code == 2
         assert says in " ".join(result.output.split())
+
+
+def test_a_bare_plate_as_the_only_ruler_leaves_the_lens_unknown_and_says_so(tmp_path):
+    laboratory = make_laboratory(3)
+    folder = _folder(tmp_path)
+    for name in ("plate.jpg", DRAPE):  # a picture without cloth, which is not written
+        cv2.imwrite(str(folder / name), photograph(laboratory, bare_plate(laboratory, 0.09), 0))
+    result = CliRunner().invoke(app, ["data", "prepare", str(folder), "--out", str(tmp_path / "set")])
+    assert result.exit_code == 1
+    told = " ".join(result.stderr.split())
+    assert "the lens is not known from the bare plate, and its distortion stays in the silhouettes" in told
+    assert "add board-plane.jpg" in told

@@ -174,6 +174,7 @@ def test_the_bare_plate_is_a_ruler():
     found = view.on_plane(laboratory.camera.project(ring))
     assert np.hypot(*found.T) == pytest.approx(0.12, abs=5e-4)
     assert 0 < view.uncertainty.tilt_rad < 0.05
+    assert not view.knows_lens
 
 
 def test_a_pin_in_the_middle_of_the_plate_is_no_matter():
@@ -287,6 +288,9 @@ def test_confidence_is_high_where_nothing_speaks_against():
         ("unseen", 0.01, "leaves the picture"),
         ("expected_mm", 0.5, "make 0.7 mm likely"),
         ("beyond_plate", 0.0, "is there a cloth?"),
+        ("reread_mm", 0.7, "differ by 0.7 mm all along it: too coarse, or not sharp"),
+        ("burnt", 0.5, "the cloth is overexposed along 50% of it"),
+        ("off_circle_mm", 0.1, "a circle within 0.10 mm: a paper ring"),
     ],
 )
 def test_each_doubt_counts_alone(measure_, value, says):

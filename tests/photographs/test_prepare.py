@@ -37,6 +37,7 @@ def test_the_protocol_tells_the_camera_and_how_sure_it_is(photographs, prepared)
     assert document["projection"] == "pinhole"
     assert document["camera_height_m"] == pytest.approx(truth["camera_height_m"], abs=3e-3)
     assert found["camera_off_axis_m"] == pytest.approx(truth["eye_m"][:2], abs=4e-3)
+    assert prepared.view.knows_lens
     assert found["lens_k1"] == pytest.approx(truth["k1"], abs=0.02)
     assert 0 < found["scale_sd_relative"] < 0.01
     assert 0 < found["centre_sd_m"] < 1e-3

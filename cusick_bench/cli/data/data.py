@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Column, Table
 
-from cusick_bench.cli.common import output, print_json, user_errors
+from cusick_bench.cli.common import output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_data
 from cusick_bench.cli.data.fabric_quantiles import fabric_quantiles
 from cusick_bench.cli.data.photographs import board, photograph_errors, photographs, prepare
@@ -170,6 +170,7 @@ def stats_command(
     json: Json = False,
 ) -> None:
     """Measure drape coefficient, folds, spectrum and the differences between drapes; means are over sample x face."""
+    from cusick_bench.datasets.impossible import impossible
     from cusick_bench.datasets.stats import statistics
 
     dataset = _load(name_or_path, None, uncorrected=False)
@@ -179,6 +180,15 @@ def stats_command(
         print_json({"name": dataset.name, "cloths": [item.document() for item in found]})
     else:
         output.print(_stats_table(found))
+    wanted = {item.cloth for item in found}
+    faults = impossible(dataset, [row for row, name in enumerate(dataset.table["cloth"]) if name in wanted])
+    if faults:
+        pictures, fault = len({item.path for item in faults}), faults[0]
+        tell(
+            f"{pictures} of the silhouettes show{'s' if pictures == 1 else ''} no cloth on its plate, so that these "
+            f"numbers mean nothing for them: {fault.path}: {fault.detail} ({fault.kind}); look with `cusick-bench data "
+            f"audit {dataset.root}`, and correct the pictures or protocol.json"
+        )
 
 
 def _stats_table(found: list[ClothStatistics]) -> Table:

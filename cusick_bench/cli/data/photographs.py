@@ -107,6 +107,11 @@ def prepare(
             "the camera's height is not known, so perspective stays in the silhouettes: give --camera-height, or add "
             "pictures of the board held at angles"
         )
+    if not prepared.view.knows_lens:
+        tell(
+            "the lens is not known from the bare plate, and its distortion stays in the silhouettes: if straight lines "
+            "look bent in your pictures, add board-plane.jpg, and board-1.jpg, ... held at angles"
+        )
     if prepared.doubtful:
         raise typer.Exit(1)
 

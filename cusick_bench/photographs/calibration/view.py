@@ -61,6 +61,11 @@ class PlateView:
         return bool(np.isfinite(self.uncertainty.height_m))
 
     @property
+    def knows_lens(self) -> bool:
+        """Whether the lens was looked at: a bare plate, a circle about the middle, says nothing of its distortion."""
+        return bool(np.any(self.distortion))
+
+    @property
     def tilt(self) -> float:
         """Angle between the optical axis and the plate's axis [rad]."""
         return float(np.arccos(np.clip(-self.rotation[2, 2], -1, 1)))

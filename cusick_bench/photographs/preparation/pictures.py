@@ -154,6 +154,20 @@ def _require_read(place: Path, shown: list[str], read: list[str]) -> None:
             )
 
 
+def _require_one_label(path: Path, folder: Path, found: Mapping[str, Sequence[str]]) -> None:
+    """Refuses a picture that lies in the folder of another fabric or sample than its name says."""
+    for name in ("fabric", "sample"):
+        for part in path.relative_to(folder).parts[:-1]:
+            number = _NUMBERS[name].fullmatch(part)
+            if number and int(number[1]) != int(found[name][-1]):
+                raise BadPhotograph(
+                    f"lies in the folder of {name} {int(number[1])}, and its name says {name} {int(found[name][-1])}",
+                    where=path,
+                    remedy="move or rename it",
+                    kind="unknown-name",
+                )
+
+
 def _drape(path: Path, folder: Path) -> DrapePicture:
     text = str(path.relative_to(folder))
     found = {name: pattern.findall(text) for name, pattern in _NUMBERS.items()}
@@ -165,6 +179,7 @@ def _drape(path: Path, folder: Path) -> DrapePicture:
             remedy=f"name it as {_RULE}; pictures of the board begin with board, of the bare plate with plate",
             kind="unknown-name",
         )
+    _require_one_label(path, folder, found)
     numbers = (int(found["fabric"][-1]), int(found["sample"][-1]), int((found["capture"] or ["1"])[-1]))
     if 0 in numbers:
         raise BadPhotograph(

@@ -5,6 +5,7 @@ Nothing heavy is imported before it is used, since help pages show the defaults.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +14,15 @@ from typing import TYPE_CHECKING
 from cusick_bench.photographs.errors import BadPhotograph
 from cusick_bench.photographs.preparation.quantities import LENGTHS, quantity
 from cusick_bench.photographs.preparation.weights import TABLE, read_weights, weights_of_options
+from cusick_bench.sim.constants import PLATE_RADIUS
 
 if TYPE_CHECKING:
     from cusick_bench.photographs.preparation.prepare import Setting
+
+_log = logging.getLogger(__name__)
+
+_STANDARD = (0.12, 0.15, 0.18)  # [m] radii of the cloths of ISO 9073-9, all on one plate
+_NEAR = 0.0025  # [m] largest difference from a size of the standard, such as that of inches
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,13 @@ def setting_of(text: SettingText, photographs: Path, fabrics: Sequence[int]) -> 
         raise BadPhotograph(
             f"the plate must be smaller than 0.9 of the cloth, got {sizes}", remedy="correct a diameter"
         )
+    if abs(plate - PLATE_RADIUS) > _NEAR or min(abs(cloth - radius) for radius in _STANDARD) > _NEAR:
+        sizes = ", ".join(f"{2e3 * radius:g}" for radius in _STANDARD)
+        _log.warning(
+            "plate %g mm and cloth %g mm in diameter are no sizes of the standard (plate %g mm; cloth %s mm): make "
+            "sure that they are diameters of your drape meter, not radii",
+            2e3 * plate, 2e3 * cloth, 2e3 * PLATE_RADIUS, sizes,
+        )  # fmt: skip
     height = text.camera_height
     return Setting(
         cloth_radius=cloth,

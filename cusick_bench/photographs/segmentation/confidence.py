@@ -39,6 +39,9 @@ class Evidence:
         unsettled_mm: How far most of it moved when it was moved to the edges beside it a second time [mm].
         expected_mm: Error across it that the network which read it expects [mm].
         beyond_plate: How far it lies outside the plate, in plate radii.
+        reread_mm: How far the network moved all of it in or out, from where the light is halfway [mm].
+        off_circle_mm: Its root-mean-square deviation from a circle [mm].
+        burnt: Share of it where the cloth beside it is overexposed.
     """
 
     edge: float
@@ -60,6 +63,9 @@ class Evidence:
     weak_fine: float = 0.0
     unsettled_mm: float = 0.0
     expected_mm: float = 0.0
+    reread_mm: float = 0.0
+    off_circle_mm: float = math.inf
+    burnt: float = 0.0
 
     @property
     def total_mm(self) -> float:
@@ -106,6 +112,10 @@ _DOUBTS = (
     _Doubt("total_mm", 0.42, 0.04, "its edge, the camera's place and the calibration make {:.1f} mm likely"),
     _Doubt("off_axis_mm", 0.75, 0.05, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
     _Doubt("calibration_mm", 1.2, 0.05, "scale and tilt are uncertain by {:.1f} mm: calibrate with the board"),
+    # Sharp limits, which no photograph comes near but those that they are about.
+    _Doubt("reread_mm", 0.6, 1e-3, "light and network differ by {:.1f} mm all along it: too coarse, or not sharp"),
+    _Doubt("burnt", 0.3, 1e-3, "the cloth is overexposed along {:.0%} of it, and looks larger than it is"),
+    _Doubt("off_circle_mm", 0.25, -1e-3, "it is a circle within {:.2f} mm: a paper ring, or a part of the meter?"),
     _Doubt("beyond_plate", 0.06, -0.01, "it lies {:.0%} of the plate's radius outside the plate: is there a cloth?"),
 )
 

@@ -8,13 +8,14 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.photographs.calibration.view import PlateView
-from cusick_bench.photographs.reading import Photograph
+from cusick_bench.photographs.reading import Photograph, linear_light
 from cusick_bench.photographs.segmentation.colour import learnt, likelihood
 from cusick_bench.photographs.segmentation.confidence import Evidence, confidence
-from cusick_bench.photographs.segmentation.curve import curve_of, outermost
+from cusick_bench.photographs.segmentation.curve import Curve, curve_of, normals, outermost
 from cusick_bench.photographs.segmentation.edge import edge_strength
 from cusick_bench.photographs.segmentation.edge_model import fitted_model, read_outline
 from cusick_bench.photographs.segmentation.path import closed_path
+from cusick_bench.photographs.segmentation.plane import PlanePicture
 from cusick_bench.photographs.segmentation.polar import STEP, PolarPicture, polar_picture
 from cusick_bench.photographs.segmentation.refine import refined
 from cusick_bench.photographs.segmentation.shading import evenly_lit
@@ -28,6 +29,8 @@ _LEAST, _MOST = 0.97, 1.06  # plate radii and flat radii between which the outli
 _WEAK = 1.2  # [standard deviations] least strength of an edge
 _SECTOR = 15  # number of angles, 1 degree apart, whose strange places are counted together
 _SNAPS = 2  # how often the outline is moved to the nearest edges
+_BESIDE = (1.0e-3, 3.0e-3, 2e-4)  # [m] from the outline, inwards, between which the cloth is looked at; and steps
+_WHITE = 250.0  # level from which on a place is taken to be overexposed, as noise and JPEG make it a little darker
 _ROUNDS = 1  # how often colours are learnt again from the outline
 
 
@@ -116,8 +119,27 @@ def find_outline(photograph: Photograph, view: PlateView, plate: float, cloth: f
         _evidence(picture, found.ratio, found.edges, radii),
         **found.measures,
         expected_mm=float(1e3 * np.sqrt(2 * np.mean(spread**2))),
+        reread_mm=float(1e3 * abs(np.mean(radii - found.radii))),
+        off_circle_mm=1e3 * _off_circle(radii),
+        burnt=_burnt(picture.plane, curve),
     )
     return Outline(radii, evidence, confidence(evidence))
+
+
+def _off_circle(radii: Float[ndarray, " angles"]) -> float:
+    """Root-mean-square deviation of an outline from a circle about a place near the axis [m]."""
+    harmonics = np.fft.rfft(radii) / len(radii)
+    return float(np.sqrt(2 * np.sum(np.abs(harmonics[2:]) ** 2)))
+
+
+def _burnt(picture: PlanePicture, curve: Curve) -> float:
+    """Share of an outline inside of which the photograph is white, so that nobody knows how bright the cloth is.
+
+    The sensor's blur then lifts ground beside the rim to white as well, by more the brighter the cloth is.
+    """
+    places = curve[:, None] - np.arange(*_BESIDE)[:, None] * normals(curve)[:, None]
+    light, _ = replace(picture, shading=np.zeros_like(picture.shading)).light_at(places)
+    return float((np.median(light.min(axis=-1), axis=1) > linear_light(np.array(_WHITE))).mean())
 
 
 def _span(picture: PolarPicture) -> slice:
