@@ -12,6 +12,7 @@ new version. After raising a version: `python tests/support/golden.py --write`.
 from collections.abc import Iterable
 
 from cusick_bench import datasets, metrics, problem
+from cusick_bench.datasets.files import hanging_line
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.effects.base import Effect
@@ -56,6 +57,7 @@ def cell_numerics(
     *,
     both_faces: bool = False,
     repeats: bool = False,
+    pinhole: bool = False,
 ) -> dict[str, int]:
     """Versions of what decides a cell's numbers.
 
@@ -65,6 +67,7 @@ def cell_numerics(
         causes: What is simulated that the base model leaves out.
         both_faces: Whether samples of both faces train.
         repeats: Whether a held-out sample was captured several times.
+        pinhole: Whether the camera was so near that radii are corrected for perspective.
 
     Returns:
         Version of each part, by name.
@@ -85,6 +88,8 @@ def cell_numerics(
         versions["both faces"] = BOTH_FACES
     if repeats:
         versions["repeats"] = REPEATS
+    if pinhole:
+        versions["perspective"] = hanging_line.NUMERICS_VERSION
     return dict(sorted(versions.items()))
 
 

@@ -29,6 +29,7 @@ class SeenOfSamples(TypedDict):
 
     both_faces: bool
     repeats: bool
+    pinhole: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +120,7 @@ def training_rows(dataset: DrapeDataset, train: Sequence[int]) -> tuple[tuple[in
 
 
 def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[int]) -> SeenOfSamples:
-    """Faces and captures of the samples of a split.
+    """Faces, captures and camera of the samples of a split.
 
     Args:
         dataset: The data set.
@@ -127,10 +128,15 @@ def seen_of_samples(dataset: DrapeDataset, train: Sequence[int], test: Sequence[
         test: Rows that are held out.
 
     Returns:
-        Whether samples of both faces train, and whether a held-out sample was captured several times.
+        Whether samples of both faces train, whether a held-out sample was captured several times, and whether the
+        camera was so near that radii are corrected for perspective.
     """
     repeats = dataset.table.loc[list(test), "sample"].duplicated().any()
-    return SeenOfSamples(both_faces=bool(training_rows(dataset, train)[1]), repeats=bool(repeats))
+    return SeenOfSamples(
+        both_faces=bool(training_rows(dataset, train)[1]),
+        repeats=bool(repeats),
+        pinhole=dataset.protocol.projection == "pinhole",
+    )
 
 
 @lru_cache(maxsize=1)

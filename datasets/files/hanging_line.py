@@ -37,6 +37,7 @@ from numpy import ndarray
 
 from cusick_bench.datasets.files.protocol import Protocol
 
+NUMERICS_VERSION = 2  # raised when radii from a pinhole camera change: see runner/numerics.py
 BULGE: Final = 2.5
 """s as a multiple of d."""
 DEEPEST: Final = 25.0

@@ -25,6 +25,7 @@ from toy_problem import toy_held_out, toy_image, toy_problem
 
 from cusick_bench.benchmark import functions
 from cusick_bench.datasets import DrapeDataset, load
+from cusick_bench.datasets.files import hanging_line
 from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.profile import profile_from_image
 from cusick_bench.datasets.synthetic_set.recipe import VERSION as SYNTHETIC
@@ -335,6 +336,11 @@ def _functions() -> Values:
     return {name: [functions.hide(name, 100, np.random.default_rng(1))(point)] for name in functions.FUNCTIONS}
 
 
+def _perspective() -> dict[str, list[float]]:
+    seen = np.linspace(0.085, 0.155, 12)
+    return {f"from {height} m": list(hanging_line.without_perspective(seen, RELEASE, height)) for height in (0.6, 1.5)}
+
+
 def goldens() -> dict[str, Golden]:
     """What is checked, by the part's name."""
     drape = drape_numerics("paper", with_contact=True, with_effects=True)
@@ -354,6 +360,7 @@ def goldens() -> dict[str, Golden]:
         "renderer": Golden({"renderer": drape["renderer"]}, _renderer, EXACT),
         "effects": Golden({name: drape[name] for name in drape if name != "renderer"}, _effects, SHORT),
         "datasets": Golden({"datasets": data["datasets"], **shipped}, _datasets, EXACT),
+        "perspective": Golden({"perspective": hanging_line.NUMERICS_VERSION}, _perspective, EXACT),
         "problem": Golden({"problem": problem, "datasets": data["datasets"]}, _problem, EXACT),
         "metrics": Golden(data | shipped, _metrics, EXACT),
         "diagnosis": Golden(diagnosis_numerics(diagnosis=DIAGNOSIS) | shipped, _diagnosis, LIBRARY),
