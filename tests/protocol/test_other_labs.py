@@ -6,8 +6,8 @@ What may differ is what pixels of another size do:
 - the mean squared error by up to 1/6 of a pixel's width times the length of both outlines: at an outline two greys
   differ by less, squared, than the area does that lies between the outlines;
 - a fit of a limp cloth, laid down with the folds of its picture: buckling amplifies what pixels change of them;
-- under a pinhole camera what it sees: depth is read off the radii with straight generators, which hold for a stiff
-  cloth and not quite for a limp one (`without_perspective`).
+- under a pinhole camera what it sees: depth is read off the radii as cloth hangs on average (`hanging_line`), and the
+  folds of a limp one differ.
 """
 
 import json
