@@ -15,7 +15,7 @@ def plain_names(names: Iterable[str]) -> dict[str, str]:
     Returns:
         Name of the file or folder, by the thing's own.
     """
-    plain = {name: re.sub(r"[^\w.-]+", "_", name).strip("._") or "unnamed" for name in names}
+    plain = {name: re.sub(r"[^\w.-]+", "_", name).lstrip(".") or "unnamed" for name in names}
     found = {name: file for name, file in plain.items() if name == file}  # first of all what needs no change
     for name, file in plain.items():
         if name not in found:
