@@ -35,8 +35,9 @@ LAW_MISMATCH = (0.3, 0.15)
 """Mismatch of laws along an effect's shift and across it, as shares of its size, where nothing was learned."""
 PLATE_MISMATCH = (0.15, 0.08)
 """The same for effects of the plate: geometry has one law, only the drape that it is applied to is another."""
-OUTLINE_MISMATCH = (0.06, 0.06)
-"""For effects that are undone on the fabric's own outlines: little beyond the steps of their grids."""
+OUTLINE_MISMATCH = (0.1, 0.06)
+"""For effects that are undone on the fabric's own outlines: cameras whose offset wanders, or whose pixels are not quite
+square, differ by .03 along and .08 across; the steps of grids leave some .05."""
 
 
 @dataclass(frozen=True)
