@@ -33,9 +33,9 @@ from cusick_bench.diagnosis.measure.statistics import NAMES, capture_statistics
 UNDONE: Final = ("camera-offset", "camera-scale", "threshold", "perspective", "camera-tilt")
 """Effects that act on the outline alone."""
 DEPTH_MISMATCH: Final = {"perspective": (0.15, 0.3), "camera-tilt": (0.12, 0.12)}
-"""Relative error of such a shift along and across it, for the effects that depend on depth: that of the model, which on the
-shipped cloths is up to .1 and .15 of the limp one and less of the others, with what a lens or a near eye adds. Where much
-of limp cloth is hidden, perspective is known worse."""
+"""Relative error of such a shift along and across it, for the effects that depend on depth: that of the model, which on
+the shipped cloths is up to .1 and .15 of the limp one and less of the others, with what a lens or a near eye adds.
+Where much of limp cloth is hidden, perspective is known worse."""
 _ROUNDS = 30  # iterations for the true outline; steps are halved, as the depth of stiff cloth is steep in the radius
 _EDGE = 0.0007  # [m] half a pixel of the release; points nearer to the plate's edge count as the plate
 _HIDING = 5.0  # [deg] distance from where the rim comes into sight, over which it recedes to the plate's edge
