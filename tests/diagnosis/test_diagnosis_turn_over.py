@@ -23,11 +23,11 @@ DEGREES = np.arange(360)
 
 @pytest.fixture(scope="module")
 def lopsided() -> Captures:
-    """A simulated fabric that leans by 4 mm in the camera's frame, and is drawn out along 20 degrees of the cloth."""
+    """A simulated fabric that lies 6 mm aside in the camera's frame, and is drawn out along 20 degrees of the cloth."""
     plain = read_captures(load("synthetic"), "fabric_2")
-    lean = 4e-3 * np.cos(np.deg2rad(DEGREES - 40))
+    lean = 6e-3 * np.cos(np.deg2rad(DEGREES - 40))
     drawn_out = np.empty_like(plain.radii)
-    np.put_along_axis(drawn_out, plain.seen_at(), 3e-3 * np.cos(2 * np.deg2rad(DEGREES - 20))[None], axis=1)
+    np.put_along_axis(drawn_out, plain.seen_at(), 4.5e-3 * np.cos(2 * np.deg2rad(DEGREES - 20))[None], axis=1)
     return replace(plain, radii=plain.radii + lean + drawn_out)
 
 
