@@ -44,6 +44,7 @@ DEEPEST: Final = 25.0
 """Largest h as a multiple of d."""
 _LEAST = 1e-6  # [m] distance beyond the edge, and slope, below which they count as this
 _ROUNDS = 8  # for the slope, which depends on the radius that is seen; each leaves a tenth of the error
+_STEEPEST = 1e-3  # least change of an apparent radius by the true one, below which nothing is read off it
 _TABLE = 2001  # radii between which what a near eye sees is interpolated
 
 
@@ -136,5 +137,5 @@ def _table(plate: float, cloth: float, height: float) -> tuple[Float[ndarray, " 
     """Apparent radii of hanging outlines, which increase, and their true ones [m]."""
     true = np.linspace(plate, cloth, _TABLE)
     seen = with_perspective(true, Protocol(plate_radius_m=plate, cloth_radius_m=cloth), height)
-    rises = np.concatenate([[True], np.diff(np.maximum.accumulate(seen)) > _LEAST**2])
+    rises = np.concatenate([[True], np.diff(np.maximum.accumulate(seen)) > _STEEPEST * (true[1] - true[0])])
     return seen[rises], true[rises]
