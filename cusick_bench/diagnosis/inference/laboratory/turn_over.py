@@ -40,7 +40,8 @@ WAYS: Final = tuple(_SEEN_AT)
 
 _LEAST = 10.0
 """Least difference of log densities that counts [nat], to be multiplied by the square root of the number of fabrics:
-because of errors of the base model, single fabrics prefer a wrong way by up to six (`docs/diagnosis-results.md`)."""
+because of errors of the base model, single fabrics prefer a wrong way, by up to six as a rule and in one of seven by
+fourteen (`docs/diagnosis-results.md`)."""
 
 
 @dataclass(frozen=True)
