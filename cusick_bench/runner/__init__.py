@@ -8,14 +8,14 @@ if TYPE_CHECKING:
     from cusick_bench.runner.cell import build_problem, load_prediction, run_cell
     from cusick_bench.runner.errors import RunnerError
     from cusick_bench.runner.execute import run
-    from cusick_bench.runner.executor import CellExecutor
+    from cusick_bench.runner.executors.executor import CellExecutor
+    from cusick_bench.runner.executors.submitted import Submitted
     from cusick_bench.runner.grid import Cell, ProblemSettings, plan, record_key, require_space, shard
     from cusick_bench.runner.labels import labelled
     from cusick_bench.runner.progress import Unwatched, Watcher
     from cusick_bench.runner.results import Results
     from cusick_bench.runner.source import Source, load_once
     from cusick_bench.runner.store import Store
-    from cusick_bench.runner.submitted import Submitted
 
 __all__ = [
     "Cell",
@@ -44,13 +44,13 @@ __getattr__ = lazy_names(
     __name__,
     {
         "Cell": "grid",
-        "CellExecutor": "executor",
+        "CellExecutor": "executors.executor",
         "ProblemSettings": "grid",
         "Results": "results",
         "RunnerError": "errors",
         "Source": "source",
         "Store": "store",
-        "Submitted": "submitted",
+        "Submitted": "executors.submitted",
         "Unwatched": "progress",
         "Watcher": "progress",
         "build_problem": "cell",

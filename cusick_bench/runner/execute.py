@@ -13,14 +13,14 @@ from cusick_bench.datasets.impossible import require_possible
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import code_state, environment
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
-from cusick_bench.runner.executor import CellExecutor
+from cusick_bench.runner.executors.executor import CellExecutor
+from cusick_bench.runner.executors.pool import Borrowed, Processes
+from cusick_bench.runner.executors.turns import Turns
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.pool import Borrowed, Processes
 from cusick_bench.runner.progress import Unwatched, Watcher
 from cusick_bench.runner.results import Results
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store, disk_errors, locked, read_json, write_json
-from cusick_bench.runner.turns import Turns
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 

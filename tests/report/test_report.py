@@ -76,7 +76,7 @@ def test_one_unseen_silhouette_is_no_range(tmp_path):
 def test_a_name_with_dollars_is_no_formula_in_pictures(tmp_path):
     write_cell(tmp_path, "homo", "$_$silk")
     make(tmp_path, pictures=tmp_path / "pictures")
-    assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["___silk_homo.png"]
+    assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["silk_homo.png"]
 
 
 def test_cloths_whose_names_files_cannot_tell_apart_have_a_picture_each(tmp_path):

@@ -350,7 +350,7 @@ class TestKill:
     @pytest.mark.parametrize("threads", [0, 1])
     def test_a_cell_that_another_process_runs_comes_last(self, data, tmp_path, dataset, monkeypatch, caplog, threads):
         """The others are not kept waiting for it, and it is waited for, in this process as on an executor."""
-        monkeypatch.setattr("cusick_bench.runner.turns.WAIT_SECONDS", 0.05)
+        monkeypatch.setattr("cusick_bench.runner.executors.turns.WAIT_SECONDS", 0.05)
         (held,) = plan(dataset, solvers=["null:disc"], cloths=["fabric_1"], settings=SMALL)
         store, ended = Store(tmp_path), []
         store.prepare()
@@ -417,7 +417,7 @@ class TestPool:
 
     def test_dead_worker_costs_its_own_cell_only(self, data, tmp_path, monkeypatch):
         """A broken pool loses every cell under way; the innocent ones are run again."""
-        monkeypatch.setattr("cusick_bench.runner.pool.process_pool", lambda workers, **settings: _Mortal())
+        monkeypatch.setattr("cusick_bench.runner.executors.pool.process_pool", lambda workers, **settings: _Mortal())
         _, results = _run(data, tmp_path, ["null:copy", "null:disc"], workers=2)
         assert [result["status"] for result in results] == ["failed", "done"]
         assert "Worker process died" in results[0]["failure"]
@@ -430,8 +430,8 @@ class TestPool:
             pools.append(workers)
             return _Mortal()
 
-        monkeypatch.setattr("cusick_bench.runner.pool.process_pool", pool)
-        monkeypatch.setattr("cusick_bench.runner.pool.SUBMITTED_AHEAD", 1)
+        monkeypatch.setattr("cusick_bench.runner.executors.pool.process_pool", pool)
+        monkeypatch.setattr("cusick_bench.runner.executors.pool.SUBMITTED_AHEAD", 1)
         solvers = ["null:copy", "null:disc", "null:rotation", "null:random-phase,draws=2"]
         _, results = _run(data, tmp_path, solvers, workers=2)
         assert [result["status"] for result in results] == ["failed", "done", "done", "done"]
@@ -461,7 +461,7 @@ def test_threads_of_an_executor_run_one_cell_at_a_time(data, tmp_path, monkeypat
         running -= 1
         return run_cell(*arguments)
 
-    monkeypatch.setattr("cusick_bench.runner.pool.run_cell", watched)
+    monkeypatch.setattr("cusick_bench.runner.executors.pool.run_cell", watched)
     with ThreadPoolExecutor(3) as threads:
         _, results = _run(data, tmp_path, ["null:disc", "null:copy"], seeds=[0, 1], executor=threads)
     assert [result["status"] for result in results] == ["done"] * 4

@@ -18,8 +18,8 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, RunnerError, Source, Store, Submitted, Unwatched, plan, run
-from cusick_bench.runner.pool import work
-from cusick_bench.runner.submitted import GRACE_SECONDS, POLL_SECONDS, Batch
+from cusick_bench.runner.executors.pool import work
+from cusick_bench.runner.executors.submitted import GRACE_SECONDS, POLL_SECONDS, Batch
 from cusick_bench.sim.engine.settings import DrapeSettings
 
 SETTINGS = ProblemSettings(vertices=97, drape=DrapeSettings(steps=12), budget=Budget(8))
@@ -199,7 +199,7 @@ def test_a_task_that_may_not_be_queued_again_stops_and_no_cell_has_failed(data, 
 
 def test_a_cell_that_an_earlier_commands_task_runs_comes_last(data, cells, tmp_path, monkeypatch):
     pytest.importorskip("submitit")
-    monkeypatch.setattr("cusick_bench.runner.turns.WAIT_SECONDS", 0.05)
+    monkeypatch.setattr("cusick_bench.runner.executors.turns.WAIT_SECONDS", 0.05)
     store, order = Store(tmp_path), []
     store.prepare()
     with ExitStack() as other:
@@ -211,7 +211,7 @@ def test_a_cell_that_an_earlier_commands_task_runs_comes_last(data, cells, tmp_p
             other.close()
             return result
 
-        monkeypatch.setattr("cusick_bench.runner.submitted.work", watched)
+        monkeypatch.setattr("cusick_bench.runner.executors.submitted.work", watched)
         Batch(Source(str(data)), tuple(cells), tmp_path)()
     assert order == [cells[1], cells[0]]
 

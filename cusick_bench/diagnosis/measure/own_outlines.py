@@ -14,7 +14,8 @@ slope of the line of sight (`hanging_line`). With the depth h of a point at q th
     near eye  p = q / (1 + k h)
     tilt      p = q - u(direction) ((1 - cos a) u.q + sin a h)
 
-which is solved for q; no outline that is seen from straight above lies inside the plate.
+which is solved for q; no outline that is seen from straight above lies inside the plate. Where the plate's edge is
+seen, the outline is hidden behind it, and is taken to recede to the edge from where it comes into sight.
 """
 
 from dataclasses import dataclass, field

@@ -87,10 +87,15 @@ def write_report(
         LeaderboardError: The other run cannot be compared with this one.
     """
     comparison = None if compared is None else comparison_section(cells, compared, seed=seed)
+    paths: dict[str, Path] = {}
+    if pictures is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+        names = plain_names(_picture_titles(cells.table), trimmed=True)
+        paths = {title: pictures / f"{name}.png" for title, name in names.items()}
     files: list[Path] = []
     sections, models = [], []
     for number, cloth in enumerate(sorted(set(cells.table["cloth"]))):
-        drawn = _section(cells, boards, cloth, number, unseen or {}, protocol, pictures, progress)
+        drawn = _section(cells, boards, cloth, number, unseen or {}, protocol, paths, progress)
         sections.append(drawn.section)
         models += drawn.models
         files += drawn.files
@@ -164,11 +169,10 @@ def _section(
     number: int,
     unseen: Unseen,
     protocol: Protocol,
-    folder: Path | None,
+    pictures: Mapping[str, Path],
     progress: Progress,
 ) -> _Drawn:
     section, files = ClothSection(cloth, f"cloth-{number}", []), []
-    names = plain_names(_picture_titles(cells.table))
     models: list[DrapeModel] = []
     lines: list[StiffnessLine] = []
     for label, group in _in_order(cells.table, boards):
@@ -196,10 +200,9 @@ def _section(
         section.cards.append(fill_card(card, cloth, view, drape, of_split))
         if isinstance(found := cell.get("stiffness"), FoundStiffness):
             lines.append(StiffnessLine(label, found, view.bending_draws))
-        if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            title = _picture_title(cloth, label)
-            files.append(folder / f"{names[title]}.png")
+        title = _picture_title(cloth, label)
+        if title in pictures:
+            files.append(pictures[title])
             save_figure(files[-1], title, view, drape, of_split)
     if lines:
         truth = any(line.found.true_bending for line in lines)

@@ -9,7 +9,7 @@ Cases of all suites have the same names, so seals also tell which suite cases, a
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -143,8 +143,7 @@ def seals_beside(cases: Path) -> dict[str, str]:
     Raises:
         WithheldError: A file of seals that cannot be read.
     """
-    path = cases / COMMITMENT
-    return published_seals(path) if path.exists() else {}
+    return _beside(cases, published_seals)
 
 
 def files_beside(cases: Path) -> dict[str, str]:
@@ -159,8 +158,12 @@ def files_beside(cases: Path) -> dict[str, str]:
     Raises:
         WithheldError: A file of seals that cannot be read.
     """
+    return _beside(cases, published_files)
+
+
+def _beside(cases: Path, read: Callable[[Path], dict[str, str]]) -> dict[str, str]:
     path = cases / COMMITMENT
-    return published_files(path) if path.exists() else {}
+    return read(path) if path.exists() else {}
 
 
 def require_one_suite(carried: Mapping[str, str | None], seals: Mapping[str, str], labels: str, cases: str) -> None:

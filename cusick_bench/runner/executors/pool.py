@@ -13,12 +13,12 @@ from typing import Any
 from cusick_bench.runner.cell import SIMULATORS_KEPT, run_cell
 from cusick_bench.runner.environment import cores
 from cusick_bench.runner.errors import CellIsRunning
+from cusick_bench.runner.executors.turns import Turns
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.processes import process_pool
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source, load_once
 from cusick_bench.runner.store import Store
-from cusick_bench.runner.turns import Turns
 from cusick_bench.runner.warm_up import WarmUp
 from cusick_bench.sim.setup import Simulators
 

@@ -21,13 +21,13 @@ from typing import Any
 
 from cusick_bench.runner.environment import cores
 from cusick_bench.runner.errors import CellIsRunning, RunnerError
+from cusick_bench.runner.executors.pool import work
+from cusick_bench.runner.executors.turns import Turns
 from cusick_bench.runner.grid import Cell
-from cusick_bench.runner.pool import work
 from cusick_bench.runner.processes import threads_of_new_processes
 from cusick_bench.runner.progress import Watcher
 from cusick_bench.runner.source import Source
 from cusick_bench.runner.store import Store, disk_errors
-from cusick_bench.runner.turns import Turns
 from cusick_bench.sim.errors import TimeLimit
 
 CLUSTERS = ("slurm", "local")
