@@ -20,7 +20,7 @@ from numpy import ndarray
 from cusick_bench.diagnosis.atlas.effect_timing import acts_later, in_lab
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.response import scaled_place
-from cusick_bench.diagnosis.inference.residuals.feature_rows import in_rows
+from cusick_bench.diagnosis.inference.residuals.feature_rows import MAY_BE_WRONG, in_rows
 from cusick_bench.diagnosis.measure.features import ORDERS, SPREADS
 from cusick_bench.diagnosis.measure.own_outlines import UNDONE, OwnOutlines
 from cusick_bench.diagnosis.measure.statistics import NAMES, rotated
@@ -187,7 +187,11 @@ def shifts(
 
 
 def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, ndarray], sd: ndarray) -> Shifts:
-    """Shifts computed by undoing the effect on the fabric's own outlines."""
+    """Shifts computed by undoing the effect on the fabric's own outlines.
+
+    An effect without a direction moves no row that symmetry forbids. Undoing it on outlines that differ at random makes
+    their differences larger or smaller in all rows; in these it would be rewarded for making noise smaller.
+    """
     severity = np.asarray(given[hypothesis.effect.severity.name], dtype=np.float64)
     warp = outlines.captures.warp_seen_down
     in_cloth = _angle(warp, hypothesis, given, 0), _angle(warp, hypothesis, given, 1)
@@ -198,7 +202,10 @@ def _undone(outlines: OwnOutlines, hypothesis: Hypothesis, given: Mapping[str, n
     found = outlines.change(hypothesis.name, severity, direction)
     means = (found.contrast / sd).reshape(len(severity), -1)
     orders = np.zeros((len(severity), len(ORDERS)))
-    return Shifts(np.concatenate([means, found.spread, orders], axis=1), np.zeros(len(severity)))
+    features = np.concatenate([means, found.spread, orders], axis=1)
+    if direction is None:  # as symmetric as the cloth: what is undone in the other rows is their noise
+        features[:, ~MAY_BE_WRONG] = 0.0
+    return Shifts(features, np.zeros(len(severity)))
 
 
 def _angle(warp_seen_down: float, hypothesis: Hypothesis, values: Mapping[str, ndarray], face: int) -> ndarray | None:
