@@ -22,7 +22,7 @@ References:
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import exp, isfinite, nan
 
 import numpy as np
 import pandas as pd
@@ -135,6 +135,21 @@ def estimate(values: Values, statistic: Statistic, generator: np.random.Generato
     found = _interval([values], lambda columns: statistic(columns[0]), generator)
     none_negative = min(values.values(), default=-1.0) >= 0  # nor is their mean, however few they are
     return replace(found, low=max(found.low, 0.0)) if none_negative and isfinite(found.low) else found
+
+
+def geometric_mean(logarithms: Values, generator: np.random.Generator) -> Estimate:
+    """Geometric mean of positive numbers, stiffnesses or ratios, with its interval.
+
+    Args:
+        logarithms: Natural logarithm of a number for each cell (cloth, seed), of any sign.
+        generator: Source of the resamples.
+
+    Returns:
+        The geometric mean with its 95 % interval: the same multiples of it in any unit of the numbers, and of their
+        inverses.
+    """
+    found = _interval([logarithms], lambda columns: mean(columns[0]), generator)
+    return Estimate(*(exp(one) if isfinite(one) else nan for one in (found.value, found.low, found.high)))
 
 
 def beside(values: Values, others: Values, statistic: Statistic) -> float:

@@ -55,6 +55,15 @@ def _fewer_permutations():
 
 
 class TestStatistics:
+    def test_the_interval_of_a_ratio_may_hold_1_whichever_way_all_cloths_went(self):
+        generator = np.random.default_rng(0)
+        before = {(cloth, 0): 1.0 for cloth in "abc"}
+        after = {("a", 0): 1.05, ("b", 0): 3.0, ("c", 0): 1.1}
+        worse = compare(before, after, level=0.05, generator=generator).ratio
+        better = compare(after, before, level=0.05, generator=generator).ratio
+        assert worse.low < 0.9
+        assert better.high > 1.1
+
     @pytest.mark.parametrize(("old", "new"), [((0, 1, 2), (10, 11, 12)), ((0, 1), (0, 1)), ((0,), (7,))])
     def test_reruns_pass_as_often_as_promised(self, old, new):
         """120 reruns of the same code: at 5 % more than 13 alarms would come by chance once in 250 trials."""

@@ -21,14 +21,14 @@ References:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import comb, exp, inf, isnan, log, nan
+from math import comb, inf, isnan, log, nan
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy import stats
 
-from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
+from cusick_bench.leaderboard.bootstrap import Estimate, Values, geometric_mean
 from cusick_bench.leaderboard.cells.cell_number import split_of
 
 PERMUTATIONS = 20_000
@@ -127,7 +127,7 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
     """
     pairs = blocks(before, after)
     changes = _changes(pairs)
-    ratio = _exponential(estimate(_log_ratios(pairs), mean, generator))
+    ratio = geometric_mean(_log_ratios(pairs), generator)
     units = len(changes)
     observed = _statistic(pairs)
     if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
@@ -209,10 +209,6 @@ def _log_ratio(before: float, after: float) -> float:
     if before <= 0 or after <= 0:
         return log(_LARGEST) if after > before else -log(_LARGEST)
     return max(-log(_LARGEST), min(log(_LARGEST), log(after / before)))
-
-
-def _exponential(value: Estimate) -> Estimate:
-    return Estimate(exp(value.value), exp(value.low), exp(value.high))
 
 
 def _ratio(change: float) -> float:
