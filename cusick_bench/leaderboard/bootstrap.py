@@ -138,7 +138,9 @@ def estimate(values: Values, statistic: Statistic, generator: np.random.Generato
 
 
 def geometric_mean(logarithms: Values, generator: np.random.Generator) -> Estimate:
-    """Geometric mean of positive numbers, stiffnesses or ratios, with its interval.
+    """Geometric mean over cloths of positive numbers, stiffnesses or ratios, with its interval.
+
+    A cloth has the weight of any other one, however many seeds it has.
 
     Args:
         logarithms: Natural logarithm of a number for each cell (cloth, seed), of any sign.
@@ -148,7 +150,13 @@ def geometric_mean(logarithms: Values, generator: np.random.Generator) -> Estima
         The geometric mean with its 95 % interval: the same multiples of it in any unit of the numbers, and of their
         inverses.
     """
-    found = _interval([logarithms], lambda columns: mean(columns[0]), generator)
+    if not logarithms:
+        return Estimate(nan, nan, nan)
+    sizes = [len(stratum) for stratum in _strata([logarithms])]
+    weights = np.repeat(
+        1 / (len(sizes) * np.array(sizes)), sizes
+    )  # resampled units stay in the places of their stratum
+    found = _interval([logarithms], lambda columns: columns[0] @ weights, generator)
     return Estimate(*(exp(one) if isfinite(one) else nan for one in (found.value, found.low, found.high)))
 
 

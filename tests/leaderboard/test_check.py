@@ -64,6 +64,27 @@ class TestStatistics:
         assert worse.low < 0.9
         assert better.high > 1.1
 
+    def test_the_ratio_is_a_mean_over_cloths_however_many_seeds_each_has(self):
+        changes = {("a", seed): 1 + 1e-3 * seed for seed in range(2)} | {
+            ("b", seed): 2 + 1e-3 * seed for seed in range(6)
+        }
+        ratio = compare(dict.fromkeys(changes, 1.0), changes, level=0.05, generator=np.random.default_rng(0)).ratio
+        assert ratio.value == pytest.approx(2**0.5, rel=2e-3)
+        assert ratio.low < ratio.value < ratio.high
+
+    def test_seeds_of_a_left_out_sample_do_not_narrow_the_interval_of_the_ratio(self):
+        def width(seeds: int) -> float:
+            factors = (
+                (split * SEEDS + seed, one + 1e-4 * seed)
+                for split, one in enumerate((1.0, 1.2, 1.5))
+                for seed in range(seeds)
+            )
+            after = {("a", number): factor for number, factor in factors}
+            found = compare(dict.fromkeys(after, 1.0), after, level=0.05, generator=np.random.default_rng(0))
+            return found.ratio.high / found.ratio.low
+
+        assert width(8) == pytest.approx(width(1), rel=0.02)
+
     @pytest.mark.parametrize(("old", "new"), [((0, 1, 2), (10, 11, 12)), ((0, 1), (0, 1)), ((0,), (7,))])
     def test_reruns_pass_as_often_as_promised(self, old, new):
         """120 reruns of the same code: at 5 % more than 13 alarms would come by chance once in 250 trials."""
