@@ -323,7 +323,8 @@ _COLUMNS: tuple[tuple[Column, Callable[[StiffnessRow], str]], ...] = (
 def _notes(rows: Sequence[StiffnessRow]) -> Iterator[str]:
     yield (
         "Bending stiffness of the direction that bends [µN m; 1 gf cm²/cm = 98.0665 µN m], stretch in N/m: geometric "
-        "means over seeds, with 95 % bootstrap intervals over three seeds or more."
+        "means over seeds, or over samples that are left out in turn, with 95 % bootstrap intervals over three of them "
+        "or more."
     )
     if any(isfinite(row.interval_factor) for row in rows):
         yield "posterior ×/÷: half width of the 90 % interval over cloths drawn from the posterior, as a factor."

@@ -308,6 +308,7 @@ def test_every_sample_that_is_left_out_in_turn_counts(tmp_path):
     homo, heter = (cell_values(table[table["solver"] == solver], "test_mse") for solver in ("homo", "heter"))
     assert len(homo) == 6
     assert [homo[cell] - value for cell, value in heter.items()] == pytest.approx([-0.01, -0.01])  # of the same samples
+    assert "by bootstrap, of the samples that are left out within each cloth, and" in board.notes[0]
 
 
 def test_seeds_of_a_left_out_sample_are_no_samples_of_their_own(tmp_path):
