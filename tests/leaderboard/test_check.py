@@ -153,6 +153,7 @@ class TestStatistics:
         outcome = check(before.assign(train_mse=0.02), before, Gate(("train_mse",)))
         assert verdicts(outcome) == {("s", "train_mse"): "undecided"}
         assert any("Too few cells" in note for note in outcome.notes)
+        assert "(Holm over 0 tests," in outcome.notes[0]
 
 
 class TestCells:
@@ -177,7 +178,9 @@ class TestCells:
         assert "1 of 10 cells failed, 0 of 10 in the baseline" in finding.detail
         elsewhere = run.copy()
         elsewhere.loc[1, ["status", *METRICS]] = ["failed", None, None]
-        assert not check(failed, elsewhere, Gate(METRICS)).regressions
+        outcome = check(failed, elsewhere, Gate(METRICS))
+        assert not outcome.regressions
+        assert f"(Holm over {len(SOLVERS) * len(METRICS) + 1} tests," in outcome.notes[0]  # Fisher's is one of them
 
     def test_other_data_or_settings_cannot_be_compared(self, run):
         old = run.assign(dataset_hash="abc", settings="one")
