@@ -8,7 +8,7 @@ compared on the same resampled cells, so that effects of the cloth on both cance
 module decides which units they hold.
 
 Percentile intervals of few units are too narrow: of normal values those of 3, 5 and 12 cloths with one seed each would
-hold the true mean in 75, 82 and 93 % of cases instead of 95. So the bounds are stretched about the value as Student's t
+hold the true mean in 75, 84 and 91 % of cases instead of 95. So the bounds are stretched about the value as Student's t
 has it, by t / z sqrt(n / nu): t and z are the quantiles of Student's t with nu degrees of freedom and of the normal
 distribution, n is the number of units, and nu is n less the number of strata. The square root undoes the bias of the
 bootstrap's variance. For means of normal values the interval is then that of Student's t.
