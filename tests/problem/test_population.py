@@ -24,6 +24,7 @@ from cusick_bench.problem.population.derivation import (
     nearest_cloth,
     placed_at,
     population_problem,
+    population_samples,
 )
 from cusick_bench.problem.population.expected_statistics import learn, shipped
 from cusick_bench.problem.population.levels import compare_levels, turned_over
@@ -227,6 +228,14 @@ class TestPopulation:
         (drawn,) = asked.draw_batch(np.zeros((1, asked.dimension)))
         assert drawn is not None
         assert drawn.vertices[asked.simulator.mesh.boundary, 2].mean() < -0.01
+
+    def test_a_single_fabric_is_refused_before_anything_is_draped(self, monkeypatch):
+        """Its standard deviations between fabrics would be NaN."""
+        monkeypatch.setattr(derivation, "FABRICS", ("fabric_1", "fabric_99"))
+        with pytest.raises(ProblemError, match=r"fabric_1, fabric_99 .* synthetic has fabric_1: give"):
+            population_samples("synthetic")
+        monkeypatch.setattr(derivation, "FABRICS", ("fabric_1", "fabric_2"))
+        assert {group.fabric for group in population_samples("synthetic")} == {"fabric_1", "fabric_2"}
 
     def test_too_few_drapes_are_refused(self):
         with pytest.raises(ProblemError, match="needs at least"):

@@ -171,10 +171,10 @@ def population_samples(folder: Path | str) -> list[Samples]:
         folder: Folder of the public release.
 
     Returns:
-        First captures.
+        First captures, of two fabrics at least: how cloths differ cannot be seen in one.
 
     Raises:
-        ProblemError: The folder has none of the fabrics in two samples.
+        ProblemError: The folder has fewer than two of the fabrics in two samples.
     """
     dataset = load(str(folder))
     index = dataset.index
@@ -191,8 +191,12 @@ def population_samples(folder: Path | str) -> list[Samples]:
             second = rows.loc[ours].groupby("sample").nth(1).index
             repeats = _images(dataset, second) if len(second) == len(first) else None
             found.append(Samples(name, turned, images, statistics, repeats))
-    if not found:
-        raise ProblemError(f"{folder} has none of the fabrics {', '.join(FABRICS)} in two samples; give the release")
+    known = sorted({group.fabric for group in found})
+    if len(known) < 2:
+        raise ProblemError(
+            f"how cloths differ is seen in two of the fabrics {', '.join(FABRICS)} at least, with two samples each; "
+            f"{folder} has {' and '.join(known) or 'none'}: give the release"
+        )
     return found
 
 
