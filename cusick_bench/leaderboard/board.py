@@ -27,6 +27,7 @@ from cusick_bench.leaderboard.bootstrap import (
     estimate,
     repeats,
 )
+from cusick_bench.leaderboard.cells.cell_number import split_of
 from cusick_bench.leaderboard.cells.loading import Cells, Skipped
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
@@ -160,7 +161,7 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         unmeasured = {metric: _unmeasured(groups, metric) for metric in metric_names(table)}
         rows = ranking.rows(cells, table, cloths, unmeasured[by])
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        notes = tuple(_notes(cells, rows, cloths, by, unmeasured))
+        notes = (_interval_note(table), *_notes(cells, rows, cloths, by, unmeasured))
         boards.append(
             Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
         )
@@ -375,6 +376,20 @@ def _unmeasured(groups: Mapping[tuple[str, str], pd.DataFrame], metric: str) -> 
     return {key: sorted(known - own) for key, own in measured.items()}
 
 
+def _interval_note(table: pd.DataFrame) -> str:
+    """How the intervals of a board were found, as `bootstrap` finds them."""
+    in_turn = any(split_of(number) for number in repeats(table))
+    within = (
+        "of the samples that are left out within each cloth"
+        if in_turn
+        else "of seeds within each cloth, or of cloths where seeds change nothing"
+    )
+    return (
+        f"Intervals of 95 % are found by bootstrap, {within}, and widened for small numbers of them as Student's t is. "
+        "Rows of one rank cannot be told apart: the interval of their paired difference includes 0."
+    )
+
+
 def _notes(
     cells: Cells,
     rows: tuple[Row, ...],
@@ -382,11 +397,6 @@ def _notes(
     by: str,
     unmeasured: Mapping[str, Mapping[tuple[str, str], Sequence[str]]],
 ) -> Iterator[str]:
-    yield (
-        "Intervals of 95 % are found by bootstrap, of seeds within each cloth, or of cloths where seeds change "
-        "nothing, and widened for small numbers of them as Student's t is. Rows of one rank cannot be told apart: the "
-        "interval of their paired difference includes 0."
-    )
     if len(cloths) < MINIMUM_UNITS and all(row.cells < MINIMUM_UNITS for row in rows):
         yield (
             f"Fewer than {MINIMUM_UNITS} cells a row: no intervals, and all ranks are tied. "

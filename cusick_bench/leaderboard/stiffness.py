@@ -16,7 +16,7 @@ import pandas as pd
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import BOARD, method_label, variants
-from cusick_bench.leaderboard.bootstrap import Estimate, estimate, mean, repeats
+from cusick_bench.leaderboard.bootstrap import Estimate, geometric_mean, repeats
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
@@ -232,8 +232,7 @@ def _row(label: str, dataset: str, cloth: str, found: Found, generator: np.rando
 
 
 def _over_seeds(values: Mapping[tuple[str, int], Quantity], generator: np.random.Generator) -> Estimate:
-    logs = estimate({key: log(max(one.value, 1e-300)) for key, one in values.items()}, mean, generator)
-    return Estimate(*(exp(one) if isfinite(one) else nan for one in (logs.value, logs.low, logs.high)))
+    return geometric_mean({key: log(max(one.value, 1e-300)) for key, one in values.items()}, generator)
 
 
 def stiffness_scores(found: Iterable[FoundStiffness]) -> tuple[float, float, float, float]:
@@ -324,7 +323,8 @@ _COLUMNS: tuple[tuple[Column, Callable[[StiffnessRow], str]], ...] = (
 def _notes(rows: Sequence[StiffnessRow]) -> Iterator[str]:
     yield (
         "Bending stiffness of the direction that bends [µN m; 1 gf cm²/cm = 98.0665 µN m], stretch in N/m: geometric "
-        "means over seeds, with 95 % bootstrap intervals over three seeds or more."
+        "means over seeds, or over samples that are left out in turn, with 95 % bootstrap intervals over three of them "
+        "or more."
     )
     if any(isfinite(row.interval_factor) for row in rows):
         yield "posterior ×/÷: half width of the 90 % interval over cloths drawn from the posterior, as a factor."

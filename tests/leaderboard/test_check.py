@@ -55,6 +55,36 @@ def _fewer_permutations():
 
 
 class TestStatistics:
+    def test_the_interval_of_a_ratio_may_hold_1_whichever_way_all_cloths_went(self):
+        generator = np.random.default_rng(0)
+        before = {(cloth, 0): 1.0 for cloth in "abc"}
+        after = {("a", 0): 1.05, ("b", 0): 3.0, ("c", 0): 1.1}
+        worse = compare(before, after, level=0.05, generator=generator).ratio
+        better = compare(after, before, level=0.05, generator=generator).ratio
+        assert worse.low < 0.9
+        assert better.high > 1.1
+
+    def test_the_ratio_is_a_mean_over_cloths_however_many_seeds_each_has(self):
+        changes = {("a", seed): 1 + 1e-3 * seed for seed in range(2)} | {
+            ("b", seed): 2 + 1e-3 * seed for seed in range(6)
+        }
+        ratio = compare(dict.fromkeys(changes, 1.0), changes, level=0.05, generator=np.random.default_rng(0)).ratio
+        assert ratio.value == pytest.approx(2**0.5, rel=2e-3)
+        assert ratio.low < ratio.value < ratio.high
+
+    def test_seeds_of_a_left_out_sample_do_not_narrow_the_interval_of_the_ratio(self):
+        def width(seeds: int) -> float:
+            factors = (
+                (split * SEEDS + seed, one + 1e-4 * seed)
+                for split, one in enumerate((1.0, 1.2, 1.5))
+                for seed in range(seeds)
+            )
+            after = {("a", number): factor for number, factor in factors}
+            found = compare(dict.fromkeys(after, 1.0), after, level=0.05, generator=np.random.default_rng(0))
+            return found.ratio.high / found.ratio.low
+
+        assert width(8) == pytest.approx(width(1), rel=0.02)
+
     @pytest.mark.parametrize(("old", "new"), [((0, 1, 2), (10, 11, 12)), ((0, 1), (0, 1)), ((0,), (7,))])
     def test_reruns_pass_as_often_as_promised(self, old, new):
         """120 reruns of the same code: at 5 % more than 13 alarms would come by chance once in 250 trials."""
@@ -123,6 +153,7 @@ class TestStatistics:
         outcome = check(before.assign(train_mse=0.02), before, Gate(("train_mse",)))
         assert verdicts(outcome) == {("s", "train_mse"): "undecided"}
         assert any("Too few cells" in note for note in outcome.notes)
+        assert "(Holm over 0 tests," in outcome.notes[0]
 
 
 class TestCells:
@@ -147,7 +178,9 @@ class TestCells:
         assert "1 of 10 cells failed, 0 of 10 in the baseline" in finding.detail
         elsewhere = run.copy()
         elsewhere.loc[1, ["status", *METRICS]] = ["failed", None, None]
-        assert not check(failed, elsewhere, Gate(METRICS)).regressions
+        outcome = check(failed, elsewhere, Gate(METRICS))
+        assert not outcome.regressions
+        assert f"(Holm over {len(SOLVERS) * len(METRICS) + 1} tests," in outcome.notes[0]  # Fisher's is one of them
 
     def test_other_data_or_settings_cannot_be_compared(self, run):
         old = run.assign(dataset_hash="abc", settings="one")

@@ -105,6 +105,15 @@ def test_values_are_geometric_means_with_intervals_over_seeds(run):
     assert stiffness_rows(load_cells(run))[0] == stiffness_rows(load_cells(run))[0]
 
 
+def test_an_interval_of_stretch_may_reach_below_one_newton_per_metre(tmp_path):
+    for seed, factor in enumerate((0.015, 0.2, 1.0)):
+        write_cell(tmp_path, "homo", "blue", seed, found(factor))
+    (row,) = stiffness_rows(load_cells(tmp_path))
+    stretch, bending = row.stretch["warp"], row.bending["warp"]
+    assert stretch.low < 0.5
+    assert stretch.low / stretch.value == pytest.approx(bending.low / bending.value)
+
+
 def test_a_solver_without_physics_has_a_row_without_numbers(run):
     rows = stiffness_rows(load_cells(run))
     assert by_name(rows)["null:disc", ""].bending == {}

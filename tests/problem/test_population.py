@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from cusick_bench.datasets.files.protocol import RELEASE
 from cusick_bench.datasets.published import CLOTHS
+from cusick_bench.metrics import mse
 from cusick_bench.problem import DrapeProblem, Observation
 from cusick_bench.problem.cloth_prior import CLOTH
 from cusick_bench.problem.errors import ProblemError
@@ -24,6 +26,7 @@ from cusick_bench.problem.population.derivation import (
     nearest_cloth,
     placed_at,
     population_problem,
+    population_samples,
 )
 from cusick_bench.problem.population.expected_statistics import learn, shipped
 from cusick_bench.problem.population.levels import compare_levels, turned_over
@@ -146,6 +149,28 @@ class TestLevels:
         sample = float(np.square(images[False][0] - images[False][1]).mean())
         assert rows[0]["other_mse"] == pytest.approx(sample)
 
+    def test_samples_are_measured_by_their_own_protocol(self, problem, monkeypatch):
+        """The same outlines in pixels of another size, beside drapes that are seen by the release's."""
+        angle = np.arange(720) * 2 * np.pi / 720
+        large = replace(RELEASE, px_per_m=1446.0, image_size_px=512, centre_px=(255.5, 255.5))
+
+        def pictures(protocol) -> np.ndarray:
+            waves = (np.cos(8 * angle + phase) for phase in (0.0, 0.4, 1.0))
+            return np.stack([silhouette(0.12 + 0.01 * wave, protocol) for wave in waves])
+
+        monkeypatch.setattr(
+            DrapeProblem,
+            "draw_batch",
+            lambda self, taus: [Observation(np.zeros((3, 3)), one, 0.0) for one in pictures(RELEASE)],
+        )
+        group = Samples("any", False, pictures(large), np.zeros((3, len(STATISTICS))), pictures(large)[::-1], large)
+        places = {"any": problem.space.leading.origin}
+        real, simulated = compare_levels(problem, Population(shipped(), places, {}, {}, 0.0, []), [group], 3)
+        for name, tolerance in (("dc", 0.1), ("folds", 0), ("depth_mm", 0.1), ("other_mse", 2e-3)):
+            assert real[name] == pytest.approx(simulated[name], abs=tolerance), name
+        pair = pictures(large)[[0, 2]]
+        assert real["repeat_mse"] == pytest.approx(2 / 3 * mse(*pair, large))
+
 
 class TestPopulation:
     def test_fabrics_are_placed_at_the_cloth_they_are_of(self, problem, world):
@@ -227,6 +252,14 @@ class TestPopulation:
         (drawn,) = asked.draw_batch(np.zeros((1, asked.dimension)))
         assert drawn is not None
         assert drawn.vertices[asked.simulator.mesh.boundary, 2].mean() < -0.01
+
+    def test_a_single_fabric_is_refused_before_anything_is_draped(self, monkeypatch):
+        """Its standard deviations between fabrics would be NaN."""
+        monkeypatch.setattr(derivation, "FABRICS", ("fabric_1", "fabric_99"))
+        with pytest.raises(ProblemError, match=r"fabric_1, fabric_99 .* synthetic has fabric_1: give"):
+            population_samples("synthetic")
+        monkeypatch.setattr(derivation, "FABRICS", ("fabric_1", "fabric_2"))
+        assert {group.fabric for group in population_samples("synthetic")} == {"fabric_1", "fabric_2"}
 
     def test_too_few_drapes_are_refused(self):
         with pytest.raises(ProblemError, match="needs at least"):

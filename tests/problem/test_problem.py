@@ -192,6 +192,12 @@ class TestBudget:
         with pytest.raises(ProblemError, match="must be > 0"):
             Budget(**options)
 
+    @pytest.mark.parametrize("name", ["forward_equivalents", "seconds"])
+    def test_a_budget_without_limit_is_left_out_and_not_infinite(self, name):
+        """Solvers plan with the number of drapes that they may make."""
+        with pytest.raises(ProblemError, match="finite, got inf; leave it out for no limit"):
+            Budget(**{name: math.inf})
+
     def test_best_loss_never_rises(self, generator):
         problem = toy_problem(budget=Budget(8))
         for _ in range(8):

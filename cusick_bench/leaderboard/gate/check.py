@@ -288,9 +288,10 @@ def _judged(findings: Sequence[Finding], gate: Gate) -> Iterator[Finding]:
 
 def _notes(findings: Sequence[Finding], gate: Gate) -> Iterator[str]:
     compared = [finding for finding in findings if finding.comparison is not None]
+    tests = sum(not isnan(finding.p) for finding in findings)  # Fisher's among them
     yield (
         f"A regression is a change for the worse of at least {100 * gate.minimum:g} % that is real at a family-wise "
-        f"level of {100 * gate.level:g} % (Holm over {len(compared)} comparisons, paired by cloth and shared seed)."
+        f"level of {100 * gate.level:g} % (Holm over {tests} tests, paired by cloth and shared seed)."
     )
     blind = [f"{f.solver} {f.metric}" for f in compared if f.verdict == "undecided"]
     if blind:

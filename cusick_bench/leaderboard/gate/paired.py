@@ -20,16 +20,16 @@ References:
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import comb, exp, inf, isnan, log, nan
+from dataclasses import dataclass, replace
+from math import comb, inf, isnan, log, nan
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy import stats
 
-from cusick_bench.leaderboard.bootstrap import Estimate, Values, estimate, mean
-from cusick_bench.leaderboard.cells.cell_number import split_of
+from cusick_bench.leaderboard.bootstrap import Estimate, Values, geometric_mean
+from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 
 PERMUTATIONS = 20_000
 POWER = 0.8  # at which a change counts as detectable
@@ -45,10 +45,12 @@ class Block:
     Attributes:
         before: Values of the baseline.
         after: Values of the run.
+        split: Number of their split, where samples are left out in turn.
     """
 
     before: Float[ndarray, " b"]
     after: Float[ndarray, " a"]
+    split: int = 0
 
     @property
     def arrangements(self) -> int:
@@ -95,7 +97,8 @@ def blocks(before: Values, after: Values) -> dict[str, list[Block]]:
     for cloth in sorted({cloth for cloth, _ in before} & {cloth for cloth, _ in after}):
         old, new = ({number: one for (name, number), one in run.items() if name == cloth} for run in (before, after))
         if splits := sorted({split_of(number) for number in old} & {split_of(number) for number in new}):
-            found[cloth] = [block for split in splits for block in _of_seeds(_within(old, split), _within(new, split))]
+            by_split = ((split, _of_seeds(_within(old, split), _within(new, split))) for split in splits)
+            found[cloth] = [replace(block, split=split) for split, of_split in by_split for block in of_split]
         else:
             found[cloth] = _of_seeds(old, new)
     return found
@@ -127,7 +130,7 @@ def compare(before: Values, after: Values, *, level: float, generator: np.random
     """
     pairs = blocks(before, after)
     changes = _changes(pairs)
-    ratio = _exponential(estimate(_log_ratios(pairs), mean, generator))
+    ratio = geometric_mean(_log_ratios(pairs), generator)
     units = len(changes)
     observed = _statistic(pairs)
     if sum(log(block.arrangements) for cloth in pairs.values() for block in cloth) >= log(_SPARE / level):
@@ -194,9 +197,9 @@ def _change(block: Block, scale: float) -> float:
 
 
 def _log_ratios(pairs: Blocks) -> dict[tuple[str, int], float]:
-    """Logarithm of after / before of every block, by cloth and place."""
+    """Logarithm of after / before of every block, by cloth and number of its split and place."""
     return {
-        (cloth, place): _log_ratio(float(block.before.mean()), float(block.after.mean()))
+        (cloth, SEEDS * block.split + place): _log_ratio(float(block.before.mean()), float(block.after.mean()))
         for cloth, group in pairs.items()
         for place, block in enumerate(group)
     }
@@ -209,10 +212,6 @@ def _log_ratio(before: float, after: float) -> float:
     if before <= 0 or after <= 0:
         return log(_LARGEST) if after > before else -log(_LARGEST)
     return max(-log(_LARGEST), min(log(_LARGEST), log(after / before)))
-
-
-def _exponential(value: Estimate) -> Estimate:
-    return Estimate(exp(value.value), exp(value.low), exp(value.high))
 
 
 def _ratio(change: float) -> float:

@@ -32,9 +32,9 @@ class Budget:
             value = getattr(self, name)
             if value is None:
                 continue
-            if not value > 0:
+            if not 0 < value < math.inf:
                 raise ProblemError(
-                    f"budget in {name.replace('_', ' ')} must be > 0, got {value}; leave it out for no limit"
+                    f"budget in {name.replace('_', ' ')} must be > 0 and finite, got {value}; leave it out for no limit"
                 )
             object.__setattr__(self, name, float(value))  # 8 and 8.0 name the same cell
 

@@ -33,7 +33,7 @@ from numpy import ndarray
 from scipy.optimize import minimize
 
 from cusick_bench.datasets import DrapeDataset, load
-from cusick_bench.datasets.files.protocol import RELEASE
+from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.problem.cloth_prior import CLOTH, TRAITS, trait_entry
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.errors import ProblemError
@@ -68,6 +68,7 @@ class Samples:
         images: Silhouettes.
         statistics: Their statistics.
         repeats: Silhouettes of the second captures, where every sample has one.
+        protocol: How all these silhouettes were taken.
     """
 
     fabric: str
@@ -75,6 +76,7 @@ class Samples:
     images: Float[ndarray, "samples size size"]
     statistics: Float[ndarray, "samples statistics"]
     repeats: Float[ndarray, "samples size size"] | None = None
+    protocol: Protocol = RELEASE
 
 
 @dataclass(frozen=True)
@@ -171,10 +173,10 @@ def population_samples(folder: Path | str) -> list[Samples]:
         folder: Folder of the public release.
 
     Returns:
-        First captures.
+        First captures, of two fabrics at least: how cloths differ cannot be seen in one.
 
     Raises:
-        ProblemError: The folder has none of the fabrics in two samples.
+        ProblemError: The folder has fewer than two of the fabrics in two samples.
     """
     dataset = load(str(folder))
     index = dataset.index
@@ -190,9 +192,13 @@ def population_samples(folder: Path | str) -> list[Samples]:
             statistics = drape_statistics(torch.as_tensor(images), dataset.protocol).numpy()
             second = rows.loc[ours].groupby("sample").nth(1).index
             repeats = _images(dataset, second) if len(second) == len(first) else None
-            found.append(Samples(name, turned, images, statistics, repeats))
-    if not found:
-        raise ProblemError(f"{folder} has none of the fabrics {', '.join(FABRICS)} in two samples; give the release")
+            found.append(Samples(name, turned, images, statistics, repeats, dataset.protocol))
+    known = sorted({group.fabric for group in found})
+    if len(known) < 2:
+        raise ProblemError(
+            f"how cloths differ is seen in two of the fabrics {', '.join(FABRICS)} at least, with two samples each; "
+            f"{folder} has {' and '.join(known) or 'none'}: give the release"
+        )
     return found
 
 

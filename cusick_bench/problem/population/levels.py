@@ -13,13 +13,12 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.datasets.files.protocol import RELEASE
-from cusick_bench.datasets.files.silhouette import profile_of
+from cusick_bench.datasets.files.protocol import Protocol
+from cusick_bench.datasets.files.silhouette import fold_count_of, profile_of
 from cusick_bench.problem.drape_problem import DrapeProblem
 from cusick_bench.problem.field_space import FieldSpace
 from cusick_bench.problem.population.derivation import Population, Samples, field_space_of, placed_at
 from cusick_bench.problem.statistics import STATISTICS, drape_statistics
-from cusick_bench.sim.cloth.folds import ring_folds
 
 Images = Float[ndarray, "samples size size"]
 _AREA, _DEPTH = STATISTICS.index("area_log_odds"), STATISTICS.index("fold_depth_log")
@@ -61,8 +60,8 @@ def compare_levels(
         other = next((one for one in groups if one.fabric == group.fabric and one.turned != group.turned), None)
         flipped = None if other is None or len(other.images) != len(group.images) else other.images
         name: dict[str, str | float] = {"fabric": group.fabric, "turned": str(group.turned)}
-        rows.append({**name, "of": "samples", **_described(group.images, group.repeats, flipped)})
-        rows.append({**name, "of": "simulated", **_described(images, repeats, flips)})
+        rows.append({**name, "of": "samples", **_described(group.images, group.repeats, flipped, group.protocol)})
+        rows.append({**name, "of": "simulated", **_described(images, repeats, flips, problem.protocol)})
     return rows
 
 
@@ -91,22 +90,22 @@ def _drape(problem: DrapeProblem, taus: ndarray, done: Callable[[int], None]) ->
     return np.stack([nothing if one is None else one.image for one in seen])
 
 
-def _described(images: Images, repeats: Images | None, flips: Images | None) -> dict[str, float]:
+def _described(images: Images, repeats: Images | None, flips: Images | None, protocol: Protocol) -> dict[str, float]:
     rest = images[np.isfinite(images).all((1, 2))]
-    statistics = drape_statistics(torch.as_tensor(rest)).numpy()
+    statistics = drape_statistics(torch.as_tensor(rest), protocol).numpy()
     coefficients = 100 / (1 + np.exp(-statistics[:, _AREA]))
-    folds = np.array([float(ring_folds(profile_of(image, RELEASE).radii)) for image in rest])
-    pairs = [float(((a - b) ** 2).mean()) for i, a in enumerate(rest) for b in rest[:i]]
+    folds = np.array([float(fold_count_of(profile_of(image, protocol), protocol)) for image in rest])
+    pairs = [float(((a - b) ** 2).mean()) * protocol.mse_scale for i, a in enumerate(rest) for b in rest[:i]]
     return {
         "drapes": float(len(rest)),
         "dc": float(coefficients.mean()),
         "dc_sd": float(coefficients.std(ddof=1)),
         "folds": float(folds.mean()),
         "folds_sd": float(folds.std(ddof=1)),
-        "depth_mm": float(1e3 * RELEASE.overhang_m * np.exp(statistics[:, _DEPTH]).mean()),
+        "depth_mm": float(1e3 * protocol.overhang_m * np.exp(statistics[:, _DEPTH]).mean()),
         "other_mse": float(np.mean(pairs)),
-        "repeat_mse": _mse(images, repeats),
-        "flip_mse": _mse(images, None if flips is None else flips[:, :, ::-1]),
+        "repeat_mse": protocol.mse_scale * _mse(images, repeats),
+        "flip_mse": protocol.mse_scale * _mse(images, None if flips is None else flips[:, :, ::-1]),
     }
 
 
