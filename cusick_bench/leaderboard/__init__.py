@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names, variants
+    from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, metric_names
     from cusick_bench.leaderboard.bootstrap import Estimate, difference, estimate, interquartile_mean
     from cusick_bench.leaderboard.cells.loading import Cells, Skipped, load_cells
+    from cusick_bench.leaderboard.cells.variants import variants
     from cusick_bench.leaderboard.errors import LeaderboardError
     from cusick_bench.leaderboard.formats import board_table, csv, html_table, latex, markdown, record, terminal
     from cusick_bench.leaderboard.stiffness import (
@@ -91,6 +92,6 @@ __getattr__ = lazy_names(
         "stiffness_table": "stiffness",
         "terminal": "formats",
         "text_table": "text",
-        "variants": "board",
+        "variants": "cells.variants",
     },
 )

@@ -11,7 +11,7 @@ import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray
 
-from cusick_bench.leaderboard.board import method_label, variants
+from cusick_bench.leaderboard.cells.variants import method_label, variants
 from cusick_bench.problem.metering.journal import read_trace
 
 COSTS = {"forward_equivalents": "drapes", "wall_seconds": "seconds"}

@@ -6,8 +6,7 @@ the oracles have no rank, since they have seen the held-out images that the othe
 lacks a cloth, or the metric of a cloth, since its mean is over an easier or harder set.
 """
 
-import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any
@@ -28,7 +27,8 @@ from cusick_bench.leaderboard.bootstrap import (
     repeats,
 )
 from cusick_bench.leaderboard.cells.cell_number import split_of
-from cusick_bench.leaderboard.cells.loading import Cells, Skipped
+from cusick_bench.leaderboard.cells.loading import Cells
+from cusick_bench.leaderboard.cells.variants import BOARD, failures, method_label, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.order import Direction, direction
@@ -37,11 +37,6 @@ RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
 _RANKED = ("solver", "null")
 _MEASURED = ("train_", "test_", "floor_", "spent_")
-
-VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
-"""Columns that are the same in all cells of a row."""
-BOARD = ["dataset", "dataset_hash", "protocol"]
-"""Columns that are the same in all cells of a leaderboard."""
 
 
 @dataclass(frozen=True)
@@ -282,43 +277,6 @@ def _code_of(group: pd.DataFrame) -> str:
     return "; ".join(text for name in names for text in dict.fromkeys(map(str, group[name])) if text)
 
 
-def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
-    """Groups of comparable cells; cells of one solver under other settings or other code make another row.
-
-    Args:
-        table: Table of cells, from `load_cells`.
-
-    Returns:
-        (Solver, what sets it apart from others of the same name) and its cells.
-    """
-    for solver, group in table.groupby("solver", sort=True):
-        settings = [flattened(json.loads(text)) for text in group["settings"].unique()]
-        for _, part in group.groupby(VARIANT, sort=True):
-            first = part.iloc[0]
-            own = {name: first[name] for name in VARIANT if name != "settings" and len(set(group[name])) > 1}
-            if "code_version" in own:
-                own["code_version"] = _own_versions(str(own["code_version"]), group["code_version"].unique())
-            own |= {
-                name: value
-                for name, value in flattened(json.loads(str(first["settings"]))).items()
-                if name not in VARIANT and any(other.get(name) != value for other in settings)
-            }
-            yield (str(solver), ", ".join(f"{name}={value}" for name, value in own.items())), part
-
-
-def method_label(solver: str, variant: str) -> str:
-    """Name of a method as it is shown.
-
-    Args:
-        solver: Name with options.
-        variant: What sets its row apart from others of the same name.
-
-    Returns:
-        Such as "homo (budget=40)".
-    """
-    return f"{solver} ({variant})" if variant else solver
-
-
 def of_board(table: pd.DataFrame, board: Leaderboard) -> pd.DataFrame:
     """The cells that a leaderboard is made of.
 
@@ -330,43 +288,6 @@ def of_board(table: pd.DataFrame, board: Leaderboard) -> pd.DataFrame:
         Those of the board's data and split.
     """
     return table.loc[np.logical_and.reduce([table[name] == getattr(board, name) for name in BOARD])]
-
-
-def failures(group: pd.DataFrame, skipped: Iterable[Skipped]) -> list[Skipped]:
-    """Failed cells that are of the same board as finished ones, and of the same method, settings and code.
-
-    Args:
-        group: Finished cells, from `variants` of one board's table.
-        skipped: Cells that are left out.
-
-    Returns:
-        Those of them that failed.
-    """
-    columns = [*VARIANT, *BOARD]
-    own = set(group[columns].itertuples(index=False, name=None))
-    return [cell for cell in skipped if cell.status == "failed" and tuple(map(cell.columns.get, columns)) in own]
-
-
-def _own_versions(text: str, texts: Iterable[str]) -> str:
-    """Versions of a row's code that differ from those of other rows."""
-    others = [other.split(", ") for other in texts]
-    return ", ".join(part for part in text.split(", ") if any(part not in other for other in others)) or text
-
-
-def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings as `drape.steps: 100`.
-
-    Args:
-        settings: What a cell's problem is made of, settings of the simulator among them, as documents in each other.
-        prefix: Names of the documents that they stand in, each with a full stop.
-
-    Returns:
-        Values by name.
-    """
-    flat: dict[str, Any] = {}
-    for name, value in settings.items():
-        flat |= flattened(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
-    return flat
 
 
 def _unmeasured(groups: Mapping[tuple[str, str], pd.DataFrame], metric: str) -> dict[tuple[str, str], list[str]]:

@@ -153,9 +153,8 @@ def geometric_mean(logarithms: Values, generator: np.random.Generator) -> Estima
     if not logarithms:
         return Estimate(nan, nan, nan)
     sizes = [len(stratum) for stratum in _strata([logarithms])]
-    weights = np.repeat(
-        1 / (len(sizes) * np.array(sizes)), sizes
-    )  # resampled units stay in the places of their stratum
+    # Resampled units stay in the places of their stratum.
+    weights = np.repeat(1 / (len(sizes) * np.array(sizes)), sizes)
     found = _interval([logarithms], lambda columns: columns[0] @ weights, generator)
     return Estimate(*(exp(one) if isfinite(one) else nan for one in (found.value, found.low, found.high)))
 

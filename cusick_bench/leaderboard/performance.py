@@ -26,9 +26,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from cusick_bench.leaderboard.anytime import Steps, steps_of
-from cusick_bench.leaderboard.board import failures, method_label, variants
 from cusick_bench.leaderboard.bootstrap import cell_values, repeats
 from cusick_bench.leaderboard.cells.loading import Skipped
+from cusick_bench.leaderboard.cells.variants import failures, method_label, variants
 
 NEAR = 0.1
 """A loss counts as reached within this relative distance of the lowest one."""

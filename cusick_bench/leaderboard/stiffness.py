@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.leaderboard.board import BOARD, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, geometric_mean, repeats
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
 from cusick_bench.leaderboard.cells.loading import Cells
+from cusick_bench.leaderboard.cells.variants import BOARD, method_label, variants
 from cusick_bench.leaderboard.text import Column, TextTable, short, significant
 from cusick_bench.metrics.found_stiffness import FoundStiffness, Quantities, Quantity
 from cusick_bench.metrics.stiffness import BENDING, GF_CM2_PER_CM, STRETCH

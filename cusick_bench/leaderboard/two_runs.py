@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from cusick_bench.files import parse_json
-from cusick_bench.leaderboard.board import flattened, method_label, variants
 from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
 from cusick_bench.leaderboard.cells.loading import Cells, numbered_alike
+from cusick_bench.leaderboard.cells.variants import flattened, method_label, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.paired import blocks, compare
 from cusick_bench.runner.environment import code_text

@@ -20,8 +20,9 @@ import pandas as pd
 
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
-from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, of_board, variants
+from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, of_board
 from cusick_bench.leaderboard.cells.loading import Cells
+from cusick_bench.leaderboard.cells.variants import variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.formats import record
 from cusick_bench.leaderboard.text import typed

@@ -14,7 +14,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.leaderboard import Cells, variants
-from cusick_bench.leaderboard.board import method_label
+from cusick_bench.leaderboard.cells.variants import method_label
 from cusick_bench.report.cell_view import shown_surface
 from cusick_bench.report.errors import ReportError
 from cusick_bench.report.prediction_file import check_mesh, read_prediction

@@ -21,7 +21,7 @@ from cusick_bench.leaderboard import (
     text_table,
     variants,
 )
-from cusick_bench.leaderboard.board import method_label
+from cusick_bench.leaderboard.cells.variants import method_label
 from cusick_bench.leaderboard.text import TextTable, typed
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
