@@ -87,6 +87,10 @@ class FabricRange:
         Returns:
             The share, from 1 (which may be less) to 99 (which may be more) [%].
         """
+        if value <= self.quantiles[0]:
+            return 100 * LEVELS[0]
+        if value >= self.quantiles[-1]:
+            return 100 * LEVELS[-1]
         score = float(np.interp(log(value), np.log(self.quantiles), _SCORES))
         return 100 * NormalDist().cdf(score)
 

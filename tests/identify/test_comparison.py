@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.files import BadFile
 from cusick_bench.identify.comparison import compare, weight_words
+from cusick_bench.identify.comparison_section import comparison_section
 from cusick_bench.identify.document import Fit, Stiffness
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.measured_fabrics import (
@@ -132,6 +133,14 @@ def test_the_stiffness_of_all_samples_has_no_interval_and_says_so():
     assert found.numbers[0].among_all.ci90 is None
     assert found.similar_kg_m2 == (0.35, None)
     assert "how sure that is is not known" in found.summary
+
+
+def test_a_share_beyond_the_outer_quantiles_is_shown_as_a_bound():
+    found = compare(0.17, fit(warp=Stiffness(value=1e-9), weft=Stiffness(value=0.1)), None)
+    assert found is not None
+    limp, stiff, *_ = comparison_section("fabric_1", found, 0.17).rows
+    assert (limp.among_similar, limp.among_all) == ("at most 1 %", "at most 1 %")
+    assert (stiff.among_similar, stiff.among_all) == ("at least 99 %", "at least 99 %")
 
 
 def test_without_weight_or_stiffness_there_is_nothing_to_compare():
