@@ -166,6 +166,23 @@ def quantile_table(path: Path) -> str:
     )
 
 
+def are_shipped(text: str, shipped: Path = SHIPPED) -> bool:
+    """Whether a table holds the quantiles that fabrics are compared with.
+
+    Args:
+        text: From `quantile_table`.
+        shipped: The table in use.
+
+    Returns:
+        True for the same numbers, whatever the file that they were made from is called.
+    """
+    ours, theirs = (
+        [line for line in table.splitlines() if not line.startswith("#")]
+        for table in (shipped.read_text(encoding="utf-8"), text)
+    )
+    return ours == theirs
+
+
 def fabric_quantiles(path: Path) -> "DataFrame":
     """Makes the table of quantiles from the published table.
 

@@ -21,9 +21,11 @@ from cusick_bench.identify.measured_fabrics import (
     SHIPPED,
     WEIGHTS,
     FabricRange,
+    are_shipped,
     compared_ranges,
     fabric_quantiles,
     fabric_ranges,
+    quantile_table,
 )
 from cusick_bench.metrics.stiffness import bending_length
 
@@ -74,6 +76,15 @@ def test_quantiles_of_a_published_table(published):
     assert row["q50"].item() == pytest.approx(1e-9 * 0.5 * np.median(np.geomspace(1e3, 1e5, 50)))  # root of 1/4
     lengths = table[(table["quantity"] == "bending_length") & (table["direction"] == "warp")]
     assert lengths["q01"].iloc[0] < lengths["q01"].iloc[3]  # the longest are the lightest: all < those of 170 g/m2
+
+
+def test_quantiles_are_the_same_whatever_their_source_is_called(published, tmp_path):
+    (tmp_path / "shipped.csv").write_text(quantile_table(published))
+    renamed = tmp_path / "Feng 2022.csv"
+    renamed.write_bytes(published.read_bytes())
+    assert are_shipped(quantile_table(renamed), tmp_path / "shipped.csv")
+    renamed.write_text(published.read_text().replace("0.05, 1000.0,", "0.05, 900.0,", 1))
+    assert not are_shipped(quantile_table(renamed), tmp_path / "shipped.csv")
 
 
 def test_every_fabric_has_a_range_of_its_weight():
