@@ -323,12 +323,14 @@ def test_photographs_without_a_sure_outline_are_refused_together(photographs, tm
         (["synthetic", "--cloth", "silk"], "unknown cloth silk: use one of fabric_1"),
         (["synthetic", "--cloth", "fabric_1", "--solver", "homoo"], "did you mean 'homo'?"),
         (["synthetic", "--vertices", "10"], "at least 60 vertices"),
+        (["synthetic", "--atlas", "/none/atlas.npz"], "the atlas /none/atlas.npz cannot be used"),
     ],
 )
 def test_bad_words_end_with_a_line(words, says, tmp_path):
     result = identify(*words, "--out", tmp_path / "out")
     assert result.exit_code == 2, result.output
     assert says.replace(": use", "; use") in said(result).replace(": use", "; use")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_of_nothing_says_what_was_expected(tmp_path):
