@@ -32,7 +32,7 @@ from cusick_bench.identify.fabric_table import fabric_table
 from cusick_bench.identify.fits import plan_fits, run_fits
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.page import write_page
-from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next
+from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next, left_out_notes
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.runner import Source, Watcher, load_once
@@ -166,6 +166,9 @@ class Identification:
         folder = fabric_folder(self.workspace, self.dataset, name)
         diagnosis = None if document is None else _diagnosed(document, folder, self.workspace)
         fit_missing = fits[1].get(name, "")
+        notes = fit_notes(fit, drapes.samples, self.options.vertices) if fit else []
+        if fit and not self.options.force:
+            notes += left_out_notes(self.dataset, name)
         shown = self.preparation.refused if self.preparation else ()
         refused = sum(one.fabric == int(own["fabric"]) for one in shown)
         return FabricIdentity(
@@ -177,7 +180,7 @@ class Identification:
             comparison=compare(weight, fit, diagnosis.bending if diagnosis else None),
             diagnosis=diagnosis,
             diagnosis_missing=diagnoses[1].get(name, ""),
-            notes=tuple(fit_notes(fit, drapes.samples, self.options.vertices) if fit else ()),
+            notes=tuple(notes),
             next=tuple(fabric_next(self.dataset, name, drapes, fit_missing, document, refused)),
         )
 

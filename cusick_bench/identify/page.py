@@ -301,7 +301,7 @@ def _with_fit(
 
 
 def _silhouette(dataset: DrapeDataset, cloth: str) -> tuple[Picture, ...]:
-    rows = typical_rows(dataset, cloth)
+    rows = typical_rows(dataset, cloth) or typical_rows(dataset, cloth, force=True)
     if not rows:
         return ()
     sample = int(np.asarray(dataset.table["sample"])[rows[0]])
