@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -301,5 +302,18 @@ class DrapeDataset:
         for i in range(len(self)):
             row = self._row(i)
             files = [content_hash(inside_root(self.root, row[name])) for name in ("image", "mesh") if row[name]]
-            digest.update(repr([*files, *(row[name] for name in row if name not in ("dataset", "notes"))]).encode())
+            values = [*files, *(row[name] for name in row if name not in ("dataset", "notes"))]
+            digest.update(f"[{', '.join(map(_hashed_text, values))}]".encode())
         return digest.hexdigest()
+
+
+def _hashed_text(value: Any) -> str:
+    """A value as it goes into `content_hash`.
+
+    Numbers are written as NumPy 2 shows them, since recorded hashes have them so, but not by NumPy itself: what it
+    shows depends on its version and on `numpy.set_printoptions`.
+    """
+    if isinstance(value, str):
+        return repr(value)
+    kind, number = ("int64", int(value)) if isinstance(value, Integral) else ("float64", float(value))
+    return f"np.{kind}({number!r})"

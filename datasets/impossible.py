@@ -30,7 +30,7 @@ def impossible(dataset: DrapeDataset, rows: Iterable[int]) -> list[Irregularity]
     Returns:
         One item for each fault, by row.
     """
-    if is_shipped(dataset.name, dataset.root):
+    if is_shipped(dataset.root):
         return []
     found: list[Irregularity] = []
     for row in sorted(set(rows)):

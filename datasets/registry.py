@@ -94,14 +94,32 @@ def folder_of(name_or_path: str | Path) -> Path:
     return folder
 
 
-def is_shipped(name: str, root: Path) -> bool:
+def registered_in(root: Path) -> Registered | None:
+    """The registered data set whose files are in a folder; a folder that only has the name of one is not it.
+
+    Args:
+        root: Folder of a loaded data set, resolved.
+
+    Returns:
+        What is known of it; None where it is somebody's own data.
+    """
+    for registered in REGISTRY.values():
+        try:
+            folder = registered.folder().expanduser().resolve()
+        except (DataNotFound, RuntimeError, OSError, ValueError):  # none, no such home, a loop of links, a zero byte
+            continue
+        if folder == root:
+            return registered
+    return None
+
+
+def is_shipped(root: Path) -> bool:
     """Whether a loaded data set is the one that comes with the package, whose files are known by their checksums.
 
     Args:
-        name: Name of the data set.
         root: Folder of its files, resolved.
 
     Returns:
         False for a folder of the same name elsewhere.
     """
-    return name == "synthetic" and root == _synthetic().resolve()
+    return registered_in(root) is REGISTRY["synthetic"]

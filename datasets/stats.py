@@ -188,7 +188,8 @@ def statistics(
     wanted = list(cloths) if cloths is not None else dataset.cloths
     for cloth in wanted:
         dataset.select(cloth=cloth)  # raises for a name that is not there
-    fabric = dict(zip(dataset.table["cloth"], dataset.table["fabric"], strict=True))
+    owners = zip(dataset.table["cloth"], dataset.table["fabric"], strict=True)
+    fabric = {cloth: number or cloth for cloth, number in owners}  # a named set without its captures has no number
     compared = [cloth for cloth in dataset.cloths if _is_plain(dataset, cloth)] or dataset.cloths
     means: dict[str, tuple[ndarray, float]] = {}
     found: dict[str, _Cloth] = {}

@@ -20,7 +20,8 @@ import numpy as np
 from PIL import Image
 
 from cusick_bench import __version__
-from cusick_bench.datasets import REGISTRY, DrapeDataset
+from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.registry import registered_in
 from cusick_bench.datasets.splits import paper_cloths
 from cusick_bench.export.errors import ExportError
 from cusick_bench.export.written import fill, require_new
@@ -118,7 +119,7 @@ def _parquet(table: pyarrow.Table) -> bytes:
 
 
 def _card(dataset: DrapeDataset, command: str) -> str:
-    known, protocol = REGISTRY.get(dataset.name), dataset.protocol
+    known, protocol = registered_in(dataset.root), dataset.protocol
     return fill(
         "huggingface/README.md",
         name=dataset.name,

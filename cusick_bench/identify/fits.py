@@ -17,7 +17,7 @@ import pandas as pd
 from cusick_bench.datasets import DrapeDataset, Split
 from cusick_bench.datasets.errors import BadImage, DataError
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of
-from cusick_bench.datasets.impossible import require_possible
+from cusick_bench.datasets.impossible import impossible, require_possible
 from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.identify.document import FAILED, NO_PHYSICS, UNUSABLE, UNWEIGHED, Fit, Stiffness
 from cusick_bench.identify.options import Options
@@ -47,12 +47,13 @@ class FitPlan:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
-def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
+def typical_rows(dataset: DrapeDataset, cloth: str, *, force: bool = False) -> tuple[int, ...]:
     """The drapes of a cloth that its stiffness may be learned from, one a sample.
 
     Args:
         dataset: The data set.
         cloth: One of its cloths.
+        force: Whether silhouettes that no cloth on its plate can show are usable, too.
 
     Returns:
         Rows of the index of usable silhouettes, face up where there are such, the first picture of each: first the one
@@ -60,19 +61,21 @@ def typical_rows(dataset: DrapeDataset, cloth: str) -> tuple[int, ...]:
         picture can be used.
     """
     own = dataset.table.loc[dataset.table["cloth"] == cloth]
-    ordered = sorted((_measured(dataset, own.loc[own["side"] == "up"]) or _measured(dataset, own)).values())
+    up = own.loc[own["side"] == "up"]
+    ordered = sorted((_measured(dataset, up, force) or _measured(dataset, own, force)).values())
     if not ordered:
         return ()
     typical = ordered[(len(ordered) - 1) // 2][1]
     return typical, *sorted(row for _, row in ordered if row != typical)
 
 
-def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
+def turned_rows(dataset: DrapeDataset, rows: Sequence[int], *, force: bool = False) -> tuple[int, ...]:
     """Drapes of the same samples with the other face up, where drapes with the face up are given.
 
     Args:
         dataset: The data set.
         rows: Rows of the index of drapes of one cloth, one a sample.
+        force: As in `typical_rows`.
 
     Returns:
         Rows of usable silhouettes, the first picture of each; fewer where a sample lacks one, or the face is unknown.
@@ -82,15 +85,17 @@ def turned_rows(dataset: DrapeDataset, rows: Sequence[int]) -> tuple[int, ...]:
     if set(shown["side"]) != {"up"}:
         return ()
     own = (table["cloth"] == shown["cloth"].iloc[0]) & table["sample"].isin(shown["sample"])
-    turned = _measured(dataset, table.loc[own & (table["side"] == OTHER_FACE["up"])])
+    turned = _measured(dataset, table.loc[own & (table["side"] == OTHER_FACE["up"])], force)
     return tuple(turned[sample][1] for sample in shown["sample"] if sample in turned)
 
 
-def _measured(dataset: DrapeDataset, table: pd.DataFrame) -> dict[Any, tuple[float, int]]:
+def _measured(dataset: DrapeDataset, table: pd.DataFrame, force: bool) -> dict[Any, tuple[float, int]]:
     """Drape coefficient and row of the first usable picture of each sample in a part of the table, by its number."""
     measured: dict[Any, tuple[float, int]] = {}
     for row, sample in zip(table.index.tolist(), table["sample"], strict=True):
-        if sample not in measured and (share := _drape_coefficient(dataset, row)) is not None:
+        if sample in measured or (share := _drape_coefficient(dataset, row)) is None:
+            continue
+        if force or not impossible(dataset, [row]):
             measured[sample] = share, row
     return measured
 
@@ -126,23 +131,15 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
     cells: dict[str, Cell] = {}
     missing: dict[str, str] = {}
     for cloth in cloths:
-        rows = typical_rows(dataset, cloth)
+        rows = typical_rows(dataset, cloth, force=options.force)
         if not rows:
-            missing[cloth] = f"{UNUSABLE}; `cusick-bench data audit` says why"
+            missing[cloth] = _why_none(dataset, cloth)
             continue
-        row, *others = rows
-        if not _weighed(dataset, row):
+        if not _weighed(dataset, rows[0]):
             missing[cloth] = f"{UNWEIGHED}, and a drape shows stiffness over weight only"
             continue
-        try:
-            require_possible(dataset, [row], force=options.force)
-        except DataError as error:
-            missing[cloth] = str(error)
-            continue
-        possible = [other for other in others if options.force or _possible(dataset, other)]
-        used = (row, *possible[: solver.samples_used(1 + len(possible)) - 1])
-        turned = turned_rows(dataset, used) if solver.learns_both_faces else ()
-        turned = [other for other in turned if options.force or _possible(dataset, other)]
+        used = rows[: solver.samples_used(len(rows))]
+        turned = turned_rows(dataset, used, force=options.force) if solver.learns_both_faces else ()
         (cells[cloth],) = plan(
             dataset,
             solvers=[options.solver],
@@ -154,12 +151,13 @@ def plan_fits(dataset: DrapeDataset, cloths: Sequence[str], options: Options) ->
     return FitPlan(cells, missing)
 
 
-def _possible(dataset: DrapeDataset, row: int) -> bool:
+def _why_none(dataset: DrapeDataset, cloth: str) -> str:
+    """Why no picture of a cloth is usable."""
     try:
-        require_possible(dataset, [row])
-    except DataError:
-        return False
-    return True
+        require_possible(dataset, typical_rows(dataset, cloth, force=True))
+    except DataError as error:
+        return str(error)
+    return f"{UNUSABLE}; `cusick-bench data audit` says why"
 
 
 def _weighed(dataset: DrapeDataset, row: int) -> bool:

@@ -12,6 +12,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.errors import DataError
 from cusick_bench.datasets.stats import ClothStatistics, statistics
 from cusick_bench.diagnosis import NUMERICS_VERSION
+from cusick_bench.diagnosis.atlas.store import load as load_atlas
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.diagnosis.options import SHIPPED
 from cusick_bench.identify.comparison import compare
@@ -31,7 +32,7 @@ from cusick_bench.identify.fabric_table import fabric_table
 from cusick_bench.identify.fits import plan_fits, run_fits
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.page import write_page
-from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next
+from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next, left_out_notes
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.runner import Source, Watcher, load_once
@@ -54,6 +55,7 @@ class Identification:
         dataset: The data.
         cloths: Cloths to identify.
         preparation: How photographs became the data set; None where a data set was given.
+        atlas: Atlas of the diagnosis.
     """
 
     given: str
@@ -63,6 +65,7 @@ class Identification:
     dataset: DrapeDataset
     cloths: tuple[str, ...]
     preparation: Preparation | None
+    atlas: Path = SHIPPED
 
     def measure(self, done: Callable[[str], None] = lambda cloth: None) -> dict[str, ClothStatistics]:
         """Measures what silhouettes show by themselves.
@@ -95,19 +98,18 @@ class Identification:
         )  # fmt: skip
 
     def diagnose(
-        self, progress: Progress = lambda what, share: None, atlas: Path = SHIPPED
+        self, progress: Progress = lambda what, share: None
     ) -> tuple[dict[str, DiagnosisDocument], dict[str, str]]:
         """Diagnoses every fabric that can be diagnosed.
 
         Args:
             progress: Called with what is being done and the share that is done.
-            atlas: The atlas.
 
         Returns:
             Documents by cloth, and for each cloth without one the reason.
         """
         return diagnose_fabrics(
-            self.source.data, self.dataset, self.cloths, self.workspace, self.options, progress, atlas
+            self.source.data, self.dataset, self.cloths, self.workspace, self.options, progress, self.atlas
         )
 
     def write(
@@ -164,6 +166,9 @@ class Identification:
         folder = fabric_folder(self.workspace, self.dataset, name)
         diagnosis = None if document is None else _diagnosed(document, folder, self.workspace)
         fit_missing = fits[1].get(name, "")
+        notes = fit_notes(fit, drapes.samples, self.options.vertices) if fit else []
+        if fit and not self.options.force:
+            notes += left_out_notes(self.dataset, name)
         shown = self.preparation.refused if self.preparation else ()
         refused = sum(one.fabric == int(own["fabric"]) for one in shown)
         return FabricIdentity(
@@ -175,7 +180,7 @@ class Identification:
             comparison=compare(weight, fit, diagnosis.bending if diagnosis else None),
             diagnosis=diagnosis,
             diagnosis_missing=diagnoses[1].get(name, ""),
-            notes=tuple(fit_notes(fit, drapes.samples, self.options.vertices) if fit else ()),
+            notes=tuple(notes),
             next=tuple(fabric_next(self.dataset, name, drapes, fit_missing, document, refused)),
         )
 
@@ -187,6 +192,7 @@ def begin(
     text: SettingText | None = None,
     image_size: int = 512,
     *,
+    atlas: Path = SHIPPED,
     photographs: Callable[[int], None] = lambda count: None,
     prepared: Callable[[str], None] = lambda name: None,
 ) -> Identification:
@@ -198,6 +204,7 @@ def begin(
         options: How to identify.
         text: What one tells of photographs.
         image_size: Width of the silhouettes that photographs become [px].
+        atlas: Atlas of the diagnosis.
         photographs: Called with the number of photographs, where some are going to be read.
         prepared: Called with the name of each that is finished.
 
@@ -205,12 +212,13 @@ def begin(
         The identification, whose steps follow.
 
     Raises:
-        CusickError: The folder is neither, a picture or table cannot be used, a cloth or solver is not there, or there
-            are too few vertices.
+        CusickError: The folder is neither, a picture or table cannot be used, a cloth, solver or atlas is not there, or
+            there are too few vertices.
     """
     workspace = Workspace(out)
     make_solver(options.solver)  # a wrong command line is told before anything is written
     cloth_mesh("plate", options.vertices)
+    load_atlas(atlas)
     data, preparation = as_data_set(given, workspace, text or SettingText(), image_size, photographs, prepared)
     source = Source(data)
     dataset = load_once(source)
@@ -219,7 +227,7 @@ def begin(
         raise DataError(f"unknown cloth {', '.join(unknown)}", remedy=f"use one of {', '.join(dataset.cloths)}")
     workspace.prepare()
     cloths = tuple(dict.fromkeys(options.cloths)) or tuple(dataset.cloths)
-    return Identification(given, workspace, options, source, dataset, cloths, preparation)
+    return Identification(given, workspace, options, source, dataset, cloths, preparation, atlas)
 
 
 def _drapes(measured: ClothStatistics) -> Drapes:

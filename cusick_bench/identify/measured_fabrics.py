@@ -87,6 +87,10 @@ class FabricRange:
         Returns:
             The share, from 1 (which may be less) to 99 (which may be more) [%].
         """
+        if value <= self.quantiles[0]:
+            return 100 * LEVELS[0]
+        if value >= self.quantiles[-1]:
+            return 100 * LEVELS[-1]
         score = float(np.interp(log(value), np.log(self.quantiles), _SCORES))
         return 100 * NormalDist().cdf(score)
 
@@ -160,6 +164,23 @@ def quantile_table(path: Path) -> str:
         f"stiffness [N m] and bending length [m].\n# Made by: cusick-bench data fabric-quantiles {path.name}\n"
         f"{csv_text(table, float_format='%.4g')}"
     )
+
+
+def are_shipped(text: str, shipped: Path = SHIPPED) -> bool:
+    """Whether a table holds the quantiles that fabrics are compared with.
+
+    Args:
+        text: From `quantile_table`.
+        shipped: The table in use.
+
+    Returns:
+        True for the same numbers, whatever the file that they were made from is called.
+    """
+    ours, theirs = (
+        [line for line in table.splitlines() if not line.startswith("#")]
+        for table in (shipped.read_text(encoding="utf-8"), text)
+    )
+    return ours == theirs
 
 
 def fabric_quantiles(path: Path) -> "DataFrame":

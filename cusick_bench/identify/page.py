@@ -10,7 +10,6 @@ from markupsafe import Markup
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
-from cusick_bench.datasets.errors import DataError
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.identify.comparison_section import ComparisonSection, comparison_section
@@ -301,7 +300,7 @@ def _with_fit(
 
 
 def _silhouette(dataset: DrapeDataset, cloth: str) -> tuple[Picture, ...]:
-    rows = typical_rows(dataset, cloth)
+    rows = typical_rows(dataset, cloth) or typical_rows(dataset, cloth, force=True)
     if not rows:
         return ()
     sample = int(np.asarray(dataset.table["sample"])[rows[0]])
@@ -311,14 +310,7 @@ def _silhouette(dataset: DrapeDataset, cloth: str) -> tuple[Picture, ...]:
 
 
 def _other_profiles(dataset: DrapeDataset, cloth: str, sample: int) -> Float[ndarray, "samples angles"] | None:
-    """Radii of the first drape of each other sample of a cloth [m]; None where there is no other."""
-    table = dataset.index
-    table = table[(table["cloth"] == cloth) & (table["sample"] != sample)]
-    rows = [int(group.index[0]) for _, group in table.groupby("sample", sort=True)][:_MOST_OTHERS]
-    radii = []
-    for row in rows:
-        try:
-            radii.append(dataset.sample(row).profile.radii)
-        except DataError:
-            continue
-    return np.stack(radii) if radii else None
+    """Radii of a drape of each other sample, of the face that is fitted [m]; None where there is no other."""
+    samples = np.asarray(dataset.table["sample"])
+    rows = sorted(row for row in typical_rows(dataset, cloth) if samples[row] != sample)[:_MOST_OTHERS]
+    return np.stack([dataset.sample(row).profile.radii for row in rows]) if rows else None

@@ -46,6 +46,18 @@ def test_image_differences_equal_direct_computation(toy):
     assert (seven.silhouettes, seven.samples, seven.units, seven.unusable) == (12, 3, 6, 0)
 
 
+def test_named_sets_alone_are_fabrics_of_their_own(tmp_path):
+    for mean, cloth in ((0.10, "cotton_blue"), (0.13, "wool_red")):
+        for sample in (1, 2):
+            path = tmp_path / f"bnn_image_gt/{cloth}/{cloth}_sample_{sample}_Upward_Drape_1.png"
+            write_image(path, draw(Profile(np.full(720, mean))))
+    dataset = load(tmp_path)
+    blue, red = statistics(dataset)
+    between = float(((dataset.image(0) - dataset.image(2)) ** 2).mean())  # samples of one set are alike
+    assert between > 0.01
+    assert [blue.mse_other_fabric, red.mse_other_fabric] == pytest.approx([between] * 2, rel=1e-4)
+
+
 def test_means_are_over_sample_and_face(toy):
     extra = toy / "data/Fabric 7/silhouettes/Fabric_7_Sample_1_Capture_2.png"
     extra.unlink()  # one unit has a single capture now: it must count as much as the others

@@ -71,6 +71,24 @@ def test_the_card_says_that_data_without_a_licence_are_not_to_be_published(writt
     assert "Do not publish" in card
 
 
+@pytest.mark.parametrize("name", ["synthetic", "cusick"])
+def test_the_card_does_not_take_a_folder_for_the_registered_set_of_its_name(tmp_path: Path, name: str):
+    write_toy(tmp_path / name, samples=1, captures=1)
+    write_huggingface(load(tmp_path / name), tmp_path / "out")
+    card = (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    assert "Licence: none is known. Do not publish" in card
+    assert "Source:" not in card
+
+
+def test_the_card_knows_a_registered_set_by_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_toy(tmp_path / "release", samples=1, captures=1)
+    monkeypatch.setenv("CUSICK_DATA", str(tmp_path / "release"))
+    write_huggingface(load(tmp_path / "release"), tmp_path / "out")
+    card = (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    assert "Licence: none stated, all rights reserved" in card
+    assert "CVPR 2024" in card
+
+
 def test_the_command_writes_the_shipped_set_under_its_licence(tmp_path: Path):
     result = CliRunner().invoke(app, ["export", "huggingface", str(tmp_path / "new"), "--json"])
     assert result.exit_code == 0, result.output

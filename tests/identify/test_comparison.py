@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.files import BadFile
 from cusick_bench.identify.comparison import compare, weight_words
+from cusick_bench.identify.comparison_section import comparison_section
 from cusick_bench.identify.document import Fit, Stiffness
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.measured_fabrics import (
@@ -20,9 +21,11 @@ from cusick_bench.identify.measured_fabrics import (
     SHIPPED,
     WEIGHTS,
     FabricRange,
+    are_shipped,
     compared_ranges,
     fabric_quantiles,
     fabric_ranges,
+    quantile_table,
 )
 from cusick_bench.metrics.stiffness import bending_length
 
@@ -73,6 +76,15 @@ def test_quantiles_of_a_published_table(published):
     assert row["q50"].item() == pytest.approx(1e-9 * 0.5 * np.median(np.geomspace(1e3, 1e5, 50)))  # root of 1/4
     lengths = table[(table["quantity"] == "bending_length") & (table["direction"] == "warp")]
     assert lengths["q01"].iloc[0] < lengths["q01"].iloc[3]  # the longest are the lightest: all < those of 170 g/m2
+
+
+def test_quantiles_are_the_same_whatever_their_source_is_called(published, tmp_path):
+    (tmp_path / "shipped.csv").write_text(quantile_table(published))
+    renamed = tmp_path / "Feng 2022.csv"
+    renamed.write_bytes(published.read_bytes())
+    assert are_shipped(quantile_table(renamed), tmp_path / "shipped.csv")
+    renamed.write_text(published.read_text().replace("0.05, 1000.0,", "0.05, 900.0,", 1))
+    assert not are_shipped(quantile_table(renamed), tmp_path / "shipped.csv")
 
 
 def test_every_fabric_has_a_range_of_its_weight():
@@ -132,6 +144,14 @@ def test_the_stiffness_of_all_samples_has_no_interval_and_says_so():
     assert found.numbers[0].among_all.ci90 is None
     assert found.similar_kg_m2 == (0.35, None)
     assert "how sure that is is not known" in found.summary
+
+
+def test_a_share_beyond_the_outer_quantiles_is_shown_as_a_bound():
+    found = compare(0.17, fit(warp=Stiffness(value=1e-9), weft=Stiffness(value=0.1)), None)
+    assert found is not None
+    limp, stiff, *_ = comparison_section("fabric_1", found, 0.17).rows
+    assert (limp.among_similar, limp.among_all) == ("at most 1 %", "at most 1 %")
+    assert (stiff.among_similar, stiff.among_all) == ("at least 99 %", "at least 99 %")
 
 
 def test_without_weight_or_stiffness_there_is_nothing_to_compare():

@@ -23,7 +23,7 @@ from cusick_bench.identify.document import Drapes, IdentifyDocument
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.options import Options
-from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next
+from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next, left_out_notes
 from cusick_bench.identify.workspace import Workspace
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.photographs.studio.folder import write_photographs
@@ -323,12 +323,14 @@ def test_photographs_without_a_sure_outline_are_refused_together(photographs, tm
         (["synthetic", "--cloth", "silk"], "unknown cloth silk: use one of fabric_1"),
         (["synthetic", "--cloth", "fabric_1", "--solver", "homoo"], "did you mean 'homo'?"),
         (["synthetic", "--vertices", "10"], "at least 60 vertices"),
+        (["synthetic", "--atlas", "/none/atlas.npz"], "the atlas /none/atlas.npz cannot be used"),
     ],
 )
 def test_bad_words_end_with_a_line(words, says, tmp_path):
     result = identify(*words, "--out", tmp_path / "out")
     assert result.exit_code == 2, result.output
     assert says.replace(": use", "; use") in said(result).replace(": use", "; use")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_of_nothing_says_what_was_expected(tmp_path):
@@ -368,6 +370,29 @@ def test_the_drape_with_the_median_coefficient_is_typical(lab):
     coefficients = [statistics(dataset.select(cloth="fabric_1", sample=s))[0].drape_coefficient for s in (1, 2, 3)]
     assert coefficients.index(sorted(coefficients)[1]) == row
     assert sorted([row, *others]) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("spoilt", [1, 2, 3])
+def test_a_picture_that_shows_no_cloth_on_its_plate_is_left_out_whichever_it_is(lab, tmp_path, spoilt):
+    """Where it was the median there was no fit at all, and elsewhere it was left out without a word."""
+    root = tmp_path / "lab"
+    shutil.copytree(lab, root)
+    picture = root / f"data/Fabric 1/silhouettes/Fabric_1_Sample_{spoilt}_Capture_1.jpg"
+    profile = load(lab).sample(spoilt - 1).profile  # a hole in its highest fold: the plate stays covered
+    angle, radius = profile.angles[profile.radii.argmax()], 723 * (profile.radii.max() + 0.09) / 2
+    column, row = (int(127.5 + radius * np.cos(angle)), int(127.5 - radius * np.sin(angle)))
+    pixels = np.array(Image.open(picture).convert("L"))
+    pixels[row - 3 : row + 4, column - 3 : column + 4] = 255
+    Image.fromarray(pixels).save(picture, quality=95)
+    dataset, options = load(root), Options(solver=SOLVER)
+    others = sorted({0, 1, 2} - {spoilt - 1})
+    assert sorted(plan_fits(dataset, ["fabric_1"], options).cells["fabric_1"].train) == others
+    forced = plan_fits(dataset, ["fabric_1"], replace(options, force=True))
+    assert sorted(forced.cells["fabric_1"].train) == [0, 1, 2]
+    (note,) = left_out_notes(dataset, "fabric_1")
+    assert "1 picture shows no cloth on its plate, and no stiffness is learned from it" in note
+    assert f"Fabric_1_Sample_{spoilt}_Capture_1.jpg: a hole of" in note
+    assert left_out_notes(load(lab), "fabric_1") == []
 
 
 @pytest.mark.parametrize(("solver", "samples"), [("bdp-field", 3), ("bdp-field,samples=2", 2), ("homo", 1)])

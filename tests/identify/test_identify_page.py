@@ -3,12 +3,16 @@
 import csv
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from html_page import Page
 from identified import DENSITY, WARP, write_identification
 from page_browser import HEADINGS, NAMELESS, TELEPHONE, chromium, needs_chromium, playwright, shot, watched
+from toy_cloths import write_toy
 
+from cusick_bench.datasets import load
 from cusick_bench.identify.fabric_table import COLUMNS
+from cusick_bench.identify.page import _other_profiles
 from cusick_bench.metrics.stiffness import bending_length
 
 
@@ -50,6 +54,16 @@ def test_the_table_has_a_row_for_each_fabric_in_every_unit(document, out):
     assert first["drape_coefficient_definition"].endswith("ISO 9073-9, cloth 300 mm, plate 180 mm")
     assert second["bending_warp_uN_m"] == second["solver"] == second["verdict"] == ""
     assert second["fit_missing"].startswith("its weight is not known")
+
+
+def test_the_fit_stands_beside_the_same_face_of_the_other_samples(tmp_path):
+    root = write_toy(tmp_path / "lab", samples=3, captures=3, meshes=False)
+    (root / "protocol.json").write_text('{"captures": {"1": "down", "2": "down", "3": "up"}}')
+    dataset = load(root)
+    beside = _other_profiles(dataset, "fabric_7", sample=2)
+    rows = dataset.index.index[(dataset.index["side"] == "up") & (dataset.index["sample"] != 2)]
+    assert beside is not None
+    assert beside == pytest.approx(np.stack([dataset.sample(int(row)).profile.radii for row in rows]))
 
 
 @pytest.fixture(scope="module")

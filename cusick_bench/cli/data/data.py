@@ -19,7 +19,7 @@ from cusick_bench.cli.options import Cloths, FabricsCsv, Json
 from cusick_bench.cli.progress import progress_bar
 from cusick_bench.datasets.irregularity import KINDS
 from cusick_bench.datasets.published import CLOTHS
-from cusick_bench.datasets.registry import REGISTRY
+from cusick_bench.datasets.registry import registered_in
 
 if TYPE_CHECKING:
     from cusick_bench.datasets.audit.audit import Audit
@@ -108,7 +108,7 @@ def info_command(
     dataset = _load(name_or_path, fabrics_csv, uncorrected)
     rows = [_contents(dataset, cloth) for cloth in dataset.cloths]
     if json:
-        registered = REGISTRY.get(name_or_path)
+        registered = registered_in(dataset.root)
         print_json(
             {
                 "name": dataset.name,

@@ -106,7 +106,7 @@ def identify_command(
     kept = partial(interruptible, f"what is finished is kept in {out}", go_on=True)
     with progress_bar("finding outlines") as bar, kept():
         work = begin(
-            folder, out, options, text, image_size,
+            folder, out, options, text, image_size, atlas=atlas,
             photographs=lambda count: bar.show(0, count), prepared=lambda name: bar.advance(),
         )  # fmt: skip
     with progress_bar("measuring drapes", len(work.dataset.cloths)) as bar, kept():
@@ -114,7 +114,7 @@ def identify_command(
     with GridProgress() as grid, kept():
         fits = work.fit(grid, workers, sys.argv)
     with progress_bar("diagnosing", 1) as bar, kept():
-        diagnoses = work.diagnose(bar.tell, atlas)
+        diagnoses = work.diagnose(bar.tell)
     with kept():
         document = work.write(measured, fits, diagnoses, command_line())
     if as_json:
