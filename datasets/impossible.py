@@ -1,6 +1,6 @@
 """Refuses to compute from silhouettes that no cloth on the plate can show, before anything is simulated."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from cusick_bench.datasets.audit.limits import UNREADABLE, impossible_faults
 from cusick_bench.datasets.dataset import DrapeDataset
@@ -65,14 +65,29 @@ def require_possible(dataset: DrapeDataset, rows: Iterable[int], *, force: bool 
     found = impossible(dataset, rows)
     if found and not force:
         pictures = len({fault.path for fault in found})
-        shown = "; ".join(f"{fault.path}: {fault.detail} ({fault.kind})" for fault in found[:_SHOWN])
-        more = f"; and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
         raise ImpossibleSilhouettes(
             f"{pictures} of the silhouettes to be used show{'s' if pictures == 1 else ''} no cloth on its plate: "
-            f"{shown}{more}",
+            f"{listed(found)}",
             where=dataset.root,
             remedy=f"look with `cusick-bench data audit {dataset.root}`, correct the pictures or protocol.json, or "
             "take them as they are with --force",
             kind=found[0].kind,
         )
-    return tuple(f"{fault.path}: {fault.detail} ({fault.kind})" for fault in found)
+    return tuple(map(_text, found))
+
+
+def listed(faults: Sequence[Irregularity]) -> str:
+    """Names the first few of some faults, and tells how many more there are.
+
+    Args:
+        faults: From `impossible`.
+
+    Returns:
+        One line.
+    """
+    more = [f"and {len(faults) - _SHOWN} more"] if len(faults) > _SHOWN else []
+    return "; ".join([*map(_text, faults[:_SHOWN]), *more])
+
+
+def _text(fault: Irregularity) -> str:
+    return f"{fault.path}: {fault.detail} ({fault.kind})"

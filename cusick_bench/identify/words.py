@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.audit.limits import UNREADABLE
-from cusick_bench.datasets.impossible import impossible
+from cusick_bench.datasets.impossible import impossible, listed
 from cusick_bench.datasets.index import UNNUMBERED
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
 from cusick_bench.identify.diagnoses import LEAST_SAMPLES
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 USUAL_SAMPLES = 12  # number of samples in the public release, with two faces each, as the diagnosis was calibrated on
-_MOST_SHOWN = 3  # largest number of pictures that a sentence names
 _MOST_ADVICE = 2  # largest number of measurements of the diagnosis' advice that are repeated here
 _CLOSE = 0.03  # difference of drape coefficients by which samples of one cloth differ anyway
 _LIMP = 0.5  # drape coefficient below which law plate on coarse meshes errs by more than samples differ
@@ -89,11 +88,9 @@ def left_out_notes(dataset: DrapeDataset, fabric: str) -> list[str]:
     if not first:
         return []
     them, are = ("it", "picture shows") if len(first) == 1 else ("them", "pictures show")
-    shown = "; ".join(f"{one.path}: {one.detail} ({one.kind})" for one in sorted(first.values())[:_MOST_SHOWN])
-    more = f"; and {len(first) - _MOST_SHOWN} more" if len(first) > _MOST_SHOWN else ""
     return [
         f"{len(first)} {are} no cloth on its plate, and no stiffness is learned from {them}, though drape coefficient "
-        f"and folds count {them}: {shown}{more}. Mend or remove {them}."
+        f"and folds count {them}: {listed(sorted(first.values()))}. Mend or remove {them}."
     ]
 
 

@@ -95,7 +95,7 @@ def _described(images: Images, repeats: Images | None, flips: Images | None, pro
     statistics = drape_statistics(torch.as_tensor(rest), protocol).numpy()
     coefficients = 100 / (1 + np.exp(-statistics[:, _AREA]))
     folds = np.array([float(fold_count_of(profile_of(image, protocol), protocol)) for image in rest])
-    pairs = [float(((a - b) ** 2).mean()) * protocol.mse_scale for i, a in enumerate(rest) for b in rest[:i]]
+    pairs = [_mse(a, b, protocol) for i, a in enumerate(rest) for b in rest[:i]]
     return {
         "drapes": float(len(rest)),
         "dc": float(coefficients.mean()),
@@ -104,11 +104,11 @@ def _described(images: Images, repeats: Images | None, flips: Images | None, pro
         "folds_sd": float(folds.std(ddof=1)),
         "depth_mm": float(1e3 * protocol.overhang_m * np.exp(statistics[:, _DEPTH]).mean()),
         "other_mse": float(np.mean(pairs)),
-        "repeat_mse": protocol.mse_scale * _mse(images, repeats),
-        "flip_mse": protocol.mse_scale * _mse(images, None if flips is None else flips[:, :, ::-1]),
+        "repeat_mse": math.nan if repeats is None else _mse(images, repeats, protocol),
+        "flip_mse": math.nan if flips is None else _mse(images, flips[:, :, ::-1], protocol),  # mirrored back
     }
 
 
-def _mse(images: Images, others: Images | None) -> float:
-    """Mean squared error of each drape and its counterpart; the picture of the other face is mirrored back."""
-    return math.nan if others is None else float(np.nanmean((images - others) ** 2))
+def _mse(images: ndarray, others: ndarray, protocol: Protocol) -> float:
+    """Mean squared error of drapes and their counterparts, without drapes that failed."""
+    return protocol.mse_scale * float(np.nanmean((images - others) ** 2))
