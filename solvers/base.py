@@ -141,6 +141,11 @@ class Solver(ABC):
         return 0
 
     @property
+    def remark(self) -> str:
+        """What to know of these options before the solver is run; empty where there is nothing to say."""
+        return ""
+
+    @property
     def options(self) -> dict[str, Any]:
         """Everything that decides the answer, apart from the problem."""
         return asdict(self)

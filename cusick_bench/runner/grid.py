@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -20,6 +21,8 @@ from cusick_bench.sim.constants import VERTICES_OF_PAPER
 from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import make_solver
+
+_log = logging.getLogger(__name__)
 
 CAMERAS = ("protocol", "parallel", "pinhole")
 RENDERERS = ("coverage", "soft")
@@ -289,6 +292,8 @@ def _made(solvers: Iterable[str]) -> dict[str, Solver]:
         solver = make_solver(text)
         if not any(type(solver) is type(one) and solver.options == one.options for one in made.values()):
             made[unspaced(text)] = solver
+            if solver.remark:
+                _log.warning("%s: %s", text, solver.remark)
     return made
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cusick_bench.datasets.files.silhouette import drape_coefficient_of, profile_of
+from cusick_bench.datasets.profile import PROFILE_ANGLES
 from cusick_bench.solvers.base import Images, Prediction, Progress, Solver, SolverError
 from cusick_bench.solvers.reference.silhouettes import Canvas, silhouette
 
@@ -92,12 +93,21 @@ class NullRotation(Null):
     """The training silhouette in every rotation.
 
     Attributes:
-        draws: Number of rotations over the full turn.
+        draws: Number of rotations over the full turn, each to the nearest of a profile's `PROFILE_ANGLES` angles.
     """
 
     draws: int = 360
     name: ClassVar[str] = "null:rotation"
     summary: ClassVar[str] = "the training image turned through 360 degrees; its best draw is oracle-assisted"
+
+    @property
+    def remark(self) -> str:
+        if self.draws <= PROFILE_ANGLES:
+            return ""
+        return (
+            f"a profile has {PROFILE_ANGLES} angles, so that draws={self.draws} holds some rotations several times; "
+            f"give draws={PROFILE_ANGLES} or fewer"
+        )
 
     def _silhouettes(
         self, problem: DrapeProblem, image: Image, generator: np.random.Generator, progress: Progress

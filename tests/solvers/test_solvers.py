@@ -16,6 +16,7 @@ from cusick_bench.datasets import load
 from cusick_bench.datasets.profile import amplitude_spectrum, drape_coefficient, profile_from_image
 from cusick_bench.metrics import expected_best, mse_pairs
 from cusick_bench.problem import Budget, DrapeProblem
+from cusick_bench.runner import plan
 from cusick_bench.sim import plugins
 from cusick_bench.sim.errors import DrapeDiverged
 from cusick_bench.solvers import registry
@@ -408,6 +409,17 @@ class TestReferenceRows:
             errors = np.square(draws - turned).mean((1, 2))
             assert errors.argmin() == quarter
             assert errors.min() < 0.002
+
+    def test_rotations_that_repeat_are_told_where_they_are_planned(self, caplog):
+        for draws in (720, 721):  # what is told agrees with what is drawn
+            turned = _answer(f"null:rotation,draws={draws}", toy_problem()).draws
+            assert len({draw.tobytes() for draw in turned}) == 720
+        plan(load("synthetic"), solvers=["null:rotation,draws=720"])
+        assert not caplog.messages
+        plan(load("synthetic"), solvers=["null:rotation,draws=721"])
+        (told,) = caplog.messages
+        assert told.startswith("null:rotation,draws=721: a profile has 720 angles")
+        assert told.endswith("give draws=720 or fewer")
 
     def test_random_phases_keep_amplitudes_only(self):
         problem = toy_problem()
