@@ -9,6 +9,7 @@ from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files.checksums import verify_checksums
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS_FILE
 from cusick_bench.datasets.files.fabrics import read_fabrics
+from cusick_bench.datasets.files.image import SUFFIXES
 from cusick_bench.datasets.files.layout import NUMBER_ZERO, Layout, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
@@ -18,6 +19,8 @@ from cusick_bench.datasets.registry import REGISTRY, folder_of
 _log = logging.getLogger(__name__)
 
 _REMEDIES = {"outside-link": "copy into the folder what it leads to", "no-permission": "change its mode"}
+
+_SHOWN = 3  # paths that a warning names
 
 DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
 
@@ -94,6 +97,7 @@ def read_dataset(
     if strict and found.faults:
         raise next(iter(found.faults.values()))
     _tell_copies(layout, found)
+    _tell_unread(layout)
     name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
     applied = () if verified else wanted
     dataset = DrapeDataset(
@@ -137,6 +141,18 @@ def _tell_copies(layout: Layout, found: Survey) -> None:
         _log.warning(
             "%s: %s a copy of another one, such as %s of %s, and count as drapes of their own; put the right "
             "pictures there, or remove the copies", layout.root, number, *copies[0],
+        )  # fmt: skip
+
+
+def _tell_unread(layout: Layout) -> None:
+    """Warns of pictures that are no part of the layout: a misspelt name would make a capture go missing unnoticed."""
+    pictures = [path for path in layout.unused if path.lower().endswith(SUFFIXES)]
+    if pictures:
+        number = "1 picture is" if len(pictures) == 1 else f"{len(pictures)} pictures are"
+        more = ", ..." if len(pictures) > _SHOWN else ""
+        _log.warning(
+            "%s: %s not read, named or placed otherwise than the layout has it: %s%s; `cusick-bench data audit` lists "
+            "what is no part of the layout", layout.root, number, ", ".join(pictures[:_SHOWN]), more,
         )  # fmt: skip
 
 

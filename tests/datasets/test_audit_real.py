@@ -107,3 +107,9 @@ def test_real_files_are_decoded_as_another_decoder_does(real_data):
         with Image.open(path) as image:
             grey = np.asarray(image.convert("RGB")) @ np.array([0.299, 0.587, 0.114])
         np.testing.assert_allclose(read_silhouette(path), 1 - grey / 255, atol=1e-12)
+
+
+def test_no_picture_of_the_release_is_outside_the_layout(real_data, caplog):
+    """Its other files, meshes of circles, are no pictures."""
+    load(real_data, correct=False)
+    assert not [message for message in caplog.messages if "not read" in message]

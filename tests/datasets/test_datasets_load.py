@@ -449,6 +449,28 @@ def test_measuring_survives_any_cache(toy, monkeypatch, tmp_path):
     assert load(toy).index.equals(expected)
 
 
+def test_pictures_outside_the_layout_are_told(toy, caplog):
+    """A capture whose name is misspelt went missing, and only the audit said so."""
+    (toy / "diary.txt").write_text("it rained")
+    assert len(load(toy)) == 12
+    assert not caplog.messages
+    for capture in range(1, 5):
+        path = image_path(toy, 2, capture)
+        path.rename(path.with_name(path.name.replace("Sample", "Smaple")))
+    assert len(load(toy)) == 8
+    (told,) = caplog.messages
+    folder = "data/Fabric 7/silhouettes"
+    first = ", ".join(f"{folder}/Fabric_7_Smaple_2_Capture_{capture}.png" for capture in (1, 2, 3))
+    assert told.startswith(f"{toy}: 4 pictures are not read, ")
+    assert f": {first}, ...; `cusick-bench data audit`" in told
+
+
+@pytest.mark.parametrize("root", [".", "data", "data/Fabric 1"])
+def test_the_shipped_set_has_no_pictures_outside_the_layout(root, caplog):
+    load(load("synthetic").root / root)
+    assert not caplog.messages
+
+
 def test_copies_of_a_picture_that_count_as_drapes_are_told(toy, caplog):
     load(toy)
     assert "copy" not in caplog.text

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -414,6 +415,14 @@ class TestPool:
             one, two = (_numbers(tmp_path / name / "cells" / cell.key) for name in ("one", "two"))
             assert two["spent"] == one["spent"]
             assert two["metrics"]["test_mse"] == pytest.approx(one["metrics"]["test_mse"], rel=1e-6)
+
+    def test_workers_do_not_say_again_what_is_odd_about_the_data(self, data, tmp_path, caplog, capfd):
+        """Every worker reads the data set, and wrote the reader's warnings between the lines of progress."""
+        lab = shutil.copytree(data, tmp_path / "lab")
+        shutil.copy(next(lab.glob("data/*/silhouettes/*")), lab / "stray.jpg")
+        _run(lab, tmp_path / "run", ["null:disc", "null:copy"], workers=2)
+        assert "stray.jpg" in caplog.text
+        assert "stray.jpg" not in capfd.readouterr().err
 
     def test_dead_worker_costs_its_own_cell_only(self, data, tmp_path, monkeypatch):
         """A broken pool loses every cell under way; the innocent ones are run again."""

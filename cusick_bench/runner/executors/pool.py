@@ -1,5 +1,6 @@
 """Cells on worker processes; if a worker dies, only its own cell can be lost."""
 
+import logging
 import multiprocessing
 import queue
 import threading
@@ -66,6 +67,7 @@ _worker = _Worker()
 
 def _start_worker(messages: Any) -> None:
     _worker.messages = messages
+    logging.getLogger("cusick_bench.datasets").setLevel(logging.ERROR)  # who planned the cells was told all of it
 
 
 def work(source: Source, cell: Cell, out: Path) -> dict[str, Any]:
