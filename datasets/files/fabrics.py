@@ -15,7 +15,7 @@ _REQUIRED = ("fabric", "areal_density_kg_m2")
 _COLUMNS = ("fabric", "areal_density_kg_m2", "thickness_m")
 _THICKNESSES = (1e-5, 0.02)  # [m], a thread of silk and ten times a blanket; other values are in another unit
 _DENSITIES = (LIGHTEST_CLOTH, HEAVIEST_CLOTH)
-_NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,9})(_observations)?")
+_NUMBERED = re.compile(r"(?:fabric_*)?(\d{1,9})(?:\.0+)?(_observations)?")  # spreadsheets write 2 as 2.0
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
@@ -37,7 +37,7 @@ class Fabric:
 
 
 def fabric_key(name: str) -> str:
-    """One spelling for a fabric: `2`, `Fabric 2` and `fabric_02` are all `fabric_2`; other names in lower case.
+    """One spelling for a fabric: `2`, `2.0`, `Fabric 2` and `fabric_02` are all `fabric_2`; other names in lower case.
 
     Args:
         name: Name of a fabric as somebody wrote it.

@@ -29,7 +29,7 @@ def toy(tmp_path) -> Path:
     return write_toy(tmp_path / "lab")
 
 
-@pytest.mark.parametrize("key", ["7", "Fabric 7", "fabric_7", "Fabric 07", "fabric-007"])
+@pytest.mark.parametrize("key", ["7", "7.0", "Fabric 7", "fabric_7", "Fabric 07", "fabric-007"])
 def test_densities_come_from_the_users_table(toy, key):
     (toy / "fabrics.csv").write_text(f"fabric,areal_density_kg_m2,thickness_m,maker\n{key},0.21,0.0004,Mill\n")
     dataset = load(toy)
@@ -44,6 +44,14 @@ def test_densities_come_from_the_users_table(toy, key):
 def test_names_of_fabrics_have_one_spelling():
     assert fabric_key("Fabric 01 Observations") == "fabric_1_observations"
     assert [fabric_key(name) for name in ("Cotton Blue", "fabric_x", "fabric")] == ["cotton_blue", "fabric_x", "fabric"]
+    assert fabric_key("7.5") == "7.5"
+
+
+def test_a_fabric_under_two_spellings_is_given_twice(tmp_path):
+    table = tmp_path / "fabrics.csv"
+    table.write_text("fabric,areal_density_kg_m2\n7,0.2\n7.0,0.3\n")
+    with pytest.raises(BadTable, match="line 3: fabric '7.0' is empty or given twice"):
+        read_fabrics(table)
 
 
 def test_published_densities_are_not_given_to_another_labs_fabric(tmp_path):
