@@ -10,7 +10,6 @@ The files are written from `templates/benchopt`, and call `drape_task`.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ from pathlib import Path
 from cusick_bench import __version__
 from cusick_bench.datasets import REGISTRY, DrapeDataset
 from cusick_bench.export.errors import ExportError
-from cusick_bench.export.written import fill, require_new
+from cusick_bench.export.written import fill, literal, require_new, write_texts
 from cusick_bench.runner import ProblemSettings, Source, load_once
 from cusick_bench.solvers.base import Solver
 from cusick_bench.solvers.registry import entry_point_of, make_solver
@@ -55,11 +54,7 @@ def write_benchmark(
         CusickError: An unknown solver, or data that cannot be read.
     """
     require_new(folder, "a benchmark")
-    texts = _texts(folder, solvers, data, settings or ProblemSettings(), command)
-    for path, text in texts.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    return list(texts)
+    return write_texts(_texts(folder, solvers, data, settings or ProblemSettings(), command))
 
 
 def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSettings, command: str) -> dict[Path, str]:
@@ -69,8 +64,8 @@ def _texts(folder: Path, solvers: Sequence[str], data: str, settings: ProblemSet
             "benchopt/objective.py",
             vertices=settings.vertices,
             steps=settings.drape.steps,
-            law=json.dumps(settings.drape.law),
-            space=json.dumps(settings.space),
+            law=literal(settings.drape.law),
+            space=literal(settings.space),
         ),
         folder / "datasets" / f"{_SIMULATED}.py": _dataset(_SIMULATED, _SHIPPED),
     }
@@ -108,10 +103,10 @@ def _dataset(name: str, data: str) -> str:
         "benchopt/dataset.py",
         summary=f"Drapes of {of}, a cloth at a time",
         of=of,
-        name=json.dumps(name),
-        first=json.dumps(dataset.cloths[0]),
-        cloths=json.dumps(list(dataset.cloths)),
-        data=json.dumps(place),
+        name=literal(name),
+        first=literal(dataset.cloths[0]),
+        cloths=literal(list(dataset.cloths)),
+        data=literal(place),
     )
 
 
@@ -120,9 +115,9 @@ def _solver(solver: Solver, text: str, package: str | None) -> str:
     return fill(
         "benchopt/solver.py",
         summary=solver.summary[:1].upper() + solver.summary[1:] or solver.name,
-        reference=json.dumps(solver.reference) if solver.reference else "",
-        name=json.dumps(solver.name),
+        reference=literal(solver.reference) if solver.reference else "",
+        name=literal(solver.name),
         parameters=repr({option: [solver.options[option]] for option in given}),
-        requirements=json.dumps(["pip::cusick-bench", *([] if package is None else [f"pip::{package}"])]),
+        requirements=literal(["pip::cusick-bench", *([] if package is None else [f"pip::{package}"])]),
         searches=solver.kind == "solver",
     )

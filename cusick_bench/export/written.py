@@ -1,5 +1,7 @@
 """What writers of folders share: the templates in `export/templates`, and that nothing is overwritten."""
 
+import json
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,35 @@ def require_new(folder: Path, what: str) -> None:
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ExportError(f"{what} is written into a new folder, and {folder} is there already; give another one")
+
+
+def write_texts(texts: Mapping[Path, str]) -> list[Path]:
+    """Writes files as UTF-8; bytes of a path that are no UTF-8 are written as Python's escapes.
+
+    Args:
+        texts: What to write, by path; folders are made.
+
+    Returns:
+        The paths.
+    """
+    for path, text in texts.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", errors="backslashreplace")
+    return list(texts)
+
+
+def literal(value: str | Sequence[str]) -> str:
+    """Text as Python reads it in a file of `write_texts`, in double quotes.
+
+    JSON's own escapes are no help: of a character such as an emoji they make two, which Python does not join.
+
+    Args:
+        value: A text, or a list of them.
+
+    Returns:
+        The literal.
+    """
+    return json.dumps(value, ensure_ascii=False)
 
 
 def fill(template: str, **content: Any) -> str:

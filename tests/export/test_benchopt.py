@@ -4,6 +4,7 @@ import importlib.util
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
@@ -216,3 +217,14 @@ def test_a_folder_whose_name_ends_a_docstring_is_no_code(make_lab, tmp_path: Pat
         compile((tmp_path / "datasets" / "drapes.py").read_text(), "drapes.py", "exec")
     finally:
         odd.rename(lab)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other file systems have names in Unicode only")
+@pytest.mark.parametrize("place", ["\U0001f9f5", os.fsdecode(b"caf\xe9")], ids=["emoji", "no UTF-8"])
+def test_a_folder_of_any_name_is_found_again(make_lab, tmp_path: Path, stand_in: None, place: str):
+    """A literal of JSON has an emoji as two characters, which Python does not join."""
+    data = tmp_path / place / "lab"
+    shutil.copytree(make_lab([1e-5], samples=2), data)
+    write_benchmark(tmp_path / "b", solvers=["null:disc"], data=str(data))
+    written = _class(tmp_path / "b/datasets/drapes.py", "Dataset")
+    assert Path(written().get_data()["data"]) == data

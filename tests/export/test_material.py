@@ -170,6 +170,13 @@ def test_the_script_for_blender_sets_the_active_object(unit: float, tmp_path: Pa
     assert cloth.settings.bending_stiffness == pytest.approx(8e-5)
 
 
+@pytest.mark.parametrize("program", ["blender", "newton"])
+def test_scripts_hold_the_fabrics_name_as_it_is(program: str, tmp_path: Path):
+    files = write_material(tmp_path / "out", replace(FABRIC, name="silk \U0001f9f5"), program)
+    (script,) = (path for path in files if path.suffix == ".py")
+    assert runpy.run_path(str(script))["FABRIC"] == "silk \U0001f9f5"
+
+
 @pytest.mark.parametrize("name", ["marvelous", "clo"])
 def test_tables_to_type_in_have_their_units(name: str, tmp_path: Path):
     write_material(tmp_path / "out", FABRIC, name)

@@ -30,11 +30,9 @@ References:
 
 from __future__ import annotations
 
-import json
-
 from cusick_bench.export.material.fabric import FabricMaterial
 from cusick_bench.export.material.program import Program
-from cusick_bench.export.written import fill
+from cusick_bench.export.written import fill, literal
 
 
 def _files(fabric: FabricMaterial, edge_length: float | None) -> dict[str, str]:
@@ -44,7 +42,7 @@ def _files(fabric: FabricMaterial, edge_length: float | None) -> dict[str, str]:
         "stretch": fabric.mean_stretch.value,
         "shear": fabric.stretch["shear"].value,
     }
-    return {"blender_cloth.py": fill("material/blender.py", name=json.dumps(fabric.name), cloth=cloth)}
+    return {"blender_cloth.py": fill("material/blender.py", name=literal(fabric.name), cloth=cloth)}
 
 
 BLENDER = Program(

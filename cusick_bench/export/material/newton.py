@@ -34,7 +34,7 @@ import math
 
 from cusick_bench.export.material.fabric import FabricMaterial
 from cusick_bench.export.material.program import Program
-from cusick_bench.export.written import fill
+from cusick_bench.export.written import fill, literal
 
 EDGE_LENGTH = 0.01
 """Edge length that values are written for where none is given [m]."""
@@ -102,7 +102,7 @@ def _files(fabric: FabricMaterial, edge_length: float | None) -> dict[str, str]:
     }
     script = fill(
         "material/newton.py",
-        name=json.dumps(fabric.name),
+        name=literal(fabric.name),
         bending=fabric.mean_bending.value,
         arguments={key: value for key, value in arguments.items() if key != "edge_ke"},
     )

@@ -11,7 +11,7 @@ from cusick_bench.export.material.clo import CLO, MARVELOUS
 from cusick_bench.export.material.fabric import FabricMaterial
 from cusick_bench.export.material.newton import NEWTON
 from cusick_bench.export.material.program import Program
-from cusick_bench.export.written import fill, require_new
+from cusick_bench.export.written import fill, require_new, write_texts
 
 PROGRAMS: dict[str, Program] = {program.name: program for program in (BLENDER, NEWTON, MARVELOUS, CLO)}
 """Programs that materials are written for."""
@@ -53,10 +53,7 @@ def write_material(
         "material/README.md", fabric=fabric, program=chosen, rows=_rows(fabric), curves=_curves(fabric),
         command=command, version=__version__,
     )  # fmt: skip
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in texts]
+    return write_texts({folder / name: text for name, text in texts.items()})
 
 
 def _rows(fabric: FabricMaterial) -> list[tuple[str, str, str, str]]:
