@@ -24,7 +24,7 @@ from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.registry import registered_in
 from cusick_bench.datasets.splits import paper_cloths
 from cusick_bench.export.errors import ExportError
-from cusick_bench.export.written import fill, require_new
+from cusick_bench.export.written import fill, literal, require_new
 from cusick_bench.files.table_file import require_pyarrow
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _card(dataset: DrapeDataset, command: str) -> str:
     return fill(
         "huggingface/README.md",
         name=dataset.name,
-        title=json.dumps(f"Cusick drape silhouettes: {dataset.name}"),
+        title=literal(f"Cusick drape silhouettes: {dataset.name}"),
         licence="apache-2.0" if known is not None and known.licence == "Apache-2.0" else "unknown",
         terms=known.licence if known is not None else "",
         citation=known.citation if known is not None else "",

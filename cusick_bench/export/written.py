@@ -41,9 +41,9 @@ def write_texts(texts: Mapping[Path, str]) -> list[Path]:
 
 
 def literal(value: str | Sequence[str]) -> str:
-    """Text as Python reads it in a file of `write_texts`, in double quotes.
+    """Text in double quotes, as Python and YAML read it in a file of `write_texts`.
 
-    JSON's own escapes are no help: of a character such as an emoji they make two, which Python does not join.
+    JSON's own escapes are no help: of a character such as an emoji they make two, which neither joins.
 
     Args:
         value: A text, or a list of them.

@@ -52,6 +52,14 @@ def test_what_is_unknown_is_null(make_lab, tmp_path: Path):
     assert densities == {"fabric_1": 0.2, "fabric_2": None}
 
 
+def test_the_card_holds_the_name_as_it_is(tmp_path: Path):
+    """YAML reads JSON's escapes of an emoji as two characters, which are none."""
+    lab = write_toy(tmp_path / "lab \U0001f9f5", fabrics=(1,), samples=2, captures=1)
+    write_huggingface(load(lab), tmp_path / "out")
+    head = (tmp_path / "out" / "README.md").read_text(encoding="utf-8").splitlines()[1]
+    assert head == 'pretty_name: "Cusick drape silhouettes: lab \U0001f9f5"'
+
+
 def test_a_cloth_of_one_sample_is_written_without_a_part(tmp_path: Path):
     write_toy(tmp_path / "lab", fabrics=(1,), samples=3, captures=1)
     write_toy(tmp_path / "lab", fabrics=(2,), samples=1, captures=1)
