@@ -18,7 +18,7 @@ KINDS = {
     "no-permission": "a file or folder that may not be read",
     # captures
     "missing-capture": "a sample has fewer captures than the others of its fabric",
-    "extra-capture": "a sample has more captures or observations than the usual number",
+    "extra-capture": "a capture or observation that most samples of its fabric, or the protocol's `captures`, lack",
     "side-unknown": "face up or down cannot be told: meshes contradict the capture numbers, or the number is unknown",
     "mixed-faces": "a set mixes drapes with either face up",
     "mixed-observations": "a set mixes observations at different times",

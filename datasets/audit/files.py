@@ -181,8 +181,12 @@ def _captures(entries: Sequence[Entry], protocol: Protocol) -> Iterator[Irregula
         what = "observation" if series else "capture"
         if number == 0:
             yield Irregularity(entry.path, "no-capture-number", f"no {what} number in the name")
-        elif number not in usual or (not series and number not in protocol.captures):
-            yield Irregularity(entry.path, "extra-capture", f"{what} {number} is beyond the usual ones")
+        elif number not in usual:
+            yield Irregularity(entry.path, "extra-capture", f"most other samples have no {what} {number}")
+        elif not series and number not in protocol.captures:
+            known = ", ".join(map(str, sorted(protocol.captures))) or "none"
+            detail = f"no face is known of capture {number}; `captures` in protocol.json says that of {known}"
+            yield Irregularity(entry.path, "extra-capture", detail)
     for sample, found in numbers.items():
         if missing := sorted(usual - found):
             yield Irregularity(home, "missing-capture", f"sample {sample} lacks {', '.join(map(str, missing))}")

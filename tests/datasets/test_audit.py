@@ -273,6 +273,21 @@ def test_series_named_in_two_ways(tmp_path):
 
 
 @pytest.mark.usefixtures("_own_cache")
+def test_a_capture_that_every_sample_has_is_not_called_unusual(tmp_path):
+    """Their faces are what is not known; every sample was said to have captures beyond the usual ones."""
+    root = write_toy(tmp_path, fabrics=(7,))
+    for sample in (1, 2, 3):
+        write_image(image(root, sample, 5), draw(toy_profile(7, sample, 5)))
+    write_image(image(root, 2, 6), draw(toy_profile(7, 2, 6)))
+    told = {one.path[-len("1_Capture_5.png") :]: one.detail for one in audit(root).irregularities
+            if one.kind == "extra-capture"}  # fmt: skip
+    unknown = "no face is known of capture 5; `captures` in protocol.json says that of 1, 2, 3, 4"
+    assert told == {f"{sample}_Capture_5.png": unknown for sample in (1, 2, 3)} | {
+        "2_Capture_6.png": "most other samples have no capture 6"
+    }
+
+
+@pytest.mark.usefixtures("_own_cache")
 def test_fabric_without_capture_numbers(tmp_path):
     for sample in (1, 2):
         write_image(

@@ -50,7 +50,7 @@ def test_names_of_fabrics_have_one_spelling():
 def test_a_fabric_under_two_spellings_is_given_twice(tmp_path):
     table = tmp_path / "fabrics.csv"
     table.write_text("fabric,areal_density_kg_m2\n7,0.2\n7.0,0.3\n")
-    with pytest.raises(BadTable, match="line 3: fabric '7.0' is empty or given twice"):
+    with pytest.raises(BadTable, match=r"line 3: fabric '7\.0' is empty or given twice"):
         read_fabrics(table)
 
 
