@@ -26,9 +26,9 @@ from cusick_bench.leaderboard.bootstrap import (
     estimate,
     repeats,
 )
-from cusick_bench.leaderboard.cells.cell_number import split_of
-from cusick_bench.leaderboard.cells.loading import Cells
-from cusick_bench.leaderboard.cells.variants import BOARD, failures, method_label, variants
+from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
+from cusick_bench.leaderboard.cells.loading import Cells, Skipped
+from cusick_bench.leaderboard.cells.variants import BOARD, Problem, failures, method_label, problems_run, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.metric_name import metric_called
 from cusick_bench.leaderboard.order import Direction, direction
@@ -36,6 +36,7 @@ from cusick_bench.leaderboard.order import Direction, direction
 RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
 _RANKED = ("solver", "null")
+_SHOWN = 3  # cells that a note names
 _MEASURED = ("train_", "test_", "floor_", "spent_")
 
 
@@ -156,7 +157,11 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
         unmeasured = {metric: _unmeasured(groups, metric) for metric in metric_names(table)}
         rows = ranking.rows(cells, table, cloths, unmeasured[by])
         identity = {name: str(table[name].iloc[0]) for name in BOARD}
-        notes = (_interval_note(table), *_notes(cells, rows, cloths, by, unmeasured))
+        notes = (
+            _interval_note(table),
+            *_seed_notes(rows, groups, cells.skipped),
+            *_notes(cells, rows, cloths, by, unmeasured),
+        )
         boards.append(
             Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
         )
@@ -309,6 +314,27 @@ def _interval_note(table: pd.DataFrame) -> str:
         f"Intervals of 95 % are found by bootstrap, {within}, and widened for small numbers of them as Student's t is. "
         "Rows of one rank cannot be told apart: the interval of their paired difference includes 0."
     )
+
+
+def _seed_notes(
+    rows: Sequence[Row], groups: Mapping[tuple[str, str], pd.DataFrame], skipped: Sequence[Skipped]
+) -> Iterator[str]:
+    """Rows that were not run on all problems of the others, of the cloths that they have."""
+    run = {row.label: problems_run(groups[row.solver, row.variant], skipped) for row in rows if row.kind in _RANKED}
+    known = frozenset[Problem]().union(*run.values())
+    in_turn = any(split_of(number) for _, number in known)
+    for row in rows:
+        lacking = sorted(one for one in known - run.get(row.label, known) if one[0] in row.cloths)
+        named = [
+            f"seed {number % SEEDS} on {cloth}" + (f" split {split_of(number) + 1}" if in_turn else "")
+            for cloth, number in lacking[:_SHOWN]
+        ]
+        if lacking:
+            yield (
+                f"{row.label} lacks {len(lacking)} cell{'s' if len(lacking) > 1 else ''} that other rows have "
+                f"({', '.join(named)}{', ...' if len(lacking) > _SHOWN else ''}); its mean is over other cells than "
+                "theirs. Run all solvers with the same seeds (--seeds)."
+            )
 
 
 def _notes(

@@ -28,12 +28,11 @@ from numpy import ndarray
 from cusick_bench.leaderboard.anytime import Steps, steps_of
 from cusick_bench.leaderboard.bootstrap import cell_values, repeats
 from cusick_bench.leaderboard.cells.loading import Skipped
-from cusick_bench.leaderboard.cells.variants import failures, method_label, variants
+from cusick_bench.leaderboard.cells.variants import Problem, method_label, problems_run, variants
 
 NEAR = 0.1
 """A loss counts as reached within this relative distance of the lowest one."""
 
-Problem = tuple[str, int]  # cloth, seed or number of the split and seed
 _SEARCHING = "solver"  # kind of cells that compete; rows without physics, and oracles, are no solvers
 
 
@@ -159,19 +158,10 @@ def _of_several(needs: Mapping[str, Mapping[Problem, float]]) -> list[Performanc
 
 def _methods(table: pd.DataFrame, skipped: Sequence[Skipped]) -> list[_Method]:
     return [
-        _Method(method_label(*name), group, _problems(group, skipped))
+        _Method(method_label(*name), group, problems_run(group, skipped))
         for name, group in variants(table)
         if str(group["kind"].iloc[0]) == _SEARCHING
     ]
-
-
-def _problems(group: pd.DataFrame, skipped: Sequence[Skipped]) -> frozenset[Problem]:
-    """Problems of finished cells, and of those failed ones whose settings and code are theirs."""
-    problems = {(str(cloth), number) for cloth, number in zip(group["cloth"], repeats(group), strict=True)}
-    for cell in failures(group, skipped):
-        if cell.seed is not None:
-            problems.add((cell.cloth, int(cell.columns.get("repeat", cell.seed))))
-    return frozenset(problems)
 
 
 def _traces(group: pd.DataFrame, cost: str) -> dict[Problem, Steps]:

@@ -247,6 +247,21 @@ def test_a_row_that_is_better_on_shared_cells_is_not_ranked_below(tmp_path, nois
     assert any(note.startswith("homo has failed in 2 cells") for note in board.notes)
 
 
+def test_rows_of_other_seeds_are_told(tmp_path):
+    write_solver(tmp_path, "homo", lambda cloth, seed: 0.05 + 1e-4 * seed)
+    write_solver(tmp_path, "heter", lambda cloth, seed: 0.04 + 1e-4 * seed)
+    assert not any("same seeds" in note for note in only(tmp_path).notes)
+    write_cell(tmp_path, "heter", "red", 4, status="failed", failure="boom")
+    write_cell(tmp_path, "homo", "red", 4)
+    write_solver(tmp_path, "null:disc", lambda cloth, seed: 0.06, seeds=1)
+    write_cell(tmp_path, "oracle:mean", "red", 9)
+    said = [note for note in only(tmp_path).notes if "same seeds" in note]
+    assert said == [
+        "null:disc lacks 16 cells that other rows have (seed 1 on blue, seed 2 on blue, seed 3 on blue, ...); its mean "
+        "is over other cells than theirs. Run all solvers with the same seeds (--seeds)."
+    ]  # failed cells, cloths that a row lacks, and oracles have notes of their own
+
+
 @pytest.mark.parametrize(
     ("by", "values", "order"),
     [
@@ -309,6 +324,9 @@ def test_every_sample_that_is_left_out_in_turn_counts(tmp_path):
     assert len(homo) == 6
     assert [homo[cell] - value for cell, value in heter.items()] == pytest.approx([-0.01, -0.01])  # of the same samples
     assert "by bootstrap, of the samples that are left out within each cloth, and" in board.notes[0]
+    assert board.notes[1].startswith(
+        "heter lacks 4 cells that other rows have (seed 0 on red split 1, seed 1 on red split 1, seed 1 on red split 2"
+    )
 
 
 def test_seeds_of_a_left_out_sample_are_no_samples_of_their_own(tmp_path):

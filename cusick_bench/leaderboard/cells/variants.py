@@ -13,6 +13,8 @@ VARIANT = ["solver", "kind", "space", "vertices", "settings", "code_version"]
 BOARD = ["dataset", "dataset_hash", "protocol"]
 """Columns that are the same in all cells of a leaderboard."""
 
+Problem = tuple[str, int]  # cloth, seed or number of the split and seed
+
 
 def variants(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """Groups of comparable cells; cells of one solver under other settings or other code make another row.
@@ -64,6 +66,23 @@ def failures(group: pd.DataFrame, skipped: Iterable[Skipped]) -> list[Skipped]:
     columns = [*VARIANT, *BOARD]
     own = set(group[columns].itertuples(index=False, name=None))
     return [cell for cell in skipped if cell.status == "failed" and tuple(map(cell.columns.get, columns)) in own]
+
+
+def problems_run(group: pd.DataFrame, skipped: Iterable[Skipped]) -> frozenset[Problem]:
+    """Problems of finished cells, and of those failed ones whose settings and code are theirs.
+
+    Args:
+        group: Finished cells, from `variants` of one board's table.
+        skipped: Cells that are left out.
+
+    Returns:
+        The problems on which the method was run.
+    """
+    problems = {(str(cloth), int(number)) for cloth, number in zip(group["cloth"], group["repeat"], strict=True)}
+    for cell in failures(group, skipped):
+        if cell.seed is not None:
+            problems.add((cell.cloth, int(cell.columns.get("repeat", cell.seed))))
+    return frozenset(problems)
 
 
 def flattened(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
