@@ -4,6 +4,8 @@ Exit status 0: done. 1: a check failed. 2: bad usage or bad input. 3: nothing co
 130: interrupted (Ctrl-C). 143: terminated (SIGTERM).
 """
 
+from __future__ import annotations
+
 import functools
 import logging
 import shlex
@@ -11,7 +13,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import typer
 from rich.text import Text
@@ -19,6 +21,9 @@ from rich.text import Text
 from cusick_bench.cli.screen import Screen, harmless
 from cusick_bench.files.json_text import json_text
 from cusick_bench.sim.errors import CusickError, failure_text, stop_behind
+
+if TYPE_CHECKING:
+    from cusick_bench.leaderboard import Cells
 
 INTERRUPTED = 130  # exit status: 128 + SIGINT, as shells have it
 TERMINATED = 143  # exit status: 128 + SIGTERM
@@ -53,6 +58,17 @@ def tell(text: str) -> None:
     """
     if not quiet():
         console.print(text, soft_wrap=True)
+
+
+def tell_damaged(cells: Cells) -> None:
+    """Tells which cells are left out since they are damaged, or were edited after they had finished.
+
+    Args:
+        cells: From `load_cells`, where what is made of them lists no cells that are left out.
+    """
+    for cell in cells.skipped:
+        if cell.status == "damaged":
+            tell(cell.note)
 
 
 def fail(text: str) -> None:

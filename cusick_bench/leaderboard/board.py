@@ -371,9 +371,7 @@ def _notes(
             "A best-of-N score rewards N: run null:random-phase on the same cloths with as many draws "
             "to have something to read it against."
         )
-    for cell in cells.skipped:
-        where = f"{cell.solver or '?'} on {cell.cloth or '?'}, seed {'?' if cell.seed is None else cell.seed}"
-        yield f"Left out, {cell.status}: {where} ({cell.folder.name}): {cell.reason.splitlines()[0]}"
+    yield from (cell.note for cell in cells.skipped)
 
 
 def _partly_measured(

@@ -14,6 +14,7 @@ from cusick_bench.garment.page import write_page
 from cusick_bench.garment.side_by_side import save_side_by_side
 from cusick_bench.garment.skirt import SkirtSize
 from cusick_bench.garment.wearing import Wearing, wear
+from cusick_bench.runner import Store
 from tests.support.html_page import Page
 
 STILL = ["--vertices", "170", "--length", "0.3", "--draws", "2", "--hip", "0", "--static"]
@@ -102,6 +103,15 @@ def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
     ]
     result = _compare(str(run), *SMALL, "--solver", "bdp")
     assert "has no cloth of 'bdp'; use --solver with one of heter, homo" in " ".join(result.output.split())
+
+
+def test_a_cell_that_was_edited_is_left_out_with_a_note(run: Path):
+    Store(run).mark_done("homo-stiff-0")
+    assert "Left out" not in _compare(str(run), *SMALL, "--solver", "bdp").stderr
+    edited = run / "cells" / "homo-stiff-0" / "result.json"
+    edited.write_text(edited.read_text() + " ")
+    result = _compare(str(run), *SMALL, "--solver", "bdp")
+    assert "Left out, damaged: homo on stiff, seed 0 (homo-stiff-0): result.json is not what" in result.stderr
 
 
 def test_a_run_without_any_simulated_cloth_is_refused(tmp_path: Path):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -79,3 +80,15 @@ def test_table_shows_both_units_and_a_dash_where_there_is_none(cells, out):
         assert expected in text
     (line,) = [line for line in text.splitlines() if "null:disc" in line and " - " in line]
     assert "0.0" not in line
+
+
+def test_a_cell_that_was_edited_is_left_out_of_the_table_with_a_note(cells, out, tmp_path):
+    run = shutil.copytree(out, tmp_path / "run")
+    edited = run / "cells" / Path(cells["homo"]["path"]).name / "result.json"
+    edited.write_text(edited.read_text().replace('"seed": 0', '"seed":  0'))
+    result = CliRunner().invoke(app, [*WORDS, "--solver", "null:disc", "--out", str(run)])
+    assert result.exit_code == 0, result.output
+    with (run / "stiffness.csv").open() as file:
+        assert {line["solver"] for line in csv.DictReader(file)} == {SOLVERS[1]}
+    assert "Left out, damaged: homo on fabric_3, seed 0" in result.stderr
+    assert "result.json is not what the cell was finished with" in result.stderr

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, tell_damaged, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, RunFolder, RunsData, RunsFabricsCsv, fit_option, output_option
 from cusick_bench.cli.progress import Bar, progress_bar
@@ -123,6 +123,7 @@ def _load(run: Path, data: str | None, fabrics_csv: Path | None) -> tuple[Cells,
     from cusick_bench.leaderboard.cells.source import load_data_of
 
     cells = load_cells(run)
+    tell_damaged(cells)
     return cells, load_data_of(cells, data, fabrics_csv)
 
 

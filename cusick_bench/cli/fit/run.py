@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import command_with, interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import command_with, interruptible, output, print_json, tell, tell_damaged, user_errors
 from cusick_bench.cli.fit.grid_progress import GridProgress, cells_kept
 from cusick_bench.cli.options import (
     LAW,
@@ -219,10 +219,11 @@ def _write_stiffness(out: Path) -> None:
     from cusick_bench.runner.store import write_atomically
 
     try:
-        text = stiffness_csv(load_cells(out))
+        cells = load_cells(out)
     except LeaderboardError:  # no cell has finished
         return
-    write_atomically(out / STIFFNESS_FILE, text.encode())
+    write_atomically(out / STIFFNESS_FILE, stiffness_csv(cells).encode())
+    tell_damaged(cells)
 
 
 def _row(result: dict[str, Any], path: Path) -> dict[str, Any]:

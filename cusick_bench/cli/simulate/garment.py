@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
+from cusick_bench.cli.common import interruptible, output, print_json, tell, tell_damaged, user_errors
 from cusick_bench.cli.options import (
     BENDING,
     DENSITY,
@@ -212,8 +212,10 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     """Folder of the first seed's cell of every cloth, by cloth, and by solver where there are several."""
     from cusick_bench.leaderboard import load_cells
 
-    cells = load_cells(run).table.sort_values(["cloth", "solver", "seed"])
-    fitted = cells.loc[cells["stiffness"].notna()].drop_duplicates(["cloth", "solver"])
+    cells = load_cells(run)
+    tell_damaged(cells)
+    table = cells.table.sort_values(["cloth", "solver", "seed"])
+    fitted = table.loc[table["stiffness"].notna()].drop_duplicates(["cloth", "solver"])
     names = sorted(set(fitted["solver"]))
     if not names:
         raise GarmentError(f"no cell of {run} has found any stiffness; run a solver with physics, such as homo")

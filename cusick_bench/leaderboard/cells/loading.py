@@ -48,6 +48,12 @@ class Skipped:
     seed: int | None = None
     columns: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
+    @property
+    def note(self) -> str:
+        """The cell, and why it is left out, in a line."""
+        where = f"{self.solver or '?'} on {self.cloth or '?'}, seed {'?' if self.seed is None else self.seed}"
+        return f"Left out, {self.status}: {where} ({self.folder.name}): {self.reason.splitlines()[0]}"
+
 
 @dataclass(frozen=True, eq=False)
 class Cells:
