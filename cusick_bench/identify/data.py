@@ -14,7 +14,7 @@ from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.identify.workspace import Workspace, fingerprint, is_record, keep, kept
+from cusick_bench.identify.workspace import Workspace, digests, edited, fingerprint, keep, kept, recorded
 from cusick_bench.photographs import NUMERICS_VERSION
 from cusick_bench.photographs.preparation.pictures import Pictures, find_pictures
 from cusick_bench.photographs.preparation.prepare import Preparation as Prepared
@@ -25,6 +25,7 @@ from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
 _SILHOUETTES = ("silh", "silo")  # beginnings of names of folders; the release's are misspelt, and silk is a cloth
 _MARKS = (PROTOCOL, FABRICS)
+_SHOWN = 3  # files that a message names
 
 
 def holds_photographs(folder: Path) -> bool:
@@ -134,16 +135,31 @@ def _prepared(
             return _usable(Preparation.model_validate_json(str(earlier["preparation"])), workspace)
         except (KeyError, ValidationError):
             pass
-    if record.exists() and not is_record(record):
+    if record.exists() and not recorded(record):
         raise IdentifyError(f"{record} was not written by an identification; choose another --out, or move it away")
     if record.exists() and workspace.data.is_dir():
+        _require_unedited(workspace)
         shutil.rmtree(workspace.data)  # of other photographs or options, or left unfinished
     require_free(folder, workspace.data)  # before the record, which says that the data set is ours to remove
     keep(record, "", {})
     begin(len(found.drapes))
     preparation = _described(prepare(folder, workspace.data, setting, done))
-    keep(record, key, {"preparation": preparation.model_dump_json()})
+    keep(record, key, {"preparation": preparation.model_dump_json(), "files": digests(workspace.data)})
     return _usable(preparation, workspace)
+
+
+def _require_unedited(workspace: Workspace) -> None:
+    """Refuses to remove what somebody has changed in the data set; nothing is known of one that is unfinished."""
+    written = recorded(workspace.data_record).get("files")
+    if not isinstance(written, dict):
+        return
+    if changed := edited(workspace.data, written):
+        shown = ", ".join(changed[:_SHOWN]) + (", ..." if len(changed) > _SHOWN else "")
+        raise IdentifyError(
+            f"{workspace.data} has to be made again, since photographs, options or this program have changed, and was "
+            f"edited after it had been made ({shown}); move it away to keep what you changed, or delete it, and repeat "
+            "the command"
+        )
 
 
 def _files(found: Pictures) -> list[Path]:

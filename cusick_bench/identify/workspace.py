@@ -15,7 +15,7 @@ from typing import Any
 
 from cusick_bench.files import BadFile, read_json_object
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.runner.store import disk_errors, write_json
+from cusick_bench.runner.store import disk_errors, file_digests, write_json
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,22 @@ def fingerprint(content: Mapping[str, Any], files: Iterable[Path] = ()) -> str:
     return digest.hexdigest()
 
 
+def recorded(record: Path) -> dict[str, Any]:
+    """What a record says, whatever its part was made of.
+
+    Args:
+        record: The file.
+
+    Returns:
+        Its content; empty where it is something else, damaged or not there.
+    """
+    try:
+        found = read_json_object(record, remedy="")
+    except BadFile:
+        return {}
+    return found if "inputs" in found else {}
+
+
 def kept(record: Path, key: str) -> dict[str, Any] | None:
     """Record of a finished part.
 
@@ -109,26 +125,36 @@ def kept(record: Path, key: str) -> dict[str, Any] | None:
     Returns:
         Its record; None where it is of something else, damaged or not there, so that the part has to be made.
     """
-    try:
-        found = read_json_object(record, remedy="")
-    except BadFile:
-        return None
+    found = recorded(record)
     return found if found.get("inputs") == key else None
 
 
-def is_record(path: Path) -> bool:
-    """Whether a file was written by `keep`.
+def digests(folder: Path) -> dict[str, str]:
+    """SHA-256 of all files below a folder, hidden ones left aside.
 
     Args:
-        path: The file.
+        folder: The folder.
 
     Returns:
-        False where it is something else, damaged or not there.
+        Hexadecimal digits by path, relative to it.
     """
-    try:
-        return "inputs" in read_json_object(path, remedy="")
-    except BadFile:
-        return False
+    paths = (path.relative_to(folder) for path in sorted(folder.rglob("*")) if path.is_file())
+    names = tuple(path.as_posix() for path in paths if not any(part.startswith(".") for part in path.parts))
+    return file_digests(folder, names)
+
+
+def edited(folder: Path, written: Mapping[str, str]) -> list[str]:
+    """Files of a folder that were changed, added or removed since it was written.
+
+    Args:
+        folder: The folder.
+        written: Its `digests` of then.
+
+    Returns:
+        Their paths, relative to it.
+    """
+    present = digests(folder)
+    return sorted(name for name in written.keys() | present.keys() if written.get(name) != present.get(name))
 
 
 def keep(record: Path, key: str, content: Mapping[str, Any]) -> None:

@@ -24,7 +24,7 @@ from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.fits import plan_fits, typical_rows
 from cusick_bench.identify.options import Options
 from cusick_bench.identify.words import fabric_next, fit_notes, laboratory_next, left_out_notes
-from cusick_bench.identify.workspace import Workspace
+from cusick_bench.identify.workspace import Workspace, digests
 from cusick_bench.photographs.preparation.setting_text import SettingText
 from cusick_bench.photographs.studio.folder import write_photographs
 from cusick_bench.photographs.studio.scene import make_laboratory
@@ -265,6 +265,30 @@ def test_photographs_whose_folder_is_renamed_become_another_fabric(photographs, 
     (folder / "Fabric 1").rename(folder / "Fabric 3")
     data, _ = as_data_set(str(folder), workspace, SettingText(), 256)
     assert [path.name for path in Path(data).rglob("*.png")] == ["Fabric_3_Sample_1_Capture_1.png"]
+
+
+@pytest.mark.parametrize("edit", ["change", "add", "remove"])
+def test_edits_in_a_data_set_that_was_prepared_are_not_lost(photographs, tmp_path, edit):
+    """It was made again over them, without a word, as soon as an option changed."""
+    workspace = Workspace(tmp_path / "out")
+    workspace.prepare()
+
+    def prepared(weight: str) -> None:
+        as_data_set(str(photographs), workspace, SettingText(weight=(weight,)), 256)
+
+    prepared("180 g/m2")
+    (workspace.data / ".hidden").write_text("of a file manager")
+    prepared("190 g/m2")
+    path = workspace.data / ("notes.txt" if edit == "add" else "fabrics.csv")
+    path.unlink(missing_ok=True) if edit == "remove" else path.write_text("fabric,areal_density_kg_m2\n1,0.21\n")
+    before = digests(workspace.data)
+    prepared("190 g/m2")  # nothing else has changed: used as it is
+    with pytest.raises(IdentifyError, match=rf"edited after it had been made \({path.name}\); move it away"):
+        prepared("200 g/m2")
+    assert digests(workspace.data) == before
+    workspace.data.rename(tmp_path / "mine")
+    prepared("200 g/m2")
+    assert "0.2," in (workspace.data / "fabrics.csv").read_text()
 
 
 def test_a_data_set_of_somebody_else_in_the_workspace_is_left_alone(photographs, lab, tmp_path):
