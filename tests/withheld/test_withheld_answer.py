@@ -13,6 +13,8 @@ from cusick_bench.cli import app
 from cusick_bench.diagnosis.atlas.store import SHIPPED
 from cusick_bench.diagnosis.diagnose import Options
 from cusick_bench.diagnosis.simulation.closure import Draping
+from cusick_bench.files import digest
+from cusick_bench.files.digest import file_digest
 from cusick_bench.withheld.answers.blind import answer_case, answer_suite, case_folders
 from cusick_bench.withheld.answers.oracle import oracle_closure, oracle_closures, read_oracle_closures
 from cusick_bench.withheld.errors import WithheldError
@@ -107,6 +109,18 @@ def test_a_suite_that_was_stopped_goes_on(
     assert again["case_0001"].content() == changed
     assert again["case_0002"] == first["case_0002"]
     assert sorted(told) == sorted(first)
+
+
+def test_the_files_of_a_case_are_read_once_for_their_hash(
+    small_suite: Path, small_answers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is frozen with an answer, and the name of its part, are of the same files."""
+    shutil.copytree(small_answers.with_name("answers.json.parts"), tmp_path / "answers.json.parts")
+    read: list[Path] = []
+    monkeypatch.setattr(digest, "file_digest", lambda path: read.append(path) or file_digest(path))
+    document = answer_suite(small_suite / "cases", tmp_path / "answers.json", SHIPPED, QUICK)
+    assert document == read_answers(small_answers)
+    assert len(read) == len(set(read)) > 0
 
 
 def test_other_options_are_other_answers(

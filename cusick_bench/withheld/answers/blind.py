@@ -122,7 +122,9 @@ def answer_each(
         WithheldError: Seals beside the cases that cannot be read, or a case with other files than the sealed ones.
     """
     seals, files = _seals_of(asked), _files_of(asked)
-    parts = {folder: case_part(out, folder, atlas, options) for folder, options in asked.items()}
+    parts = {
+        folder: case_part(out, folder.name, files[folder.name], atlas, options) for folder, options in asked.items()
+    }
     todo: list[_Task] = []
     for folder, part in parts.items():
         if part.exists():

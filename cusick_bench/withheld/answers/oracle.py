@@ -72,20 +72,20 @@ def oracle_closures(
     Raises:
         WithheldError: Labels of another suite than the cases.
     """
-    require_labels_of(cases, labels)
+    files = require_labels_of(cases, labels)
     truth = {case: truth_of(label) for case, label in labels.items()}
-    asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and (cases / case).is_dir()]
+    asked = [case for case, label in truth.items() if label.kind in (SINGLE, PAIR) and case in files]
     asked.sort(key=lambda case: (truth[case].unit != DETECTABLE, -truth[case].multiple))  # the strongest count most
-    parts = {case: _part(out, cases / case, labels[case], atlas, draping) for case in asked}
+    parts = {case: _part(out, case, files[case], labels[case], atlas, draping) for case in asked}
     return gather(
         out, parts, lambda case: (oracle_closure, cases / case, labels[case], atlas, draping),
         read=read_oracle_closures, write=_write, workers=workers, step=step,
     )  # fmt: skip
 
 
-def _part(out: Path, folder: Path, label: LabelDocument, atlas: Path, draping: Draping) -> Path:
+def _part(out: Path, case: str, files: str, label: LabelDocument, atlas: Path, draping: Draping) -> Path:
     """Path of the file with the closure of one case."""
-    return case_part(out, folder, atlas, label.unsealed(), f"samples {draping.samples}, seed {draping.seed}")
+    return case_part(out, case, files, atlas, label.unsealed(), f"samples {draping.samples}, seed {draping.seed}")
 
 
 def _write(path: Path, closures: OracleClosures) -> None:

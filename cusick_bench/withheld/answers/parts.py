@@ -68,38 +68,42 @@ def gather(
     return found
 
 
-def require_labels_of(cases: Path, labels: Mapping[str, LabelDocument]) -> None:
+def require_labels_of(cases: Path, labels: Mapping[str, LabelDocument]) -> dict[str, str]:
     """Checks that labels are those of cases, and these those that were published, where seals lie beside them.
 
     Args:
         cases: Folder of the cases.
         labels: Content of labels.json.
 
+    Returns:
+        SHA-256 of the files of every labelled case that is there (`folder_digest`), by name.
+
     Raises:
         WithheldError: Labels of another suite, or a case with other files than the sealed ones.
     """
     carried = {case: label.sha256 for case, label in labels.items()}
     require_one_suite(carried, seals_beside(cases), "the labels", str(cases))
-    if published := files_beside(cases):
-        found = {case: folder_digest(cases / case) for case in labels if (cases / case).is_dir()}
-        require_published_files(found, published, str(cases))
+    found = {case: folder_digest(cases / case) for case in labels if (cases / case).is_dir()}
+    require_published_files(found, files_beside(cases), str(cases))
+    return found
 
 
-def case_part(out: Path, folder: Path, atlas: Path, *options: object) -> Path:
+def case_part(out: Path, case: str, files: str, atlas: Path, *options: object) -> Path:
     """Path of the file with the result of one case.
 
     Args:
         out: File for all cases.
-        folder: Folder of the case.
+        case: Name of the case.
+        files: SHA-256 of its files.
         atlas: Fitted atlas.
         options: What else decides it, each with a text that tells it from others.
 
     Returns:
         The file, which need not be there.
     """
-    found_from = [numerics_text(answer_numerics()), file_digest(atlas), folder_digest(folder), *map(str, options)]
+    found_from = [numerics_text(answer_numerics()), file_digest(atlas), files, *map(str, options)]
     fingerprint = hashlib.sha256(" ".join(found_from).encode()).hexdigest()[:16]
-    return out.with_name(out.name + ".parts") / fingerprint / f"{folder.name}.json"
+    return out.with_name(out.name + ".parts") / fingerprint / f"{case}.json"
 
 
 def answer_numerics() -> dict[str, int]:

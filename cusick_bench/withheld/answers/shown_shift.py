@@ -127,22 +127,22 @@ def measure_shown_shifts(
     Raises:
         WithheldError: Labels or cases of another suite, or a twin that cannot be draped.
     """
-    require_labels_of(cases, labels)
+    files = require_labels_of(cases, labels)
     todo = [plan for plan in suite.plans() if plan.causes and (cases / plan.case).is_dir()]
     for plan in todo:
         if plan.case not in labels or labels[plan.case].unsealed() != label_of(plan).content():
             raise WithheldError(f"{plan.case} has another label than its suite; give labels.json and suite.json of one")
     plans = {plan.case: plan for plan in todo}
-    parts = {case: _part(out, cases / case, suite, plan, atlas) for case, plan in plans.items()}
+    parts = {case: _part(out, files[case], suite, plan, atlas) for case, plan in plans.items()}
     return gather(
         out, parts, lambda case: (_beside_twin, suite, plans[case], cases, atlas),
         read=read_shown_shifts, write=_write, workers=workers, step=step,
     )  # fmt: skip
 
 
-def _part(out: Path, folder: Path, suite: Suite, plan: Plan, atlas: Path) -> Path:
+def _part(out: Path, files: str, suite: Suite, plan: Plan, atlas: Path) -> Path:
     """Path of the file with the shown shift of one case."""
-    return case_part(out, folder, atlas, suite, plan, f"withheld {NUMERICS_VERSION}")
+    return case_part(out, plan.case, files, atlas, suite, plan, f"withheld {NUMERICS_VERSION}")
 
 
 def _write(path: Path, shifts: dict[str, ShownShift]) -> None:
