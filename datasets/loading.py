@@ -85,6 +85,8 @@ def read_dataset(
     root = folder_of(name_or_path)
     wanted = _corrections(correct)
     layout = scan(root)
+    name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
+    _require_text(layout, name)
     _tell_problems(layout)
     if str(name_or_path) == "synthetic":
         verify_checksums(layout.root)
@@ -98,7 +100,6 @@ def read_dataset(
         raise next(iter(found.faults.values()))
     _tell_copies(layout, found)
     _tell_unread(layout)
-    name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
     applied = () if verified else wanted
     dataset = DrapeDataset(
         name, layout.root, protocol, applied, build_index(name, layout, protocol, fabrics, found, applied)
@@ -108,6 +109,16 @@ def read_dataset(
         protocol, table or "published ones", ", ".join(applied) or "nothing",
     )  # fmt: skip
     return dataset
+
+
+def _require_text(layout: Layout, name: str) -> None:
+    """Refuses names with bytes that are no UTF-8, such as those of an old archive: the index cannot hold them."""
+    paths = (layout.root / entry.path for entry in (*layout.silhouettes, *layout.meshes))
+    for path, text in ((layout.root, name), *((path, path.relative_to(layout.root).as_posix()) for path in paths)):
+        try:
+            text.encode()
+        except UnicodeEncodeError as error:
+            raise DataError("name must be UTF-8", where=path, remedy="rename it") from error
 
 
 def _tell_problems(layout: Layout) -> None:

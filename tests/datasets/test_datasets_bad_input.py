@@ -4,6 +4,7 @@ import gzip
 import os
 import pickle
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -356,3 +357,19 @@ def test_a_cloth_beyond_the_image_ends_at_its_border(tmp_path):
     write_image(path, draw(Profile(toy_profile(7, 1, 1).radii + 0.065)))
     assert audit(root).kinds["touches-border"] == 1
     assert load(root).sample(0).profile.radii.max() <= 181 / 723
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other file systems have names in Unicode only")
+@pytest.mark.parametrize("part", ["folder", "image", "mesh"])
+def test_a_name_that_is_no_text_is_told(part, tmp_path):
+    """Of an archive with names in another encoding; the table of silhouettes could not be made."""
+    root = write_toy(tmp_path / "lab", fabrics=(7,))
+    named = {
+        "folder": root,
+        "image": next(root.glob("data/*/silhouettes/*")),
+        "mesh": next(root.glob("data/*/meshes/*")),
+    }[part]
+    odd = named.rename(named.with_name(os.fsdecode(os.fsencode(named.stem) + b"_\xe9" + os.fsencode(named.suffix))))
+    with pytest.raises(DataError, match="name must be UTF-8; rename it") as caught:
+        load(odd if part == "folder" else root)
+    assert caught.value.where.startswith(str(odd))
