@@ -8,6 +8,7 @@ its capture; its folder decides its fabric and sample.
 
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,7 +109,7 @@ class Layout:
         a fabric's, or one of silhouettes, meshes or a sample.
 
         Args:
-            name: File name of the table.
+            name: File name of the table, in lower case; other cases are found too, as on file systems that know none.
 
         Returns:
             Its path; None if there is none.
@@ -117,7 +118,16 @@ class Layout:
         while top.name == "data" or any(pattern.fullmatch(top.name) for pattern in _HOMES):
             top = top.parent
             places.append(top)
-        return next((place / name for place in places if os.path.lexists(place / name)), None)
+        return next((found for place in places if (found := _in_any_case(place, name))), None)
+
+
+def _in_any_case(place: Path, name: str) -> Path | None:
+    """A file of a folder, by its name in lower case."""
+    if os.path.lexists(place / name):
+        return place / name
+    with suppress(OSError):  # no such folder, or it may not be read
+        return next((place / other for other in sorted(os.listdir(place)) if other.lower() == name), None)
+    return None
 
 
 def inside_root(root: Path, relative: str) -> Path:

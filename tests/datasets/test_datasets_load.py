@@ -133,6 +133,18 @@ def test_silhouettes_alone_have_the_tables_of_their_laboratory(toy):
     assert dataset.protocol.cloth_radius_m == 0.14
 
 
+def test_tables_may_begin_with_a_capital(toy):
+    """They were taken for side files, and the release's scale for that of the pictures, without a word."""
+    (toy / "Fabrics.CSV").write_text("fabric,areal_density_kg_m2\n7,0.2\n")
+    (toy / "Protocol.json").write_text('{"cloth_radius_m": 0.14}')
+    for root in (toy, toy / "data/Fabric 7"):
+        dataset = load(root)
+        assert dataset.require_density(0) == 0.2
+        assert dataset.protocol.cloth_radius_m == 0.14
+    (toy / "protocol.json").write_text('{"cloth_radius_m": 0.145}')
+    assert load(toy).protocol.cloth_radius_m == 0.145  # that name first, where both can be
+
+
 def test_samples_may_be_numbered_by_their_date(toy):
     for path in image_path(toy, 1, 1).parent.iterdir():
         path.rename(path.with_name(path.name.replace("Sample_", "Sample_2026112")))
