@@ -27,10 +27,11 @@ bench: $(READY)  ## The main job on the shipped synthetic set: fit, score, leade
 	$(BIN)/cusick-bench report $(OUT)
 
 test: $(READY)  ## The default suite
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow and not nightly"
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow and not nightly and not threads"
+	$(BIN)/python -m pytest -q -m "threads and not slow and not nightly"
 
 slow: $(READY)  ## Paper-size checks (minutes)
-	$(BIN)/python -m pytest -q -m slow
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m slow
 
 nightly: $(READY)  ## Kills at random moments, fuzzed loaders (hours); CUSICK_MOMENTS and CUSICK_EXAMPLES say how many
 	$(BIN)/python -m pytest -q -m nightly

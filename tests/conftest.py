@@ -1,12 +1,15 @@
 """Shared fixtures. The repository root leaves sys.path, or `datasets/` would shadow other packages."""
 
+import one_thread_a_worker  # noqa: F401, before numba, numpy and torch
+
+# isort: split
 import itertools
 import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-import array_checks  # noqa: F401, before the package, whose annotations it checks
+import array_checks  # before the package, whose annotations it checks
 import jaxtyping
 import numba
 import numpy as np
@@ -29,6 +32,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Tests of what users are told, and long ones, run as users run the package: without `array_checks`."""
     unchecked = map(item.get_closest_marker, ("unchecked_arrays", "slow", "nightly"))
     jaxtyping.config.jaxtyping_disable = any(unchecked)
+    array_checks.calls_left.clear()
 
 
 @pytest.fixture(scope="session")

@@ -43,6 +43,7 @@ def test_number_of_threads_is_that_of_the_pool() -> None:
         assert list(pool.map(os.getenv, THREADS)) == ["2", "2", "2"]
 
 
+@pytest.mark.threads
 def test_one_thread_for_a_while() -> None:
     def threads() -> tuple[int, ...]:
         blas = [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]

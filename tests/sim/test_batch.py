@@ -16,6 +16,8 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.engine.statics.branch import follow, rim_folds
 from cusick_bench.sim.errors import SimulationError
 
+pytestmark = pytest.mark.threads  # members of a batch are shared out among them
+
 MESH, RINGS = disc_mesh(150, seed=2), ring_mesh(297)
 
 

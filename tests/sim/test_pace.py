@@ -81,6 +81,7 @@ def test_a_push_adds_a_share_of_the_last_displacement():
     np.testing.assert_allclose(_ends(5, 0.7, first=3), pushed, atol=1e-12)
 
 
+@pytest.mark.threads
 def test_a_drape_is_the_same_to_the_bit_with_one_thread_and_in_any_batch():
     settings, threads = replace(STEADY, pace="brisk"), get_num_threads()
     together = _fallen(settings)

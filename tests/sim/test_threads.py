@@ -18,6 +18,8 @@ from cusick_bench.sim.engine.settings import DrapeSettings
 from cusick_bench.sim.setup import Setup, Simulators, drape_setups
 from cusick_bench.sim.threads import alone
 
+pytestmark = pytest.mark.threads
+
 STIFFNESSES = tuple(np.geomspace(5e-6, 5e-5, 6).tolist())  # [N m]
 
 

@@ -209,6 +209,7 @@ class TestSearches:
         values = _values(CmaEs(), lambda point: float(np.square(point - 0.2).mean()), 20_000, 90)
         assert min(values[60:]) < min(values[:30])
 
+    @pytest.mark.threads
     @pytest.mark.parametrize("name", BAYESIAN)
     def test_same_seed_same_points_and_torch_is_left_alone(self, name):
         threads = torch.get_num_threads()

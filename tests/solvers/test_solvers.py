@@ -107,6 +107,7 @@ class TestContract:
         assert (first.draws == again.draws).all()
         assert (first.train_image == again.train_image).all()
 
+    @pytest.mark.threads
     def test_answers_are_the_same_on_any_number_of_threads(self):
         """A long sum has another last digit on two threads of BLAS, of which a limp cloth makes another drape."""
         problem, found = toy_problem(), []
