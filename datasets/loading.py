@@ -15,12 +15,11 @@ from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.index import CORRECTIONS, Progress, Survey, build_index, survey
 from cusick_bench.datasets.registry import REGISTRY, folder_of
+from cusick_bench.files.first_names import first_names
 
 _log = logging.getLogger(__name__)
 
 _REMEDIES = {"outside-link": "copy into the folder what it leads to", "no-permission": "change its mode"}
-
-_SHOWN = 3  # paths that a warning names
 
 DEFAULT_CORRECTIONS = ("pairing", "rotation", "side")
 
@@ -160,10 +159,9 @@ def _tell_unread(layout: Layout) -> None:
     pictures = [path for path in layout.unused if path.lower().endswith(SUFFIXES)]
     if pictures:
         number = "1 picture is" if len(pictures) == 1 else f"{len(pictures)} pictures are"
-        more = ", ..." if len(pictures) > _SHOWN else ""
         _log.warning(
-            "%s: %s not read, named or placed otherwise than the layout has it: %s%s; `cusick-bench data audit` lists "
-            "what is no part of the layout", layout.root, number, ", ".join(pictures[:_SHOWN]), more,
+            "%s: %s not read, named or placed otherwise than the layout has it: %s; `cusick-bench data audit` lists "
+            "what is no part of the layout", layout.root, number, first_names(pictures),
         )  # fmt: skip
 
 

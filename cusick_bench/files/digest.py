@@ -16,6 +16,18 @@ def file_digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def digests_below(folder: Path) -> dict[str, str]:
+    """SHA-256 of all files below a folder.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        Hexadecimal digits by path, relative to it.
+    """
+    return {path.relative_to(folder).as_posix(): file_digest(path) for path in folder.rglob("*") if path.is_file()}
+
+
 def folder_digest(folder: Path) -> str:
     """SHA-256 of the names and bytes of all files in a folder.
 
@@ -25,5 +37,4 @@ def folder_digest(folder: Path) -> str:
     Returns:
         Its digest in hexadecimal digits.
     """
-    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in folder.rglob("*") if path.is_file()}
-    return hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
+    return hashlib.sha256(repr(sorted(digests_below(folder).items())).encode()).hexdigest()

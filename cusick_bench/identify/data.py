@@ -12,6 +12,7 @@ from cusick_bench.datasets import REGISTRY
 from cusick_bench.datasets.files.fabrics import FILE as FABRICS
 from cusick_bench.datasets.files.layout import scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL
+from cusick_bench.files.first_names import first_names
 from cusick_bench.identify.document import Preparation, Refused
 from cusick_bench.identify.errors import IdentifyError
 from cusick_bench.identify.workspace import Workspace, digests, edited, fingerprint, keep, kept, recorded
@@ -25,7 +26,6 @@ from cusick_bench.photographs.reading import SUFFIXES, UNREAD_SUFFIXES
 _RULERS = ("board", "plate")  # beginnings of names of pictures that calibrate a camera
 _SILHOUETTES = ("silh", "silo")  # beginnings of names of folders; the release's are misspelt, and silk is a cloth
 _MARKS = (PROTOCOL, FABRICS)
-_SHOWN = 3  # files that a message names
 
 
 def holds_photographs(folder: Path) -> bool:
@@ -154,11 +154,10 @@ def _require_unedited(workspace: Workspace) -> None:
     if not isinstance(written, dict):
         return
     if changed := edited(workspace.data, written):
-        shown = ", ".join(changed[:_SHOWN]) + (", ..." if len(changed) > _SHOWN else "")
         raise IdentifyError(
             f"{workspace.data} has to be made again, since photographs, options or this program have changed, and was "
-            f"edited after it had been made ({shown}); move it away to keep what you changed, or delete it, and repeat "
-            "the command"
+            f"edited after it had been made ({first_names(changed)}); move it away to keep what you changed, or delete "
+            "it, and repeat the command"
         )
 
 

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from cusick_bench.files import BadFile, read_json_object
+from cusick_bench.files.digest import digests_below
 from cusick_bench.identify.errors import IdentifyError
-from cusick_bench.runner.store import disk_errors, file_digests, write_json
+from cusick_bench.runner.store import disk_errors, write_json
 
 
 @dataclass(frozen=True)
@@ -138,9 +139,8 @@ def digests(folder: Path) -> dict[str, str]:
     Returns:
         Hexadecimal digits by path, relative to it.
     """
-    paths = (path.relative_to(folder) for path in sorted(folder.rglob("*")) if path.is_file())
-    names = tuple(path.as_posix() for path in paths if not any(part.startswith(".") for part in path.parts))
-    return file_digests(folder, names)
+    found = digests_below(folder).items()
+    return {name: digest for name, digest in found if not any(part.startswith(".") for part in name.split("/"))}
 
 
 def edited(folder: Path, written: Mapping[str, str]) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cusick_bench.files.first_names import first_names
 from cusick_bench.leaderboard.bootstrap import (
     MINIMUM_UNITS,
     STATISTICS,
@@ -36,7 +37,6 @@ from cusick_bench.leaderboard.order import Direction, direction
 RANDOM_PHASE = "null:random-phase"
 _FLOOR = "repeat of the same drape"
 _RANKED = ("solver", "null")
-_SHOWN = 3  # cells that a note names
 _MEASURED = ("train_", "test_", "floor_", "spent_")
 
 
@@ -327,13 +327,13 @@ def _seed_notes(
         lacking = sorted(one for one in known - run.get(row.label, known) if one[0] in row.cloths)
         named = [
             f"seed {number % SEEDS} on {cloth}" + (f" split {split_of(number) + 1}" if in_turn else "")
-            for cloth, number in lacking[:_SHOWN]
+            for cloth, number in lacking
         ]
         if lacking:
             yield (
                 f"{row.label} lacks {len(lacking)} cell{'s' if len(lacking) > 1 else ''} that other rows have "
-                f"({', '.join(named)}{', ...' if len(lacking) > _SHOWN else ''}); its mean is over other cells than "
-                "theirs. Run all solvers with the same seeds (--seeds)."
+                f"({first_names(named)}); its mean is over other cells than theirs. Run all solvers with the same "
+                "seeds (--seeds)."
             )
 
 

@@ -13,6 +13,7 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.datasets.files.protocol_keys import NOTES
 from cusick_bench.datasets.index import Survey, doubtful_sides, fabric_keys, fabric_values, recognised_cloths
 from cusick_bench.datasets.irregularity import Irregularity
+from cusick_bench.files.first_names import first_names
 
 _SPELLINGS = (("sil", "silhouettes"), ("mesh", "meshes"))
 
@@ -125,7 +126,7 @@ def _unused(layout: Layout) -> Iterator[Irregularity]:
     for path in layout.unused:
         groups[PurePosixPath(path).parent.as_posix()].append(PurePosixPath(path).name)
     for folder, names in groups.items():
-        shown = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+        shown = first_names(names, 5)
         yield Irregularity(folder, "unused-file", f"{len(names)} files that are no part of the layout: {shown}")
 
 

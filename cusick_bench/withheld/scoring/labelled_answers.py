@@ -1,9 +1,10 @@
 """Reads answers together with their labels, and checks that both have the same cases and that seals are intact."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from cusick_bench.files.first_names import first_names
 from cusick_bench.withheld.answers.leave_out import labels_to_answer
 from cusick_bench.withheld.answers.oracle import OracleClosures
 from cusick_bench.withheld.answers.shown_shift import ShownShift
@@ -19,8 +20,6 @@ from cusick_bench.withheld.format.seal import (
     require_published_files,
 )
 from cusick_bench.withheld.scoring.measures import DISTINCT
-
-_NAMES_SHOWN = 3  # in a message
 
 
 @dataclass(frozen=True)
@@ -153,13 +152,9 @@ def _require_same_cases(answered: set[str], labelled: set[str], answers: Path, l
     ):
         if lacking:
             raise WithheldError(
-                f"every case must have an answer and a label; {what} {len(lacking)}: {_some(sorted(lacking))}; {remedy}"
+                f"every case must have an answer and a label; {what} {len(lacking)}: "
+                f"{first_names(sorted(lacking))}; {remedy}"
             )
-
-
-def _some(names: Sequence[str]) -> str:
-    """The first of several names, as a list in words."""
-    return ", ".join(names[:_NAMES_SHOWN]) + (", ..." if len(names) > _NAMES_SHOWN else "")
 
 
 def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -> str:
@@ -185,7 +180,7 @@ def _check_seals(labels: Mapping[str, LabelDocument], commitment: Path | None) -
             )
     fit = f"All {len(labels)} labels fit the seals published in {commitment.name}"
     left = sorted(published.keys() - labels.keys())
-    return f"{fit}; {len(left)} cases sealed there are not scored: {_some(left)}." if left else f"{fit}."
+    return f"{fit}; {len(left)} cases sealed there are not scored: {first_names(left)}." if left else f"{fit}."
 
 
 def _check_files(answered: AnswersDocument, answers: str, commitment: Path | None) -> list[str]:
