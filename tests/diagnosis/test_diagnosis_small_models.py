@@ -101,11 +101,27 @@ def test_fabrics_without_effect_are_detected_as_seldom_as_the_level_says(size: f
     noise = generator.standard_normal((250, 4))
     if np.isfinite(freedom):
         noise *= np.sqrt(freedom / generator.chisquare(freedom, (250, 1)))
-    p = [detection_p_value(model(white, freedom), generator, draws=99) for white in scale * noise]
+    p = [detection_p_value(model(white, freedom), generator, draws=99, most=99) for white in scale * noise]
     assert min(p) >= 0.01
     assert np.mean(np.array(p) <= 0.05) < 0.095  # within three standard errors
     assert np.mean(np.array(p) <= 0.2) < 0.28
 
 
+def test_p_values_near_the_level_of_the_test_are_from_more_draws_so_that_chance_does_not_decide():
+    nulls = np.random.default_rng(2).standard_normal((1000, 4))
+    in_order = nulls[np.argsort(-detection_statistic(model(), nulls))]
+
+    def p_value(white: np.ndarray, seed: int, most: int) -> float:
+        return detection_p_value(model(white), np.random.default_rng(seed), most=most)
+
+    near = min(in_order[:200:5], key=lambda white: abs(p_value(white, 0, most=2000) - 0.05))
+    few = np.std([p_value(near, seed, most=2000) for seed in range(1, 13)])
+    many = np.std([p_value(near, seed, most=50_000) for seed in range(1, 13)])
+    assert few > 0.0025
+    assert many < 0.0015
+    far = in_order[len(nulls) // 2]
+    assert p_value(far, 1, most=50_000) == p_value(far, 1, most=2000)
+
+
 def test_no_p_value_is_zero():
-    assert detection_p_value(model(50 + WHITE), np.random.default_rng(0), draws=19) == pytest.approx(0.05)
+    assert detection_p_value(model(50 + WHITE), np.random.default_rng(0), draws=19, most=19) == pytest.approx(0.05)
