@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from cusick_bench.datasets.errors import DataError
     from cusick_bench.datasets.loading import load
     from cusick_bench.datasets.profile import Profile, drape_coefficient, fold_count, profile_from_image
-    from cusick_bench.metrics.hausdorff_distance import hausdorff
-    from cusick_bench.metrics.image import iou, mse
+    from cusick_bench.metrics.distances.hausdorff_distance import hausdorff
+    from cusick_bench.metrics.distances.image import iou, mse
     from cusick_bench.problem.drape_problem import DrapeProblem
     from cusick_bench.problem.errors import BudgetExceeded
     from cusick_bench.problem.metering.budget import Budget
@@ -48,10 +48,10 @@ _MODULES = {
     "disc_mesh": "sim.cloth.mesh",
     "drape_coefficient": "datasets.profile",
     "fold_count": "datasets.profile",
-    "hausdorff": "metrics.hausdorff_distance",
-    "iou": "metrics.image",
+    "hausdorff": "metrics.distances.hausdorff_distance",
+    "iou": "metrics.distances.image",
     "load": "datasets.loading",
-    "mse": "metrics.image",
+    "mse": "metrics.distances.image",
     "profile_from_image": "datasets.profile",
     "project_admissible": "sim.cloth.material",
     "render": "sim.render.silhouette",

@@ -24,7 +24,7 @@ _log = logging.getLogger(__name__)
 
 CALLED = (
     "sim/laws/*.py", "sim/engine/plate/block_sums.py", "sim/engine/plate/points.py", "sim/linear/dense.py",
-    "sim/linear/lanes.py", "metrics/surface.py",
+    "sim/linear/lanes.py", "metrics/distances/surface.py",
 )  # fmt: skip
 """Files whose compiled functions those of other files call."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from jaxtyping import TypeCheckError
 
-from cusick_bench.metrics.proper_scores import crps
+from cusick_bench.metrics.distributions.proper_scores import crps
 
 MODULE = """
 from dataclasses import dataclass

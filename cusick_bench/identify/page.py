@@ -20,9 +20,9 @@ from cusick_bench.leaderboard import significant
 from cusick_bench.metrics.found_stiffness import read_stiffness
 from cusick_bench.metrics.stiffness import GF_CM2_PER_CM
 from cusick_bench.report.cell_view import load_cell_view
-from cusick_bench.report.diagnosis.causes import cause_section
-from cusick_bench.report.diagnosis.verdict import VerdictBox, verdict_box
-from cusick_bench.report.diagnosis.words import VERDICTS
+from cusick_bench.report.diagnosis.sections.causes import cause_section
+from cusick_bench.report.diagnosis.sections.verdict import VerdictBox, verdict_box
+from cusick_bench.report.diagnosis.wording.words import VERDICTS
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
 from cusick_bench.report.drawing.stiffness_graph import StiffnessLine
 from cusick_bench.report.errors import ReportError

@@ -1,24 +1,38 @@
-"""Metrics of drapes: images, surfaces, profiles, and the score of a whole prediction."""
+"""Metrics of drapes.
+
+distances: of two drapes, as images, outlines and surfaces; distributions: predicted drapes against samples;
+prediction_score: the score of a whole prediction; stiffness, found_stiffness: stiffness that was found against the
+truth.
+"""
 
 from typing import TYPE_CHECKING
 
 from cusick_bench.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cusick_bench.metrics.calibration import coverage, fold_test, ranks
-    from cusick_bench.metrics.classification import Classifier, Confusion, learn
-    from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
-    from cusick_bench.metrics.drape_variability import Variability, variability, variability_rows
-    from cusick_bench.metrics.energy import energy_distance
-    from cusick_bench.metrics.errors import MetricError
-    from cusick_bench.metrics.hausdorff_distance import hausdorff
-    from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
-    from cusick_bench.metrics.prediction_score import expected_best, from_levels, score, to_levels
-    from cusick_bench.metrics.profile import profile_rms, profile_rms_rotated, quantile_distance, spectrum_distance
-    from cusick_bench.metrics.proper_scores import crps, energy_distance_of_draws, energy_score, variogram_score
-    from cusick_bench.metrics.ruled import ruled_surface
-    from cusick_bench.metrics.shape import Shape
-    from cusick_bench.metrics.statistics import (
+    from cusick_bench.metrics.distances.hausdorff_distance import hausdorff
+    from cusick_bench.metrics.distances.image import iou, iou_pairs, mse, mse_pairs
+    from cusick_bench.metrics.distances.profile import (
+        profile_rms,
+        profile_rms_rotated,
+        quantile_distance,
+        spectrum_distance,
+    )
+    from cusick_bench.metrics.distances.ruled import ruled_surface
+    from cusick_bench.metrics.distances.shape import Shape
+    from cusick_bench.metrics.distances.surface import Surface
+    from cusick_bench.metrics.distributions.calibration import coverage, fold_test, ranks
+    from cusick_bench.metrics.distributions.classification import Classifier, Confusion, learn
+    from cusick_bench.metrics.distributions.distribution import DISTRIBUTION_METRICS, distribution_scores
+    from cusick_bench.metrics.distributions.drape_variability import Variability, variability, variability_rows
+    from cusick_bench.metrics.distributions.energy import energy_distance
+    from cusick_bench.metrics.distributions.proper_scores import (
+        crps,
+        energy_distance_of_draws,
+        energy_score,
+        variogram_score,
+    )
+    from cusick_bench.metrics.distributions.statistics import (
         LOCKED,
         PHASE_FREE,
         SCALES,
@@ -28,7 +42,8 @@ if TYPE_CHECKING:
         profile_statistics,
         standardised,
     )
-    from cusick_bench.metrics.surface import Surface
+    from cusick_bench.metrics.errors import MetricError
+    from cusick_bench.metrics.prediction_score import expected_best, from_levels, score, to_levels
 
 NUMERICS_VERSION = 1  # raised when a metric's numbers change: see runner/numerics.py
 
@@ -79,46 +94,46 @@ __all__ = [
 __getattr__ = lazy_names(
     __name__,
     {
-        "Classifier": "classification",
-        "Confusion": "classification",
-        "DISTRIBUTION_METRICS": "distribution",
-        "LOCKED": "statistics",
+        "Classifier": "distributions.classification",
+        "Confusion": "distributions.classification",
+        "DISTRIBUTION_METRICS": "distributions.distribution",
+        "LOCKED": "distributions.statistics",
         "MetricError": "errors",
-        "PHASE_FREE": "statistics",
-        "SCALES": "statistics",
-        "STATISTICS": "statistics",
-        "Shape": "shape",
-        "Surface": "surface",
-        "Variability": "drape_variability",
-        "coverage": "calibration",
-        "crps": "proper_scores",
-        "distribution_scores": "distribution",
-        "drape_statistics": "statistics",
-        "energy_distance": "energy",
-        "energy_distance_of_draws": "proper_scores",
-        "energy_score": "proper_scores",
+        "PHASE_FREE": "distributions.statistics",
+        "SCALES": "distributions.statistics",
+        "STATISTICS": "distributions.statistics",
+        "Shape": "distances.shape",
+        "Surface": "distances.surface",
+        "Variability": "distributions.drape_variability",
+        "coverage": "distributions.calibration",
+        "crps": "distributions.proper_scores",
+        "distribution_scores": "distributions.distribution",
+        "drape_statistics": "distributions.statistics",
+        "energy_distance": "distributions.energy",
+        "energy_distance_of_draws": "distributions.proper_scores",
+        "energy_score": "distributions.proper_scores",
         "expected_best": "prediction_score",
-        "fold_test": "calibration",
+        "fold_test": "distributions.calibration",
         "from_levels": "prediction_score",
-        "hausdorff": "hausdorff_distance",
-        "image_statistics": "statistics",
-        "iou": "image",
-        "iou_pairs": "image",
-        "learn": "classification",
-        "mse": "image",
-        "mse_pairs": "image",
-        "profile_rms": "profile",
-        "profile_rms_rotated": "profile",
-        "profile_statistics": "statistics",
-        "quantile_distance": "profile",
-        "ranks": "calibration",
-        "ruled_surface": "ruled",
+        "hausdorff": "distances.hausdorff_distance",
+        "image_statistics": "distributions.statistics",
+        "iou": "distances.image",
+        "iou_pairs": "distances.image",
+        "learn": "distributions.classification",
+        "mse": "distances.image",
+        "mse_pairs": "distances.image",
+        "profile_rms": "distances.profile",
+        "profile_rms_rotated": "distances.profile",
+        "profile_statistics": "distributions.statistics",
+        "quantile_distance": "distances.profile",
+        "ranks": "distributions.calibration",
+        "ruled_surface": "distances.ruled",
         "score": "prediction_score",
-        "spectrum_distance": "profile",
-        "standardised": "statistics",
+        "spectrum_distance": "distances.profile",
+        "standardised": "distributions.statistics",
         "to_levels": "prediction_score",
-        "variability": "drape_variability",
-        "variability_rows": "drape_variability",
-        "variogram_score": "proper_scores",
+        "variability": "distributions.drape_variability",
+        "variability_rows": "distributions.drape_variability",
+        "variogram_score": "distributions.proper_scores",
     },
 )

@@ -25,18 +25,18 @@ from scipy.special import gammaln
 from cusick_bench.datasets import DrapeSample
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.index import OTHER_FACE
-from cusick_bench.metrics.distribution import DISTRIBUTION_METRICS, distribution_scores
-from cusick_bench.metrics.errors import MetricError
-from cusick_bench.metrics.hausdorff_distance import hausdorff
-from cusick_bench.metrics.image import iou, iou_pairs, mse, mse_pairs
-from cusick_bench.metrics.profile import (
+from cusick_bench.metrics.distances.hausdorff_distance import hausdorff
+from cusick_bench.metrics.distances.image import iou, iou_pairs, mse, mse_pairs
+from cusick_bench.metrics.distances.profile import (
     profile_rms,
     profile_rms_rotated,
     quantile_distance,
     spectrum_distance,
 )
-from cusick_bench.metrics.shape import Image, Shape
-from cusick_bench.metrics.surface import Surface
+from cusick_bench.metrics.distances.shape import Image, Shape
+from cusick_bench.metrics.distances.surface import Surface
+from cusick_bench.metrics.distributions.distribution import DISTRIBUTION_METRICS, distribution_scores
+from cusick_bench.metrics.errors import MetricError
 from cusick_bench.solvers.base import Prediction
 
 SUBSETS = (10, 100, 1000)  # numbers of draws for which best-of-n is recorded

@@ -8,10 +8,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cusick_bench.benchmark import optimisers
-from cusick_bench.benchmark.functions import BenchmarkError
-from cusick_bench.benchmark.optimiser_table import RunFile, markdown_table, table_rows
-from cusick_bench.benchmark.optimisers import PUBLISHED, Finished, Plan, compare, run_numerics
+from cusick_bench.benchmark.optimisers.functions import BenchmarkError
+from cusick_bench.benchmark.optimisers.runs import PUBLISHED, Finished, Plan, compare, run_numerics
+from cusick_bench.benchmark.optimisers.table import RunFile, markdown_table, table_rows
 from cusick_bench.cli import app
 
 PLAN = Plan("hartmann6", runs=3, methods=("sobol", "cmaes"))
@@ -35,10 +34,8 @@ class TestRuns:
         whole = compare(PLAN)
         file, made = RunFile(tmp_path), []
         compare(replace(PLAN, runs=1), keep=file.keep)
-        run_once = optimisers.run_once
-        monkeypatch.setattr(
-            optimisers, "run_once", lambda plan, *words: made.append(words[:2]) or run_once(plan, *words)
-        )
+        run_once = runs.run_once
+        monkeypatch.setattr(runs, "run_once", lambda plan, *words: made.append(words[:2]) or run_once(plan, *words))
         resumed = compare(PLAN, known=file.read(), keep=file.keep)
         assert made == [("sobol", 1), ("cmaes", 1), ("sobol", 2), ("cmaes", 2)]
         assert [row["best"] for row in resumed["methods"]] == [row["best"] for row in whole["methods"]]

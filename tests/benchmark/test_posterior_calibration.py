@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cusick_bench.benchmark import posterior_calibration
-from cusick_bench.benchmark.posterior_calibration import (
+from cusick_bench.benchmark.posterior_calibration.calibration import (
     CalibrationError,
     CalibrationFit,
     CalibrationPlan,
@@ -17,7 +16,7 @@ from cusick_bench.benchmark.posterior_calibration import (
     calibration_table,
     plan_numerics,
 )
-from cusick_bench.benchmark.posterior_calibration_file import FitFile
+from cusick_bench.benchmark.posterior_calibration.table import FitFile
 from cusick_bench.cli import app
 
 QUICK = CalibrationPlan("bdp-field,draws=1,first=8,rounds=1,cloths=4,search=3,refinement=0", fits=2, vertices=80)
@@ -93,7 +92,7 @@ def test_a_fit_that_fails_stops_no_other_and_is_told(tmp_path: Path, monkeypatch
             raise ValueError("singular")
         return CalibrationFit(number, 0.1, alike(1.0), alike(1.0), alike(0.5), 1.0, plan_numerics(plan))
 
-    monkeypatch.setattr(posterior_calibration, "calibration_fit", fit)
+    monkeypatch.setattr(calibration, "calibration_fit", fit)
     words = ["posterior-calibration", "--solver", QUICK.solver, "--fits", "3", "--vertices", "80", "--budget", "1000"]
     result = CliRunner().invoke(app, [*words, "--workers", "1", "--out", str(tmp_path), "--json"])
     assert result.exit_code == 1

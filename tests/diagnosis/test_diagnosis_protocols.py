@@ -25,7 +25,7 @@ from cusick_bench.diagnosis.measure.captures import Captures, read_captures
 from cusick_bench.diagnosis.measure.statistics import FREE, RESOLUTION, capture_statistics
 from cusick_bench.diagnosis.options import Options
 from cusick_bench.problem.scene import parse_causes
-from cusick_bench.report.diagnosis.words import cloth_in_words
+from cusick_bench.report.diagnosis.wording.words import cloth_in_words
 
 CLOTH = "fabric_3"
 

@@ -118,7 +118,7 @@ FAULTS = (
         "cusick_bench/diagnosis/measure/captures.py",
         "for row in range(len(chosen)):",
         "for row in range(1, len(chosen)):",
-        "tests/diagnosis/test_diagnosis_captures.py::test_captures_are_read_with_their_labels",
+        "tests/diagnosis/measure/test_diagnosis_captures.py::test_captures_are_read_with_their_labels",
     ),
     Fault(
         "stale cache",

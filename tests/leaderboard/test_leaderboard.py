@@ -26,7 +26,7 @@ from cusick_bench.leaderboard import (
 from cusick_bench.leaderboard.bootstrap import cell_values, geometric_mean, mean
 from cusick_bench.leaderboard.cells.cell_number import SEEDS
 from cusick_bench.leaderboard.verification.submit import append, rows_of
-from cusick_bench.metrics.proper_scores import variogram_score
+from cusick_bench.metrics.distributions.proper_scores import variogram_score
 from cusick_bench.runner import Store
 
 app = typer.Typer()

@@ -20,7 +20,7 @@ from cusick_bench.metrics import (
     ruled_surface,
     spectrum_distance,
 )
-from cusick_bench.metrics.hausdorff_distance import hausdorff
+from cusick_bench.metrics.distances.hausdorff_distance import hausdorff
 
 ANGLES = 2 * np.pi * np.arange(720) / 720
 

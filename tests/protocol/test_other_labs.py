@@ -26,12 +26,12 @@ from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import camera_of
 from cusick_bench.datasets.profile import profile_from_mesh
 from cusick_bench.datasets.stats import statistics
-from cusick_bench.metrics.distribution import distribution_scores
-from cusick_bench.metrics.hausdorff_distance import hausdorff
-from cusick_bench.metrics.image import mse
-from cusick_bench.metrics.profile import profile_rms
-from cusick_bench.metrics.shape import Shape
-from cusick_bench.metrics.surface import Surface
+from cusick_bench.metrics.distances.hausdorff_distance import hausdorff
+from cusick_bench.metrics.distances.image import mse
+from cusick_bench.metrics.distances.profile import profile_rms
+from cusick_bench.metrics.distances.shape import Shape
+from cusick_bench.metrics.distances.surface import Surface
+from cusick_bench.metrics.distributions.distribution import distribution_scores
 from cusick_bench.problem import Budget
 from cusick_bench.runner import ProblemSettings, Store, plan, run_cell
 from cusick_bench.sim.cloth.material import uniform_material

@@ -17,11 +17,11 @@ from cusick_bench.datasets.files.protocol import Protocol
 from cusick_bench.diagnosis.document.build import _measured
 from cusick_bench.diagnosis.document.model import Profiles
 from cusick_bench.diagnosis.measure.captures import captures_from_profiles
-from cusick_bench.report.diagnosis.bars import Bar, bars_graph, closure_graph, gap_graph
-from cusick_bench.report.diagnosis.cloth_map import Arrow, Region, cloth_map
-from cusick_bench.report.diagnosis.number_format import percent
-from cusick_bench.report.diagnosis.profile_graphs import every_graph, mean_graph, silhouette_graph, sorted_graph
-from cusick_bench.report.diagnosis.profiles import Sided, mean_difference, sided_profiles
+from cusick_bench.report.diagnosis.graphs.bars import Bar, bars_graph, closure_graph, gap_graph
+from cusick_bench.report.diagnosis.graphs.cloth_map import Arrow, Region, cloth_map
+from cusick_bench.report.diagnosis.graphs.profile_graphs import every_graph, mean_graph, silhouette_graph, sorted_graph
+from cusick_bench.report.diagnosis.graphs.profiles import Sided, mean_difference, sided_profiles
+from cusick_bench.report.diagnosis.wording.number_format import percent
 from cusick_bench.report.drawing.palette import CAUSE, FLOOR, MODEL, REAL
 
 

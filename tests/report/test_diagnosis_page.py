@@ -18,9 +18,9 @@ from made_up_diagnosis import (
     statistic,
 )
 
-from cusick_bench.report.diagnosis.number_format import percent
 from cusick_bench.report.diagnosis.page import diagnosis_page, write_diagnosis_page
-from cusick_bench.report.diagnosis.statistics import statistic_table
+from cusick_bench.report.diagnosis.sections.statistics import statistic_table
+from cusick_bench.report.diagnosis.wording.number_format import percent
 
 
 def page(content: dict, folder: Path) -> Page:

@@ -7,10 +7,10 @@ from made_up_diagnosis import statistic
 from cusick_bench.diagnosis.atlas.base_model import DENSITY, NAMES, cloth
 from cusick_bench.diagnosis.document.model import BaseParameters, DataCounts, DiagnosisDocument, StatisticRow
 from cusick_bench.diagnosis.measure.statistics import NAMES as STATISTICS
-from cusick_bench.report.diagnosis.effect_words import physics, signature
-from cusick_bench.report.diagnosis.number_format import measure, percent, plain
-from cusick_bench.report.diagnosis.statistics import ShownStatistic, statistic_table
-from cusick_bench.report.diagnosis.words import cloth_in_words, entropy_of, statistic_name, worth
+from cusick_bench.report.diagnosis.sections.statistics import ShownStatistic, statistic_table
+from cusick_bench.report.diagnosis.wording.effect_words import physics, signature
+from cusick_bench.report.diagnosis.wording.number_format import measure, percent, plain
+from cusick_bench.report.diagnosis.wording.words import cloth_in_words, entropy_of, statistic_name, worth
 from cusick_bench.sim.effects import registered
 from cusick_bench.sim.laws.plate import curvature_shares, plate_stiffness
 

@@ -14,8 +14,15 @@ from scipy.optimize import minimize_scalar
 from toy_problem import toy_problem
 from typer.testing import CliRunner
 
-from cusick_bench.benchmark.functions import FUNCTIONS, BenchmarkError, HiddenFunction, branin, hartmann6, hide
-from cusick_bench.benchmark.optimisers import METHODS, Plan, Published, run_once, summary
+from cusick_bench.benchmark.optimisers.functions import (
+    FUNCTIONS,
+    BenchmarkError,
+    HiddenFunction,
+    branin,
+    hartmann6,
+    hide,
+)
+from cusick_bench.benchmark.optimisers.runs import METHODS, Plan, Published, run_once, summary
 from cusick_bench.cli import app
 from cusick_bench.problem import Budget
 from cusick_bench.sim.errors import DrapeDiverged

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from cusick_bench.metrics.ruled import ruled_surface
+from cusick_bench.metrics.distances.ruled import ruled_surface
 from cusick_bench.problem import Budget, DrapeProblem, HomogeneousSpace, Meter, StiffnessPrior, TrainMesh
 from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.sim.cloth.heterogeneity import modulated

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # when run as a script
 
 from toy_problem import toy_held_out, toy_image, toy_problem
 
-from cusick_bench.benchmark import functions
+from cusick_bench.benchmark.optimisers import functions
 from cusick_bench.datasets import DrapeDataset, load
 from cusick_bench.datasets.files import hanging_line
 from cusick_bench.datasets.files.protocol import RELEASE

@@ -13,7 +13,7 @@ from numpy import ndarray
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import profile_of
 from cusick_bench.datasets.silhouette_statistics.selections import Selection
-from cusick_bench.metrics.image import mse_pairs
+from cusick_bench.metrics.distances.image import mse_pairs
 
 _MEASURED = Selection(("area_dc", "folds", "fold_depth", "fold_skewness", "crest_number"), ())
 _MM = 1e3

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from cusick_bench.benchmark.optimisers import Plan, compare
+from cusick_bench.benchmark.optimisers.runs import Plan, compare
 from cusick_bench.cli.common import interruptible, output, print_json, tell, user_errors
 from cusick_bench.cli.completion import complete_solver
 from cusick_bench.cli.options import Json, Seed, output_option
 from cusick_bench.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from cusick_bench.benchmark.optimiser_table import RunFile
+    from cusick_bench.benchmark.optimisers.table import RunFile
 
 
 app = typer.Typer()
@@ -53,7 +53,7 @@ def optimisers(
     differ. With --out, repeating the command goes on where it was stopped, and other functions and methods join the
     same table.
     """
-    from cusick_bench.benchmark.optimiser_table import RunFile, table_rows, write_table
+    from cusick_bench.benchmark.optimisers.table import RunFile, table_rows, write_table
 
     plan = Plan(function, dimension, evaluations, runs, tuple(solver or Plan.methods), seed)
     file = None if out is None else RunFile(out)

@@ -26,8 +26,8 @@ from cusick_bench.cli.options import (
 from cusick_bench.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from cusick_bench.benchmark.posterior_calibration import CalibrationFit, CalibrationPlan, FailedFit
-    from cusick_bench.benchmark.posterior_calibration_file import FitFile
+    from cusick_bench.benchmark.posterior_calibration.calibration import CalibrationFit, CalibrationPlan, FailedFit
+    from cusick_bench.benchmark.posterior_calibration.table import FitFile
 
 app = typer.Typer()
 _VERTICES = 297  # on much coarser meshes limp cloth stands stiffly, and a silhouette no longer tells its stiffness
@@ -53,8 +53,8 @@ def posterior_calibration(
     Cloths are drawn from the prior that a solver assumes, so that only its inference is tested. With --out, repeating
     the command goes on where it was stopped. A fit that fails is not in the table; the exit status is then 1.
     """
-    from cusick_bench.benchmark.posterior_calibration import CalibrationPlan, calibration_table
-    from cusick_bench.benchmark.posterior_calibration_file import FitFile
+    from cusick_bench.benchmark.posterior_calibration.calibration import CalibrationPlan, calibration_table
+    from cusick_bench.benchmark.posterior_calibration.table import FitFile
 
     plans = [
         CalibrationPlan(one, fits, vertices, budget, law.value, seed) for one in solver or [CalibrationPlan.solver]
@@ -82,7 +82,7 @@ def posterior_calibration(
 
 def _fitted(plan: CalibrationPlan, file: FitFile | None, workers: int) -> tuple[list[CalibrationFit], list[FailedFit]]:
     """Makes the fits that the file lacks; all that are finished, in order, and those that failed."""
-    from cusick_bench.benchmark.posterior_calibration import FailedFit, calibration_fits
+    from cusick_bench.benchmark.posterior_calibration.calibration import FailedFit, calibration_fits
 
     fits, failed = {} if file is None else file.read(plan), []
     lacking = [number for number in range(plan.fits) if number not in fits]

@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from cusick_bench.diagnosis.errors import DiagnosisError
 from cusick_bench.diagnosis.measure.resampling import halves_by_cluster
-from cusick_bench.metrics.energy import cluster_distances
+from cusick_bench.metrics.distributions.energy import cluster_distances
 
 
 def split_half_floor(

@@ -27,7 +27,7 @@ from numpy import ndarray
 from cusick_bench.diagnosis.measure.floors import split_half_floor
 from cusick_bench.diagnosis.measure.resampling import bootstrap_weights
 from cusick_bench.diagnosis.measure.statistics import GROUPS
-from cusick_bench.metrics.energy import ClusterDistances, cluster_distances
+from cusick_bench.metrics.distributions.energy import ClusterDistances, cluster_distances
 
 _DRAWS = 400
 _LEAST = 4  # least number of samples for a floor

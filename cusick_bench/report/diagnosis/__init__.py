@@ -1,6 +1,6 @@
-"""The page of a diagnosis.
+"""The page of a diagnosis: page -> sections -> graphs -> wording.
 
-page: `write_diagnosis_page`; verdict, gap, place, causes, statistics, before_after, budget, next_steps: its sections;
-bars, cloth_map, profile_graphs: their graphs; profiles: drapes of data and models; words, effect_words, number_format,
-named_causes: how things are said. Its HTML: `report/templates`.
+page: `write_diagnosis_page`; sections: verdict, gap, place, causes, statistics, before and after, budget, next steps;
+graphs: their graphs, and the drapes of data and models in them; wording: how things are said. Its HTML:
+`report/templates`.
 """

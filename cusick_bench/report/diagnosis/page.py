@@ -4,15 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cusick_bench.diagnosis.document.model import DiagnosisDocument
-from cusick_bench.report.diagnosis.before_after import ProfileSection, profile_section
-from cusick_bench.report.diagnosis.budget import BudgetTable, budget_table
-from cusick_bench.report.diagnosis.causes import CauseSection, cause_section
-from cusick_bench.report.diagnosis.gap import ClosureSection, GapSection, closure_section, gap_section
-from cusick_bench.report.diagnosis.next_steps import NextSection, next_section
-from cusick_bench.report.diagnosis.place import PlaceSection, place_section
-from cusick_bench.report.diagnosis.statistics import StatisticTable, statistic_table
-from cusick_bench.report.diagnosis.verdict import VerdictBox, verdict_box
-from cusick_bench.report.diagnosis.words import cloth_in_words
+from cusick_bench.report.diagnosis.sections.before_after import ProfileSection, profile_section
+from cusick_bench.report.diagnosis.sections.budget import BudgetTable, budget_table
+from cusick_bench.report.diagnosis.sections.causes import CauseSection, cause_section
+from cusick_bench.report.diagnosis.sections.gap import ClosureSection, GapSection, closure_section, gap_section
+from cusick_bench.report.diagnosis.sections.next_steps import NextSection, next_section
+from cusick_bench.report.diagnosis.sections.place import PlaceSection, place_section
+from cusick_bench.report.diagnosis.sections.statistics import StatisticTable, statistic_table
+from cusick_bench.report.diagnosis.sections.verdict import VerdictBox, verdict_box
+from cusick_bench.report.diagnosis.wording.words import cloth_in_words
 from cusick_bench.report.page_template import render_page, write_html
 
 _FITTED_ALONE, _FITTED_TOGETHER = "Fitted without any cause.", "Fitted together with the likeliest causes."

@@ -1,0 +1,1 @@
+"""How the page of a diagnosis says things: names, numbers, verdicts, effects and named causes."""
