@@ -92,7 +92,9 @@ def diagnose_controls(
     over = {one.fabric for one in judgements}
     if over:
         tell(f"going on with {out}, which has {', '.join(sorted(over))}")
-    kept = interruptible(lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written")
+    kept = interruptible(
+        lambda: f"the fabrics that were ready are in {out}" if judgements else "nothing was written", go_on=True
+    )
     with progress_bar("reading data", len(chosen)) as bar, kept, folder_made(out.parent):
         for number, name in enumerate(chosen):
             if name in over:
