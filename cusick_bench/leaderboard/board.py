@@ -28,6 +28,7 @@ from cusick_bench.leaderboard.bootstrap import (
     repeats,
 )
 from cusick_bench.leaderboard.cells.cell_number import SEEDS, split_of
+from cusick_bench.leaderboard.cells.commands import command_record
 from cusick_bench.leaderboard.cells.loading import Cells, Skipped
 from cusick_bench.leaderboard.cells.variants import BOARD, Problem, failures, method_label, problems_run, variants
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -162,8 +163,9 @@ def leaderboards(cells: Cells, *, by: str = "test_mse", statistic: str = "mean",
             *_seed_notes(rows, groups, cells.skipped),
             *_notes(cells, rows, cloths, by, unmeasured),
         )
+        run = command_record(cells.run, (folder.name for folder in table["folder"]))
         boards.append(
-            Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=cells.run)
+            Leaderboard(**identity, by=by, statistic=statistic, cloths=cloths, rows=rows, notes=notes, run=run)
         )
     return boards
 

@@ -12,7 +12,8 @@ from rich.text import Text
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard, Row
-from cusick_bench.leaderboard.text import TextTable, text_table, typed
+from cusick_bench.leaderboard.cells.commands import typed
+from cusick_bench.leaderboard.text import TextTable, text_table
 from cusick_bench.runner.environment import code_text
 
 _STYLES = {"null": "yellow", "oracle": "magenta", "floor": "cyan", "solver": "bold"}

@@ -1,13 +1,12 @@
 """A leaderboard as a table of short strings: the common source of its terminal, Markdown, LaTeX and HTML forms."""
 
-import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
-from pathlib import Path
 
 from cusick_bench.leaderboard.board import Leaderboard, Row
 from cusick_bench.leaderboard.bootstrap import Estimate
+from cusick_bench.leaderboard.cells.commands import typed
 from cusick_bench.leaderboard.order import direction
 from cusick_bench.runner.environment import code_text, hardware_text
 
@@ -247,26 +246,6 @@ def text_table(board: Leaderboard) -> TextTable:
         entries=tuple(tuple(column.entry(row) for column in columns) for row in board.rows),
         notes=(*board.notes, *provenance(board)),
     )
-
-
-def typed(command: str | Sequence[object]) -> str:
-    """A command line as one types it, wherever the program lies.
-
-    Args:
-        command: Words of a command line, or the whole of it.
-
-    Returns:
-        Text without the program's folder; words that a shell would split are in quotes, and bytes of paths that are no
-        text are question marks.
-    """
-    if isinstance(command, str):
-        program, *rest = command.split(" ")
-    else:
-        program, *rest = map(str, command or [""])
-        rest = list(map(shlex.quote, rest))
-    name = Path(program).name
-    text = " ".join(["cusick-bench" if name == "__main__.py" else name, *rest])
-    return text.encode(errors="replace").decode()
 
 
 def provenance(board: Leaderboard) -> list[str]:

@@ -40,7 +40,7 @@ from cusick_bench.problem.train_mesh import with_reference
 from cusick_bench.runner.environment import code_state
 from cusick_bench.runner.grid import Cell
 from cusick_bench.runner.samples import read_image, read_repeats, read_sample, training_rows
-from cusick_bench.runner.store import FATAL, Store, disk_errors, write_json
+from cusick_bench.runner.store import Store, disk_errors, ends_grid, write_json
 from cusick_bench.sim.cloth.mesh import Mesh
 from cusick_bench.sim.cloth.resolution import cloth_mesh
 from cusick_bench.sim.drape import DrapeSimulator
@@ -213,7 +213,7 @@ def _attempt(
     except StaleJournal:
         raise
     except OSError as error:
-        if error.errno in FATAL:
+        if ends_grid(error, folder):
             raise
         outcome = _failed(error)
     except (Exception, SystemExit) as error:  # a solver or an effect of another package may call sys.exit

@@ -36,8 +36,24 @@ _log = logging.getLogger(__name__)
 MARKED = ("cell.json", "trace.jsonl", "prediction.npz", "result.json")
 """Files of a finished cell that its marker stands for."""
 
-# Faults of the disk, not of the solver: they end the grid instead of being recorded as a failed cell.
-FATAL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO}
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+_FATAL = {*_FULL, errno.EACCES, errno.EPERM, errno.EIO}
+
+
+def ends_grid(error: OSError, out: Path) -> bool:
+    """Whether an error is a fault of the disk, which ends the grid instead of being recorded as a failed cell.
+
+    Args:
+        error: Raised while a cell was run.
+        out: Results folder, or the cell's.
+
+    Returns:
+        True for a full disk, and for a file that cannot be read or written if it lies in the folder or is not known;
+        a file elsewhere is the solver's own.
+    """
+    known = [Path(name).absolute() for name in (error.filename, error.filename2) if isinstance(name, str | Path)]
+    inside = not known or any(path.is_relative_to(out.absolute()) for path in known)
+    return error.errno in _FULL or (error.errno in _FATAL and inside)
 
 
 @contextmanager
@@ -53,7 +69,7 @@ def disk_errors(out: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in FATAL:
+        if error.errno not in _FATAL:
             raise
         raise RunnerError(
             f"cannot write to {error.filename or out}: {os.strerror(error.errno or 0)}; free space or choose another "

@@ -22,11 +22,11 @@ SMALL = [*STILL[:-1], "--duration", "0.4"]
 BENDING = {"limp": 3e-6, "stiff": 1e-3}
 
 
-def _cell(run: Path, solver: str, cloth: str, bending: float | None, seed: int = 0) -> None:
+def _cell(run: Path, solver: str, cloth: str, bending: float | None, seed: int = 0, **unlike: object) -> None:
     folder = run / "cells" / f"{solver}-{cloth}-{seed}".replace(":", "_")
     folder.mkdir(parents=True)
     record = {"solver": solver, "kind": "solver", "cloth": cloth, "seed": seed, "dataset": "lab", "settings": {}}
-    record |= {"dataset_hash": "abc", "protocol": "paper", "train": [0], "test": [1]}
+    record |= {"dataset_hash": "abc", "protocol": "paper", "train": [0], "test": [1]} | unlike
     (folder / "cell.json").write_text(json.dumps(record))
     found = None if bending is None else {"value": bending, "ci90": None}
     stiffness = found and {"stiffness": dict.fromkeys(("warp", "weft", "bias"), found)}
@@ -103,6 +103,23 @@ def test_a_run_of_several_solvers_needs_one_of_them(run: Path):
     ]
     result = _compare(str(run), *SMALL, "--solver", "bdp")
     assert "has no cloth of 'bdp'; use --solver with one of heter, homo" in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize(
+    ("unlike", "told"),
+    [
+        ({"settings": {"budget": {"seconds": 9}}}, "homo (budget.seconds=9)"),
+        ({"dataset_hash": "def"}, "lab abc paper; lab def paper"),
+    ],
+)
+def test_fits_with_other_settings_or_of_other_data_are_not_mixed(run: Path, unlike: dict, told: str):
+    """Else the order of hashes would decide which fit of a cloth is shown beside which fit of another."""
+    _cell(run, "homo", "limp", 1e-5, 1, **unlike)
+    result = _compare(str(run), *STILL)
+    assert result.exit_code == 2
+    words = " ".join(result.output.split())
+    assert "fits that cannot be compared" in words
+    assert told in words
 
 
 def test_a_cell_that_was_edited_is_left_out_with_a_note(run: Path):

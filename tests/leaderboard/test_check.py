@@ -182,6 +182,19 @@ class TestCells:
         assert not outcome.regressions
         assert f"(Holm over {len(SOLVERS) * len(METRICS) + 1} tests," in outcome.notes[0]  # Fisher's is one of them
 
+    def test_new_cloths_and_seeds_are_told_but_not_judged(self, run):
+        cell = run[(run["solver"] == "noisy") & (run["cloth"] == "c")].head(1)
+        for status, told in (
+            ("done", ["new; 0 of 1"]),
+            ("failed", ["new; 1 of 1", "seeds not in the baseline; 1 of 1"]),
+        ):
+            new = [cell.assign(cloth="new", status=status), cell.assign(seed=99, status=status)]
+            outcome = check(pd.concat([run, *new], ignore_index=True), run, Gate(METRICS))
+            assert outcome.regressions == []
+            found = [finding.detail for finding in outcome.findings if finding.verdict == "new"]
+            assert len(found) == len(told)
+            assert all(words in detail for words, detail in zip(told, sorted(found), strict=True))
+
     def test_other_data_or_settings_cannot_be_compared(self, run):
         old = run.assign(dataset_hash="abc", settings="one")
         with pytest.raises(LeaderboardError, match="dataset hash abc, got xyz"):

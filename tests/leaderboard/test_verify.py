@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
 from cusick_bench.leaderboard.errors import LeaderboardError
+from cusick_bench.leaderboard.learning_curve import learning_splits
 from cusick_bench.leaderboard.verification.resimulate import read_record, repeat, rescore
 from cusick_bench.leaderboard.verification.submit import altered, append, read_rows, rows_of
 from cusick_bench.leaderboard.verification.verify import keep, verified_keys, verify_cell
@@ -185,6 +187,38 @@ class TestCells:
         assert {check.name for check in verify_cell(folder, dataset).broken} == {"result's record"}
         change_json(folder / "cell.json", lambda record: record.update(seed=7))
         assert {check.name for check in verify_cell(folder, dataset).broken} == {"record"}
+
+    def test_a_changed_kind_is_found_out(self, copy, dataset):
+        """An oracle, which has seen the test images, cannot pass for a reference that has not."""
+        folder = folder_of(copy, "null:disc")
+        for name in ("cell.json", "result.json"):
+            change_json(folder / name, lambda record: record.update(kind="oracle"))
+        renamed = folder.rename(folder.parent / record_key(read_record(folder)))
+        mark_again(renamed)
+        found = verify_cell(renamed, dataset)
+        assert found.status == "differs"
+        assert [check.detail for check in found.broken] == ["kind changed, not "]
+
+    def test_samples_must_be_those_of_the_split(self, data, dataset, tmp_path):
+        """Another picture of the training drape is no unseen sample, whatever the cell calls its split."""
+        (split,) = dataset.split("paper", ["fabric_1"])
+        repeat = replace(split, test=(split.train[0] + 1,))
+        for name, status in (("paper", "differs"), ("first-1", "differs"), ("mine", "verified")):
+            cells = plan(dataset, solvers=["null:disc"], splits=[repeat], protocol=name)
+            run(Source(str(data)), cells, tmp_path / name)
+            found = verify_cell(tmp_path / name / "cells" / cells[0].key, dataset)
+            assert (found.status, [check.name for check in found.broken]) == (
+                status,
+                ["split"] if status == "differs" else [],
+            )
+            assert any("record alone says what was unseen" in note for note in found.notes) == (name == "mine")
+
+    def test_samples_of_a_learning_curve_are_known(self, data, dataset, tmp_path):
+        splits = learning_splits(dataset, ["fabric_1"], [2], 1)[2]
+        cells = plan(dataset, solvers=["null:disc"], splits=splits, protocol="first-2")
+        run(Source(str(data)), cells, tmp_path / "out")
+        found = verify_cell(tmp_path / "out" / "cells" / cells[0].key, dataset)
+        assert (found.status, found.notes) == ("verified", ())
 
     def test_other_data_do_not_verify(self, finished, data, tmp_path):
         other = Path(shutil.copytree(data, tmp_path / "other"))

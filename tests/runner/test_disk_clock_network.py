@@ -15,8 +15,9 @@ import pytest
 from cusick_bench.datasets import load
 from cusick_bench.problem import Budget
 from cusick_bench.runner import Cell, ProblemSettings, Source, plan, run
-from cusick_bench.runner.store import disk_errors
+from cusick_bench.runner.store import disk_errors, ends_grid
 from cusick_bench.sim.engine.settings import DrapeSettings
+from cusick_bench.solvers.registry import solver_class
 
 SOLVERS = ("null:disc", "null:copy", "nlopt:LN_BOBYQA")
 SMALL = ProblemSettings(vertices=97, drape=DrapeSettings(steps=5), budget=Budget(8))
@@ -138,3 +139,23 @@ def test_two_runners_on_one_folder_finish_the_grid_once(data, undisturbed, tmp_p
 def test_a_file_that_may_not_grow_is_the_disks_fault(tmp_path):
     with pytest.raises(Exception, match="finished cells are kept"), disk_errors(tmp_path):
         raise OSError(errno.EFBIG, "File too large")
+
+
+def test_a_file_of_the_solvers_own_is_no_fault_of_the_disk(tmp_path):
+    elsewhere, here = "/opt/vendor/licence.key", str(tmp_path / "trace.jsonl")
+    assert not ends_grid(PermissionError(errno.EACCES, "Permission denied", elsewhere), tmp_path)
+    assert not ends_grid(FileNotFoundError(errno.ENOENT, "No such file", here), tmp_path)
+    assert ends_grid(PermissionError(errno.EACCES, "Permission denied", here), tmp_path)
+    assert ends_grid(OSError(errno.EIO, "Input/output error"), tmp_path)
+    assert ends_grid(OSError(errno.ENOSPC, "No space left on device", elsewhere), tmp_path)
+
+
+def test_a_solver_that_may_not_read_its_file_fails_alone(tmp_path, toy_data, monkeypatch):
+    def solve(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", "/opt/vendor/licence.key")
+
+    monkeypatch.setattr(solver_class("null:disc"), "solve", solve)
+    cells = plan(load(toy_data), solvers=["null:disc", "null:copy"])
+    failed, done = run(Source(str(toy_data)), cells[:2], tmp_path / "out")
+    assert (failed["status"], done["status"]) == ("failed", "done")
+    assert "licence.key" in failed["failure"]

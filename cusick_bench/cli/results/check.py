@@ -97,8 +97,8 @@ def check_command(
 
 def _facts(run: Path) -> list[str]:
     """Head of a baseline: what made it."""
+    from cusick_bench.leaderboard.cells.commands import typed
     from cusick_bench.leaderboard.cells.loading import load_cells
-    from cusick_bench.leaderboard.text import typed
     from cusick_bench.runner.environment import code_text
 
     facts = ["Baseline of `cusick-bench check`: metrics of every cell; compare a run with `check RUN --against` this."]

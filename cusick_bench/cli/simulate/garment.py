@@ -211,11 +211,12 @@ def compare(
 def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     """Folder of the first seed's cell of every cloth, by cloth, and by solver where there are several."""
     from cusick_bench.leaderboard import load_cells
+    from cusick_bench.leaderboard.cells.variants import BOARD, method_label, variants
 
     cells = load_cells(run)
     tell_damaged(cells)
     table = cells.table.sort_values(["cloth", "solver", "seed"])
-    fitted = table.loc[table["stiffness"].notna()].drop_duplicates(["cloth", "solver"])
+    fitted = table.loc[table["stiffness"].notna()]
     names = sorted(set(fitted["solver"]))
     if not names:
         raise GarmentError(f"no cell of {run} has found any stiffness; run a solver with physics, such as homo")
@@ -225,6 +226,15 @@ def _cells_of(run: Path, solvers: list[str]) -> dict[str, Path]:
     if missing := [name for name in chosen if name not in names]:
         raise GarmentError(f"{run} has no cloth of {missing[0]!r}; use --solver with one of {', '.join(names)}")
     own = fitted.loc[fitted["solver"].isin(chosen)]
+    rows = [method_label(*names) for names, _ in variants(own)]
+    unlike = rows if len(rows) > len(chosen) else []
+    boards = [" ".join(map(str, board)) for board in own[BOARD].drop_duplicates().itertuples(index=False, name=None)]
+    if unlike or len(boards) > 1:
+        raise GarmentError(
+            f"{run} has fits that cannot be compared: {'; '.join(unlike or boards)}; fit all cloths with one setting "
+            "into a results folder of their own (`run --out`)"
+        )
+    own = own.drop_duplicates(["cloth", "solver"])
     labels = own["cloth"] if len(chosen) == 1 else own["cloth"] + " of " + own["solver"]
     return {str(label): Path(folder) for label, folder in zip(labels, own["folder"], strict=True)}
 

@@ -3,7 +3,8 @@
 A solver has become worse in a metric if the change is both significant (paired test, Holm's correction over all solvers
 and metrics at the family-wise level) and large enough to matter (the minimum effect). A solver that is missing, lacks a
 cloth, or fails where it did not fail before, is worse without any test; where it failed before as well, Fisher's exact
-test decides. New solvers and cloths are reported, but not judged.
+test decides. New solvers and cloths, and failures with seeds that the baseline lacks beside shared ones, are reported,
+but not judged.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cusick_bench.leaderboard.bootstrap import Estimate, cell_values
+from cusick_bench.leaderboard.bootstrap import Estimate, cell_values, repeats
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.gate.baseline import LEFT_OUT
 from cusick_bench.leaderboard.gate.paired import Comparison, blocks, compare, holm
@@ -142,7 +143,9 @@ def check(run: pd.DataFrame, baseline: pd.DataFrame, gate: Gate | None = None) -
     tested: list[Finding] = []
     for solver in shared:
         findings += _cloths_lost(_of(run, solver), _of(baseline, solver), solver)
-        tested += _failures(_of(run, solver), _of(baseline, solver), solver)
+        common = _in_common(_of(run, solver), _of(baseline, solver))
+        findings += _cells_new(_of(run, solver), common[0], solver)
+        tested += _failures(*common, solver)
     findings += _judged([*tested, *_compared(run, baseline, shared, metrics, gate)], gate)
     order = {"regression": 0, "undecided": 1, "unchanged": 2, "new": 3}
     findings.sort(key=lambda finding: (order[finding.verdict], finding.solver, finding.metric))
@@ -242,6 +245,32 @@ def _new(solver: str, run: pd.DataFrame) -> Finding:
 def _cloths_lost(run: pd.DataFrame, baseline: pd.DataFrame, solver: str) -> Iterator[Finding]:
     if missing := sorted(set(baseline["cloth"]) - set(run["cloth"])):
         yield Finding(solver, "cells", "regression", f"lacks {', '.join(missing)}")
+
+
+def _in_common(run: pd.DataFrame, baseline: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The cells of a solver that both tables have; where they share no seed, those of shared cloths."""
+    now, then = (list(zip(table["cloth"], repeats(table), strict=True)) for table in (run, baseline))
+    shared = set(now) & set(then)
+    if not shared:
+        now, then = list(run["cloth"]), list(baseline["cloth"])
+        shared = set(now) & set(then)
+    return run[[cell in shared for cell in now]], baseline[[cell in shared for cell in then]]
+
+
+def _cells_new(run: pd.DataFrame, common: pd.DataFrame, solver: str) -> Iterator[Finding]:
+    """A line for cells of cloths that the baseline lacks, and one for failures with seeds that it lacks."""
+    new = run.drop(common.index)
+    of_new_cloths = ~new["cloth"].isin(common["cloth"])
+    cloths, seeds = new[of_new_cloths], new[~of_new_cloths]
+    if len(cloths):
+        names = ", ".join(sorted(set(cloths["cloth"])))
+        yield Finding(solver, "cells", "new", f"cloths not in the baseline: {names}; {_failed_of(cloths)}")
+    if "failed" in set(seeds["status"]):
+        yield Finding(solver, "cells", "new", f"seeds not in the baseline; {_failed_of(seeds)}")
+
+
+def _failed_of(cells: pd.DataFrame) -> str:
+    return f"{list(cells['status']).count('failed')} of {len(cells)} cells failed"
 
 
 def _failures(run: pd.DataFrame, baseline: pd.DataFrame, solver: str) -> Iterator[Finding]:

@@ -21,11 +21,11 @@ import pandas as pd
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, of_board
+from cusick_bench.leaderboard.cells.commands import command_record, typed
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import variants
 from cusick_bench.leaderboard.errors import LeaderboardError
 from cusick_bench.leaderboard.formats import record
-from cusick_bench.leaderboard.text import typed
 from cusick_bench.leaderboard.verification.tracks import require_fit
 from cusick_bench.leaderboard.verification.verify import verified_keys
 from cusick_bench.runner.labels import unspaced
@@ -185,7 +185,7 @@ def _line(
     keys = sorted(folder.name for folder in group["folder"])
     full = record(board, row)
     settings = json.loads(str(group["settings"].iloc[0]))
-    made = _command_of(cells.run, keys)
+    made = command_record(cells.run, keys)
     numbers = {name: value for name, value in full.items() if not name.endswith(_LEFT_OUT) and name != "rank"}
     line = numbers | {
         "track": track,
@@ -198,14 +198,6 @@ def _line(
         "row": hashlib.sha256(" ".join(keys).encode()).hexdigest()[:16],
     }
     return {name: line[name] for name in _ordered(list(line))}
-
-
-def _command_of(run: dict[str, Any], keys: list[str]) -> dict[str, Any]:
-    """The record of the command that asked for these cells: the last one, or an earlier one into the same folder."""
-    for made in [run, *reversed(run.get("history", []))]:
-        if set(keys) <= set(made.get("cells", [])):
-            return made
-    return run
 
 
 def _budget(budget: dict[str, Any]) -> str:

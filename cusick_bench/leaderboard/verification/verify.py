@@ -1,13 +1,16 @@
 """From *reported* to *verified*: every finished cell of a run is repeated and scored again.
 
-A cell is verified if its record is the one that its folder is named after, the data have the same hash, the stored
-parameters drape to the stored shape and picture, and the metrics and the stated stiffness are the same, each within a
-stated tolerance (`resimulate`). This detects parameters, pictures, metrics or stiffnesses that were changed afterwards.
-Costs, which cannot be made again, and the trace have to fit the hashes of the cell's marker.
+A cell is verified if its record is the one that its folder is named after and that its solver and settings make, its
+samples are those of the split that it names, the data have the same hash, the stored parameters drape to the stored
+shape and picture, and the metrics and the stated stiffness are the same, each within a stated tolerance
+(`resimulate`). This detects parameters, pictures, metrics or stiffnesses that were changed afterwards. Costs, which
+cannot be made again, and the trace have to fit the hashes of the cell's marker.
 The outcome is kept in `verified.json` of the results folder, with hashes of the files for which it is valid.
 """
 
+import json
 import logging
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +20,8 @@ from typing import Any
 
 from cusick_bench import metrics
 from cusick_bench.datasets import DrapeDataset
+from cusick_bench.datasets.splits import PROTOCOLS
+from cusick_bench.leaderboard.learning_curve import learning_splits
 from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks, stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import (
     read_record,
@@ -174,6 +179,11 @@ def _verified(
     if result.get("status") != "done":
         return Verification(*identity, "unreadable", (), ("the cell has failed; it claims nothing",))
     notes += _other_numerics(cell, record, dataset)
+    if all(check.holds for check in checks):
+        split = list(_split_checks(cell, dataset))
+        checks += split
+        if not split:
+            notes.append(f"{cell.protocol} is no split of this program: the record alone says what was unseen")
     if not all(check.holds for check in checks):
         return Verification(*identity, "differs", tuple(checks), tuple(notes))
     kind = str(record["kind"])
@@ -206,6 +216,23 @@ def _identity_checks(
 ) -> Iterator[Check]:
     """Whether the cell fits its folder's name, and the data fit its record."""
     yield equal("record", record_key(record), folder.name)
+    cell = Cell.from_record(record)
+    made = json.loads(json.dumps(cell.record() | {"solver_options": record.get("solver_options")}))
+    unlike = [name for name, value in made.items() if name in record and record[name] != value]
+    yield equal("record of solver and settings", f"{', '.join(unlike)} changed" if unlike else "", "")
     changed = [name for name, value in record.items() if result.get(name) != value]
     yield equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")
     yield equal("data", dataset.content_hash, str(record.get("dataset_hash")))
+
+
+def _split_checks(cell: Cell, dataset: DrapeDataset) -> Iterator[Check]:
+    """Whether the cell's samples are those of the split that it names; none where the split is of the user's making."""
+    learning = re.fullmatch(r"first-(\d+)", cell.protocol)
+    if cell.protocol in PROTOCOLS:
+        splits = dataset.split(cell.protocol, [cell.cloth])
+    elif learning is not None:
+        splits = learning_splits(dataset, [cell.cloth], [int(learning[1])], len(cell.test))[int(learning[1])]
+    else:
+        return
+    known = any((cell.train, cell.test) == (split.train, split.test) for split in splits)
+    yield equal("split", cell.protocol if known else f"other samples than those of {cell.protocol}", cell.protocol)

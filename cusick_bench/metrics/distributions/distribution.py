@@ -71,7 +71,9 @@ def distribution_scores(
         `test_dc_cover_50`, `test_dc_cover_90`: share of samples within the 50 % and 90 % interval of the drape
         coefficient; 0 for a single draw, whose interval has no width.
         `test_dc_rank_bias`: how far the mean rank of samples among draws lies from the middle, 0 to 1/2.
-        `test_fold_p`: p-value of equal distributions of the number of folds; below 0.05 they are rejected.
+        `test_fold_p`: p-value of equal distributions of the number of folds, of all draws and of the first of each
+        sample's `tests`; below 0.05 they are rejected. Of draws of two faces and several samples it is too small where
+        the faces differ, since the first pictures show one face.
     """
     drawn, seen = drape_statistics(draws), drape_statistics(tests)
     dc, folds = STATISTICS.index("drape_coefficient"), STATISTICS.index("folds")

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from jaxtyping import Float
@@ -21,8 +20,9 @@ from cusick_bench.leaderboard import (
     text_table,
     variants,
 )
+from cusick_bench.leaderboard.cells.commands import command_record, typed
 from cusick_bench.leaderboard.cells.variants import method_label
-from cusick_bench.leaderboard.text import TextTable, typed
+from cusick_bench.leaderboard.text import TextTable
 from cusick_bench.metrics.found_stiffness import FoundStiffness
 from cusick_bench.report.cell_view import load_cell_view
 from cusick_bench.report.drawing.pictures import drape_picture
@@ -253,7 +253,7 @@ def _summary(cells: Cells, cloths: int) -> str:
 
 
 def _facts(cells: Cells, boards: list[Leaderboard]) -> list[tuple[str, str]]:
-    run: dict[str, Any] = cells.run
+    run = command_record(cells.run, (folder.name for folder in cells.table["folder"]))
     found = [
         ("Data", "; ".join(f"{board.dataset} (sha256 {board.dataset_hash[:12]})" for board in boards)),
         ("Command", typed(run.get("command", ""))),
