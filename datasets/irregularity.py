@@ -63,7 +63,7 @@ KINDS = {
     "protocol-centre": "most silhouettes lie to the same side of `centre_px`",
     "protocol-scale": "most silhouettes are too large or too small for `px_per_m`",
     "protocol-unknown-key": "protocol.json holds a key that is not used",
-    "checksum": "a file differs from its SHA-256 in sha256.json, or is missing",
+    "checksum": "a file differs from its SHA-256 in sha256.json, is missing, or is not listed there",
 }  # fmt: skip
 
 

@@ -4,6 +4,8 @@ import logging
 from collections.abc import Collection
 from pathlib import Path
 
+import pandas as pd
+
 from cusick_bench.datasets.dataset import DrapeDataset
 from cusick_bench.datasets.errors import DataError, DataNotFound
 from cusick_bench.datasets.files.checksums import verify_checksums
@@ -14,7 +16,7 @@ from cusick_bench.datasets.files.layout import NUMBER_ZERO, Layout, scan
 from cusick_bench.datasets.files.protocol import FILE as PROTOCOL_FILE
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
 from cusick_bench.datasets.index import CORRECTIONS, Progress, Survey, build_index, survey
-from cusick_bench.datasets.registry import REGISTRY, folder_of
+from cusick_bench.datasets.registry import REGISTRY, folder_of, is_shipped
 from cusick_bench.files.first_names import first_names
 
 _log = logging.getLogger(__name__)
@@ -79,7 +81,7 @@ def read_dataset(
 
     Raises:
         DataError: Nothing to load, or nothing that may be looked at, a malformed table, a shipped file that was
-            changed, or with `strict` a bad file.
+            changed or added, or with `strict` a bad file.
     """
     root = folder_of(name_or_path)
     wanted = _corrections(correct)
@@ -87,8 +89,8 @@ def read_dataset(
     name = str(name_or_path) if str(name_or_path) in REGISTRY else layout.root.name
     _require_text(layout, name)
     _tell_problems(layout)
-    if str(name_or_path) == "synthetic":
-        verify_checksums(layout.root)
+    if is_shipped(layout.root):
+        verify_checksums(layout)
     table = Path(fabrics_csv) if fabrics_csv else layout.beside(FABRICS_FILE)
     fabrics = read_fabrics(table) if table else {}
     described = layout.beside(PROTOCOL_FILE)
@@ -103,6 +105,7 @@ def read_dataset(
     dataset = DrapeDataset(
         name, layout.root, protocol, applied, build_index(name, layout, protocol, fabrics, found, applied)
     )
+    _tell_same_numbers(layout.root, dataset.table, found)
     _log.debug(
         "data set %s in %s: %d silhouettes; %s; densities: %s; corrected: %s", name, layout.root, len(dataset),
         protocol, table or "published ones", ", ".join(applied) or "nothing",
@@ -151,6 +154,25 @@ def _tell_copies(layout: Layout, found: Survey) -> None:
         _log.warning(
             "%s: %s a copy of another one, such as %s of %s, and count as drapes of their own; put the right "
             "pictures there, or remove the copies", layout.root, number, *copies[0],
+        )  # fmt: skip
+
+
+def _tell_same_numbers(root: Path, table: pd.DataFrame, found: Survey) -> None:
+    """Warns of pictures of the same sample and capture: a foreign drape would count as a repeat of the sample's."""
+    first: dict[tuple[object, ...], str] = {}
+    again: list[tuple[str, str]] = []
+    columns = ["image", "cloth", "sample", "capture", "observation"]
+    for path, *numbers in table[columns].itertuples(index=False, name=None):
+        if path in found.faults:
+            continue
+        earlier = first.setdefault(tuple(numbers), path)
+        if earlier != path:
+            again.append((path, earlier))
+    if again:
+        number = "1 silhouette has" if len(again) == 1 else f"{len(again)} silhouettes have"
+        _log.warning(
+            "%s: %s the same fabric, sample and capture as another one, such as %s and %s, and all of them count; give "
+            "each the numbers of what it shows, or remove the wrong ones", root, number, *again[0],
         )  # fmt: skip
 
 

@@ -127,6 +127,6 @@ def _changed(layout: Layout) -> list[Irregularity]:
     if not (layout.root / CHECKSUMS).is_file():
         return []
     try:
-        return [Irregularity(name, "checksum", what) for name, what in changed_files(layout.root)]
+        return [Irregularity(name, "checksum", what) for name, what in changed_files(layout)]
     except DataError as error:
         return [Irregularity(CHECKSUMS, "checksum", error.what)]

@@ -2,35 +2,38 @@
 
 import re
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 from cusick_bench.datasets.errors import BadTable, DataError
+from cusick_bench.datasets.files.layout import Layout
 from cusick_bench.datasets.files.measure import content_hash
 from cusick_bench.datasets.files.object_file import read_object
 
 CHECKSUMS = "sha256.json"
 _MOST_BYTES = 64 << 20  # a line a file
+_ADDED = f"is not listed in {CHECKSUMS}"
 
 
-def verify_checksums(root: Path) -> None:
-    """Checks every file that `sha256.json` lists.
+def verify_checksums(layout: Layout) -> None:
+    """Checks every file that `sha256.json` lists, and that it lists every silhouette and mesh.
 
     Args:
-        root: Folder of the data set.
+        layout: Files of the data set.
 
     Raises:
         BadTable: No such list, or a malformed one.
-        DataError: A file is missing or differs.
+        DataError: A file is missing, differs or was added.
     """
-    for name, what in changed_files(root):
-        raise DataError(what, where=root / name, remedy="reinstall the data set", kind="checksum")
+    for name, what in changed_files(layout):
+        remedy = "remove it" if what == _ADDED else "reinstall the data set"
+        raise DataError(what, where=layout.root / name, remedy=remedy, kind="checksum")
 
 
-def changed_files(root: Path) -> Iterator[tuple[str, str]]:
-    """Finds files that are not as `sha256.json` says.
+def changed_files(layout: Layout) -> Iterator[tuple[str, str]]:
+    """Finds files that are not as `sha256.json` says, and silhouettes and meshes that it does not list.
 
     Args:
-        root: Folder of the data set.
+        layout: Files of the data set.
 
     Yields:
         Relative path, and what is wrong with the file.
@@ -38,14 +41,18 @@ def changed_files(root: Path) -> Iterator[tuple[str, str]]:
     Raises:
         BadTable: No such list, or a malformed one.
     """
-    path = root / CHECKSUMS
-    for name, digest in read_object(path, "checksum", most_bytes=_MOST_BYTES).items():
+    path = layout.root / CHECKSUMS
+    listed = read_object(path, "checksum", most_bytes=_MOST_BYTES)
+    for name, digest in listed.items():
         inside = PurePosixPath(name)
         well_formed = isinstance(digest, str) and re.fullmatch(r"[0-9a-f]{64}", digest)
         if not well_formed or inside.is_absolute() or ".." in inside.parts or "\\" in name:
             raise BadTable(f"bad entry {name[:80]!r}", where=path, remedy="reinstall the data set", kind="checksum")
-        file = root / inside
+        file = layout.root / inside
         if not file.is_file():
             yield name, "is missing"
         elif content_hash(file) != digest:
             yield name, "differs from its SHA-256"
+    for entry in (*layout.silhouettes, *layout.meshes):
+        if entry.path not in listed:
+            yield entry.path, _ADDED

@@ -3,7 +3,7 @@
 Known: `data/Fabric N/{silhouettes,meshes}/Fabric_N_Sample_S_Capture_C.*`; `data/Fabric N Observations/Sample S/...`
 with `Obs_K` or `Observation_K`; named sets `bnn_image_gt/<cloth>/...sample_S_Upward_Drape_D.*`. The root may be the
 release, its `data` folder, one fabric's folder or a folder in there, or hold one fabric. What a file is called decides
-its capture; its folder decides its fabric and sample.
+its capture; its folder decides its fabric and sample. Folders above the data decide nothing.
 """
 
 import os
@@ -256,7 +256,7 @@ def _inside(link: Path, folder: Path) -> bool:
 
 def _parse(root: Path, path: Path) -> Entry | None:
     """Labels from a path, or None if it is not part of the layout."""
-    inside = (root.parent.name, root.name, *path.relative_to(root).parts[:-1])
+    inside = _deciding_folders(root, path)
     lower = [part.lower() for part in inside]
     stem = path.name.lower().removesuffix(".gz").rsplit(".", 1)[0]
     number = {name: _first(pattern, stem) for name, pattern in _PATTERNS.items()}
@@ -265,7 +265,7 @@ def _parse(root: Path, path: Path) -> Entry | None:
     if NAMED_SETS in lower[:-1]:
         return _named(path, root, lower[lower.index(NAMED_SETS) + 1], stem, number)
     fabric_folder = next((m for part in reversed(inside) if (m := _FABRIC_FOLDER.fullmatch(part))), None)
-    home = len(inside) == 2 or any(pattern.fullmatch(inside[-1]) for pattern in _HOMES)
+    home = path.parent == root or any(pattern.fullmatch(inside[-1]) for pattern in _HOMES)
     fabric = int(fabric_folder[1]) if fabric_folder else number["fabric"]
     if not (home and fabric and sample):
         return None
@@ -280,6 +280,19 @@ def _parse(root: Path, path: Path) -> Entry | None:
         number["fabric"],
         number["sample"],
     )
+
+
+def _deciding_folders(root: Path, path: Path) -> tuple[str, ...]:
+    """Names of the folders that decide what a file shows: those below the root, and its own and its parent's where the
+    root is a part of a data set rather than the folder of one.
+    """
+    below = path.relative_to(root).parts[:-1]
+    if any(_FABRIC_FOLDER.fullmatch(name) for name in below):
+        return below
+    in_fabric = any(pattern.fullmatch(root.name) for pattern in (_IMAGE_FOLDER, _MESH_FOLDER, _SAMPLE_FOLDER))
+    if in_fabric or root.parent.name.lower() == NAMED_SETS:
+        return root.parent.name, root.name, *below
+    return root.name, *below
 
 
 def _has_zero(root: Path, path: Path, entry: Entry | None) -> bool:

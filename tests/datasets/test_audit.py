@@ -1,5 +1,6 @@
 """The audit: every kind of irregularity is named where it is planted, and nowhere else."""
 
+import hashlib
 import json
 import shutil
 from collections.abc import Callable
@@ -37,6 +38,12 @@ def image(root: Path, sample: int, capture: int) -> Path:
 
 def mesh(root: Path, sample: int, capture: int) -> Path:
     return root / FABRIC / "meshes" / f"Fabric_7_Sample_{sample}_Capture_{capture}.obj"
+
+
+def write_checksums(root: Path) -> None:
+    files = [path for path in root.rglob("*") if path.is_file()]
+    digests = {path.relative_to(root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    (root / "sha256.json").write_text(json.dumps(digests))
 
 
 def found(root: Path, kind: str) -> list[str]:
@@ -192,7 +199,8 @@ def _protocol(document: dict) -> Callable[[Path], str]:
 
 
 def _checksum(root: Path) -> str:
-    (root / "sha256.json").write_text(json.dumps({"fabrics.csv": "0" * 64}))
+    write_checksums(root)
+    (root / "fabrics.csv").write_text("fabric,areal_density_kg_m2,thickness_m\n7,0.3,0.0004\n")
     return "fabrics.csv"
 
 
@@ -318,6 +326,15 @@ def test_named_sets(tmp_path):
     assert found(root, "mixed-faces") == found(root, "mixed-observations") == ["bnn_image_gt/cotton_blue"]
     assert audit(root).silhouettes == 12  # copies are not counted
     assert audit(root / "bnn_image_gt").silhouettes == 3
+
+
+def test_files_that_the_checksums_do_not_list_are_named(lab):
+    write_checksums(lab)
+    assert audit(lab).kinds == {}
+    added = [write(lab, 4, 1) for write in (image, mesh)]
+    write_image(added[0], draw(toy_profile(7, 4, 1)))
+    write_mesh(added[1], *surface(toy_profile(7, 4, 1)))
+    assert sorted(found(lab, "checksum")) == sorted(path.relative_to(lab).as_posix() for path in added)
 
 
 def test_every_kind_is_documented_and_tested():

@@ -111,6 +111,36 @@ def test_any_level_of_the_layout_is_a_root(toy, root):
     assert dataset.sample(0).mesh is not None
 
 
+@pytest.mark.parametrize(
+    ("root", "silhouettes", "fabric"),
+    [
+        ("Sample 3/lab", "data/Fabric 7/silhouettes", 7),
+        ("Sample 3", "data/Fabric 7/silhouettes", 7),
+        ("Fabric 9/lab", "silhouettes", 7),
+        ("Sample 3/Fabric 9", "silhouettes", 9),
+    ],
+)
+def test_folders_above_the_data_rename_nothing(toy, root, silhouettes, fabric):
+    """All samples became sample 3, or the fabric another one, without a word."""
+    lab = toy.parent / "elsewhere" / root
+    shutil.copytree(toy / "data/Fabric 7/silhouettes", lab / silhouettes)
+    index = load(lab).index
+    assert set(index["fabric"]) == {fabric}
+    assert sorted(set(index["sample"])) == [1, 2, 3]
+
+
+def test_folders_of_a_root_within_the_data_still_decide(toy):
+    """Their names decide, as they do where the whole data set is the root, not those in the files' names."""
+    fabric, sample = toy / "data/Fabric 8", toy / "data/Fabric 8 Observations/Sample 5"
+    named = toy / "bnn_image_gt/cotton_blue"
+    shutil.copytree(toy / "data/Fabric 7/silhouettes", fabric / "silhouettes")
+    write_image(sample / "Fabric_7_Sample_1_Obs_2.png", draw(toy_profile(8, 5, 1)))
+    write_image(named / "sample_1_Upward_Drape_1.png", draw(toy_profile(8, 1, 1)))
+    assert set(load(fabric).cloths) == set(load(fabric / "silhouettes").cloths) == {"fabric_8"}
+    assert load(sample).index[["cloth", "sample"]].values.tolist() == [["fabric_8_observations", 5]]
+    assert load(named).cloths == load(named.parent).cloths == ["cotton_blue"]
+
+
 @pytest.mark.parametrize("row", ["Raw Silk-2", "raw_silk_2"])
 def test_a_named_set_finds_its_weight_however_its_name_is_written(toy, row):
     """Rows have one spelling, and sets that of their folder: a space or a hyphen kept the two apart."""
@@ -480,6 +510,39 @@ def test_pictures_outside_the_layout_are_told(toy, caplog):
 @pytest.mark.parametrize("root", [".", "data", "data/Fabric 1"])
 def test_the_shipped_set_has_no_pictures_outside_the_layout(root, caplog):
     load(load("synthetic").root / root)
+    assert not caplog.messages
+
+
+def test_two_pictures_of_one_capture_are_told(toy, caplog):
+    """The other sample's drape counted as a repeat of the first one's."""
+    stranger = image_path(toy, 3, 3)
+    renamed = stranger.rename(stranger.with_name("fabric-7-sample-01-capture-01.png"))
+    assert list(load(toy).index["capture"][:3]) == [1, 1, 2]
+    (told,) = caplog.messages
+    first, second = (path.relative_to(toy).as_posix() for path in (image_path(toy, 1, 1), renamed))
+    same = "1 silhouette has the same fabric, sample and capture as another one"
+    assert told.startswith(f"{toy}: {same}, such as {second} and {first}, ")
+    assert told.endswith("remove the wrong ones")
+
+
+def test_a_capture_without_its_number_is_told_beside_the_first_one(toy, caplog):
+    path = image_path(toy, 1, 3)
+    path.rename(path.with_name("Fabric_7_Sample_1.png"))
+    load(toy)
+    folder = "data/Fabric 7/silhouettes"
+    assert f"such as {folder}/Fabric_7_Sample_1_Capture_1.png and {folder}/Fabric_7_Sample_1.png, " in caplog.text
+
+
+def test_a_second_picture_of_a_capture_that_cannot_be_used_does_not_count(toy, caplog):
+    image_path(toy, 1, 1).with_name("fabric-7-sample-01-capture-01.png").write_bytes(b"junk")
+    assert len(load(toy)) == 13
+    assert not caplog.messages
+
+
+def test_a_drape_in_two_formats_is_not_told_as_two_pictures(toy, caplog):
+    path = image_path(toy, 1, 1)
+    Image.open(path).save(path.with_suffix(".bmp"))
+    load(toy)
     assert not caplog.messages
 
 

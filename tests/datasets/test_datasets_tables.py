@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -16,7 +17,9 @@ from cusick_bench.datasets.audit.audit import audit
 from cusick_bench.datasets.errors import BadTable
 from cusick_bench.datasets.files.checksums import verify_checksums
 from cusick_bench.datasets.files.fabrics import fabric_key, read_fabrics
+from cusick_bench.datasets.files.layout import Layout
 from cusick_bench.datasets.files.protocol import Protocol, read_protocol
+from cusick_bench.datasets.registry import REGISTRY
 
 
 @pytest.fixture(autouse=True)
@@ -89,25 +92,42 @@ def test_protocol_changes_what_images_mean(toy):
 
 
 def test_shipped_set_is_checked_file_by_file(tmp_path):
+    layout = Layout(tmp_path, (), (), (), (), ())
     (tmp_path / "a.txt").write_text("drape")
     digest = "11c6c2f7d2ca5ea4a1b9f5dd11cf27f5"  # not even a SHA-256
     (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": digest}))
     with pytest.raises(DataError, match="bad entry"):
-        verify_checksums(tmp_path)
+        verify_checksums(layout)
     right = hashlib.sha256(b"drape").hexdigest()
     (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": right}))
-    verify_checksums(tmp_path)
+    verify_checksums(layout)
     for name in ("../a.txt", "/etc/passwd", "..\\a.txt"):
         (tmp_path / "sha256.json").write_text(json.dumps({name: right}))
         with pytest.raises(DataError, match="bad entry"):
-            verify_checksums(tmp_path)
+            verify_checksums(layout)
     (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": right, "gone.txt": right}))
     with pytest.raises(DataError, match=r"gone\.txt: is missing; reinstall"):
-        verify_checksums(tmp_path)
+        verify_checksums(layout)
     (tmp_path / "sha256.json").write_text(json.dumps({"a.txt": right}))
     (tmp_path / "a.txt").write_text("changed")
     with pytest.raises(DataError, match="differs from its SHA-256"):
-        verify_checksums(tmp_path)
+        verify_checksums(layout)
+
+
+@pytest.mark.parametrize("folder", ["silhouettes", "meshes"])
+@pytest.mark.parametrize("by_name", [True, False])
+def test_a_file_that_is_added_to_the_shipped_set_is_refused(folder, by_name, tmp_path, monkeypatch):
+    """It was used, and not even looked at, since the shipped set is known by its checksums."""
+    root = tmp_path / "synthetic"
+    shutil.copytree(load("synthetic").root, root)
+    monkeypatch.setitem(REGISTRY, "synthetic", replace(REGISTRY["synthetic"], folder=lambda: root))
+    wanted = "synthetic" if by_name else root
+    assert len(load(wanted, correct=False)) == 240
+    (first,) = (root / f"data/Fabric 2/{folder}").glob("Fabric_2_Sample_1_Capture_1.*")
+    added = Path(shutil.copy(first, first.with_name(first.name.replace("Sample_1_", "Sample_13_"))))
+    with pytest.raises(DataError, match=r"is not listed in sha256\.json; remove it") as caught:
+        load(wanted, correct=False)
+    assert (caught.value.where, caught.value.kind) == (str(added), "checksum")
 
 
 @pytest.mark.parametrize(
