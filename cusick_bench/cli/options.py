@@ -128,7 +128,7 @@ Shear = Annotated[float, membrane_option(help="Shear stiffness [N/m].")]
 # Photographs
 Weight = Annotated[
     list[str] | None,
-    cloth_option(help="Weight with its unit (g/m2, oz/yd2): of all fabrics, or NUMBER=WEIGHT; repeatable."),
+    cloth_option(help="Weight with its unit (g/m2, oz/yd2): NUMBER=WEIGHT, or of all other fabrics; repeatable."),
 ]
 Weights = Annotated[
     Path | None,

@@ -161,6 +161,19 @@ def test_the_weight_of_one_fabric_goes_before_that_of_all(texts):
     assert weights_of_options(texts, [1, 2]) == pytest.approx({1: 0.18, 2: 0.2})
 
 
+@pytest.mark.parametrize(
+    ("options", "weights"),
+    [
+        (["180 g/m2"], {1: 0.15, 2: 0.18}),
+        (["1=200 g/m2"], {1: 0.2}),
+        (["180 g/m2", "1=200 g/m2"], {1: 0.2, 2: 0.18}),
+    ],
+)
+def test_a_table_goes_before_the_weight_of_all_and_after_that_of_one_fabric(tmp_path, options, weights):
+    (tmp_path / "weights.csv").write_text("fabric,weight,thickness\n1,150 g/m2,\n2,,\n")
+    assert setting_of(SettingText(weight=tuple(options)), tmp_path, [1, 2]).weights == pytest.approx(weights)
+
+
 def test_a_filled_template_is_not_overwritten_and_its_folder_can_be_prepared_into(tmp_path):
     folder, out = _folder(tmp_path, DRAPE, "plate.jpg"), tmp_path / "set"
     words = ["data", "prepare", str(folder), "--out", str(out)]

@@ -16,7 +16,7 @@ from cusick_bench.photographs.calibration.boards import SeenBoard, view_from_boa
 from cusick_bench.photographs.calibration.plate import view_from_plate
 from cusick_bench.photographs.calibration.view import PlateView, Uncertainty
 from cusick_bench.photographs.errors import BadPhotograph
-from cusick_bench.photographs.preparation.calibrate import calibrated
+from cusick_bench.photographs.preparation.calibrate import Named, calibrated
 from cusick_bench.photographs.preparation.on_axis import left_by_calibration, left_off_axis, seen_on_axis
 from cusick_bench.photographs.preparation.prepare import Setting, protocol_of
 from cusick_bench.photographs.preparation.quantities import LENGTHS, WEIGHTS, quantity
@@ -28,7 +28,7 @@ from cusick_bench.photographs.segmentation.curve import outermost
 from cusick_bench.photographs.segmentation.path import closed_path
 from cusick_bench.photographs.sheet import write_sheet
 from cusick_bench.photographs.studio.scene import bare_plate, make_laboratory
-from cusick_bench.photographs.studio.shot import photograph
+from cusick_bench.photographs.studio.shot import board_photograph, photograph
 from cusick_bench.photographs.studio.truth import apparent_radii
 
 SURE = Evidence(
@@ -136,6 +136,21 @@ def test_boards_held_at_angles_tell_the_height_and_level_ones_are_refused():
     assert not view_from_boards(plane, held[:1], (1280, 960)).knows_height
 
 
+def test_one_board_leaves_the_tilt_as_uncertain_as_the_axes_of_lenses_are_off_the_middle():
+    """One level board does not tell the optical axis, and takes an axis beside the picture's middle for a tilt."""
+    places = in_plate_axes(np.asarray(charuco_board().getChessboardCorners()))
+    generator, level, leans = np.random.default_rng(0), _view(), []
+    for off in generator.normal(0, 0.0039 * 1280, (12, 2)):
+        shifted = replace(level, matrix=level.matrix + np.array([[0, 0, off[0]], [0, 0, off[1]], [0, 0, 0]]))
+        pixels = shifted.project(places) + generator.normal(0, 0.1, (len(places), 2))
+        found = view_from_boards(SeenBoard(places, pixels), [], (1280, 960), focal=1500.0)
+        leans.append(found.eye[:2] / found.eye[2] / found.uncertainty.tilt_rad)
+    assert 0.7 < np.sqrt(np.mean(np.square(leans))) < 1.6
+    plane, held = _boards_held(20.0)
+    of_one, of_three = (view_from_boards(plane, others, (1280, 960)).uncertainty for others in ([], held))
+    assert of_three.tilt_rad < 0.5 * of_one.tilt_rad  # three tell the axis
+
+
 def test_the_board_lies_about_its_middle():
     places = in_plate_axes(np.asarray(charuco_board().getChessboardCorners()))
     assert places.mean(axis=0) == pytest.approx(0, abs=1e-6)
@@ -181,6 +196,31 @@ def test_a_pin_in_the_middle_of_the_plate_is_no_matter():
     plain, pinned = _plate(), _plate()
     cv2.circle(pinned.levels, (pinned.size[0] // 2, pinned.size[1] // 2), 8, (230, 230, 230), -1, cv2.LINE_AA)
     assert view_from_plate(pinned, "plate", 0.09).scale == pytest.approx(view_from_plate(plain, "plate", 0.09).scale)
+
+
+@pytest.fixture(scope="module")
+def board_and_plate() -> tuple[Named, Named]:
+    """Pictures of a board of true size on the plate, and of the bare plate."""
+    laboratory = make_laboratory(3043)
+    board, plate = board_photograph(laboratory, 0), photograph(laboratory, bare_plate(laboratory, 0.09), 0)
+    return ("board-plane.jpg", Photograph(board, None)), ("plate.jpg", Photograph(plate, None))
+
+
+@pytest.mark.parametrize(("ruler", "told"), [(150.0, False), (150.5, True), (149.3, True)])
+def test_the_plate_checks_the_scale_of_the_board(board_and_plate, ruler, told, caplog):
+    board, plate = board_and_plate
+    view = calibrated(board, [], plate, 0.09, printed=ruler / 150)
+    alone = calibrated(board, [], None, 0.09, printed=ruler / 150).uncertainty.scale
+    assert view.uncertainty.scale == pytest.approx(np.hypot(alone, ruler / 150 - 1), abs=2e-4)
+    assert ("mm by the board, but 90.0 mm are told, so the scale is taken to be uncertain" in caplog.text) == told
+
+
+@pytest.mark.parametrize("size", [0.97, 1.015])
+def test_a_board_that_the_printer_scaled_is_refused_by_the_plate(board_and_plate, size):
+    """Printed to fit the page at 97 % and taken for true, it would move drape coefficients by 7 points."""
+    board, plate = board_and_plate
+    with pytest.raises(BadPhotograph, match=r"plate\.jpg: .* mm by the board.*may differ by 1%.*--printed-ruler"):
+        calibrated(board, [], plate, 0.09, printed=1 / size)
 
 
 def _rimmed_plate(width: float) -> Photograph:

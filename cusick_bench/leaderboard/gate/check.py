@@ -254,14 +254,14 @@ def _in_common(run: pd.DataFrame, baseline: pd.DataFrame) -> tuple[pd.DataFrame,
     if not shared:
         now, then = list(run["cloth"]), list(baseline["cloth"])
         shared = set(now) & set(then)
-    return run[[cell in shared for cell in now]], baseline[[cell in shared for cell in then]]
+    return run.loc[[cell in shared for cell in now]], baseline.loc[[cell in shared for cell in then]]
 
 
 def _cells_new(run: pd.DataFrame, common: pd.DataFrame, solver: str) -> Iterator[Finding]:
     """A line for cells of cloths that the baseline lacks, and one for failures with seeds that it lacks."""
     new = run.drop(common.index)
     of_new_cloths = ~new["cloth"].isin(common["cloth"])
-    cloths, seeds = new[of_new_cloths], new[~of_new_cloths]
+    cloths, seeds = new.loc[of_new_cloths], new.loc[~of_new_cloths]
     if len(cloths):
         names = ", ".join(sorted(set(cloths["cloth"])))
         yield Finding(solver, "cells", "new", f"cloths not in the baseline: {names}; {_failed_of(cloths)}")

@@ -30,7 +30,7 @@ class SettingText:
     """A `Setting` as it is written on a command line; each attribute is an option of that name.
 
     Attributes:
-        weight: Weights with units: of all fabrics, or NUMBER=WEIGHT.
+        weight: Weights with units: NUMBER=WEIGHT, or of all fabrics that have none of their own, also in the table.
         weights: Table of weights; by default `weights.csv` in the folder of the photographs, if it is there.
         cloth_diameter: Diameter of the flat cloth, with its unit.
         plate_diameter: Diameter of the plate, with its unit.
@@ -99,7 +99,7 @@ def setting_of(text: SettingText, photographs: Path, fabrics: Sequence[int]) -> 
     return Setting(
         cloth_radius=cloth,
         plate_radius=plate,
-        weights=weights | weights_of_options(text.weight, fabrics),
+        weights=weights_of_options(text.weight, fabrics, weights),
         thicknesses=thicknesses,
         captures=_faces(text.captures),
         camera_height=None if height is None else _length(height, "--camera-height", CAMERA_HEIGHTS),

@@ -1,6 +1,6 @@
 """Weights and thicknesses of the fabrics: from options, or from a table that people fill in, in their own units."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cusick_bench.files import BadFile, read_csv
@@ -107,12 +107,15 @@ def _within(value: float, bounds: tuple[float, float], unit: str, text: str) -> 
     return value
 
 
-def weights_of_options(texts: Sequence[str], fabrics: Sequence[int]) -> dict[int, float]:
+def weights_of_options(
+    texts: Sequence[str], fabrics: Sequence[int], table: Mapping[int, float] | None = None
+) -> dict[int, float]:
     """Reads the values of `--weight`: one for all fabrics that have none of their own, or NUMBER=VALUE.
 
     Args:
         texts: Values as given.
         fabrics: Fabrics of the pictures.
+        table: Areal density by fabric as a table has it [kg/m2]; NUMBER=VALUE goes before it.
 
     Returns:
         Areal density by fabric [kg/m2].
@@ -141,4 +144,4 @@ def weights_of_options(texts: Sequence[str], fabrics: Sequence[int]) -> dict[int
                 remedy=f"fabrics are {', '.join(map(str, fabrics))}",
                 kind="bad-quantity",
             )
-    return common | found
+    return common | dict(table or {}) | found

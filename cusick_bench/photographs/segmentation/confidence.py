@@ -111,7 +111,12 @@ _DOUBTS = (
     _Doubt("unseen", 0.002, 0.0005, "{:.0%} of it leaves the picture"),
     _Doubt("total_mm", 0.42, 0.04, "its edge, the camera's place and the calibration make {:.1f} mm likely"),
     _Doubt("off_axis_mm", 0.75, 0.05, "the camera is too far beside the axis, which may leave {:.1f} mm: level it"),
-    _Doubt("calibration_mm", 1.2, 0.05, "scale and tilt are uncertain by {:.1f} mm: calibrate with the board"),
+    _Doubt(
+        "calibration_mm",
+        1.2,
+        0.05,
+        "scale and tilt are uncertain by {:.1f} mm: calibrate with the board, and measure its ruler",
+    ),
     # Sharp limits, which no photograph comes near but those that they are about.
     _Doubt("reread_mm", 0.6, 1e-3, "light and network differ by {:.1f} mm all along it: too coarse, or not sharp"),
     _Doubt("burnt", 0.3, 1e-3, "the cloth is overexposed along {:.0%} of it, and looks larger than it is"),
