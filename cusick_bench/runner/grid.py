@@ -262,6 +262,11 @@ def plan(
         seen = seen_of_samples(dataset, split.train, split.test)
         for text, solver in made.items():
             own = posed[text]
+            if own.causes and seen["both_faces"] and solver.learns_both_faces:
+                raise RunnerError(
+                    f"{text} learns from both faces of {split.cloth}, but effects are simulated for the face of the "
+                    "first sample only; run it without --with-effect, or with --protocol paper"
+                )
             numerics = cell_numerics(solver, own.drape, own.causes, **seen)
             cells += [
                 Cell(

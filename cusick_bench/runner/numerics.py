@@ -13,6 +13,7 @@ from collections.abc import Iterable
 
 from cusick_bench import datasets, metrics, problem
 from cusick_bench.datasets.files import hanging_line
+from cusick_bench.problem import followed_branch
 from cusick_bench.sim import contact, effects, engine, render
 from cusick_bench.sim.cloth import membrane
 from cusick_bench.sim.effects.base import Effect
@@ -83,6 +84,8 @@ def cell_numerics(
         if drape.softens_membrane:
             versions["membrane"] = membrane.NUMERICS_VERSION
         versions["problem"] = problem.NUMERICS_VERSION
+        if drape.mode == "equilibrium":
+            versions["branch"] = followed_branch.NUMERICS_VERSION
         versions |= _effect_versions(parse(cause).effect for cause in causes)
     if both_faces:
         versions["both faces"] = BOTH_FACES

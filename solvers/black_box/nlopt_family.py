@@ -61,7 +61,8 @@ class NloptSolver(Solver):
     """One algorithm of NLopt.
 
     Attributes:
-        search: Drapes to spend on the bending level first (see `level_search`); 0 starts at the prior median.
+        search: Drapes to spend on the bending level first (see `level_search`), of which the best is the start; 0
+            starts at the prior median.
         step: First step of the gradient-free local algorithms [prior standard deviations].
         tolerance: Relative change of loss and parameters at which local algorithms end.
     """

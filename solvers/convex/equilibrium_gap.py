@@ -100,8 +100,9 @@ class EquilibriumGap(Solver):
         progress("balancing forces", 0.1)
         shape, strain = self._shape(problem, problem.train_mesh)
         errors = Errors(self.position_error, self.force_error, rest_height=self.rest_height, unevenness=self.unevenness)
-        found = balance([shape], problem.space.prior, errors)
-        self._check(found, strain)
+        with problem.meter.reserve(1):  # for the drape of what is found, however long this takes
+            found = balance([shape], problem.space.prior, errors)
+            self._check(found, strain)
         progress("draping the result", 0.9)
         return replace(prediction_at(problem, found.tau, finished=True), notes=notes(found, strain))
 

@@ -1,7 +1,7 @@
 """Gradient fit of one stretch table a face and one bending table a hinge: 241,734 numbers on 2699 vertices.
 
 One silhouette does not determine as many numbers, so the fit is a regularised one: tau = tau_0 + (39 numbers that all
-elements share) + (smooth fields), with tau_0 the cloth whose bending level has the drape coefficient, and a Gaussian
+elements share) + (smooth fields), with tau_0 the best cloth of the search for the bending level, and a Gaussian
 prior on both (`smooth_field`), whose white coordinates z minimise
 
     J(z) = MODES E(tau(z)) / FLOOR + |z|^2 / 2,
@@ -240,7 +240,7 @@ class Heter(Solver):
         return True
 
     def _begun(self, incumbent: BlurredIncumbent, field: StiffnessField) -> tuple[RegularisedFit, Walk] | None:
-        """Starts from the bending level with the drape coefficient; None if no level gives a drape."""
+        """Starts from the best drape of the search for the bending level; None if no level gives a drape."""
         match_bending_level(incumbent, self.search)
         fit, z = RegularisedFit(incumbent, field, incumbent.tau), np.zeros(field.dimension)
         seen = fit.look(z)

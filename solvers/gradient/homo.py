@@ -1,6 +1,7 @@
 """Gradient fit of one stretch and one bending table to the training silhouette, in log space.
 
-From the bending level that has the training drape coefficient (`level_search`), rounds of Adam and L-BFGS (`descent`),
+From the best of the drapes by which the bending level with the training drape coefficient is sought
+(`level_search`), rounds of Adam and L-BFGS (`descent`),
 each from the best point so far.
 
 References:

@@ -35,7 +35,7 @@ References:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -109,7 +109,7 @@ class BdpField(Solver):
         from cusick_bench.solvers.variational.cloth_inference import ClothInference
 
         seed, finished = int(generator.integers(2**63)), False
-        paced = problem.at_pace(self.pace)
+        paced = replace(problem.at_pace(self.pace), follow=False)  # every specimen is laid down by itself
         incumbent, inference = Incumbent(problem), ClothInference(paced, seed, self.samples)
         progress(f"first answer: {_known_stiffness(problem, inference.before_drapes())}", problem.meter.share)
         with problem.meter.reserve(1):

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from cusick_bench.benchmark.optimisers import runs
 from cusick_bench.benchmark.optimisers.functions import BenchmarkError
 from cusick_bench.benchmark.optimisers.runs import PUBLISHED, Finished, Plan, compare, run_numerics
 from cusick_bench.benchmark.optimisers.table import RunFile, markdown_table, table_rows
@@ -91,6 +92,25 @@ class TestTable:
         text = markdown_table(table_rows(runs))
         assert "## branin, D = 100, 50 evaluations (optimum 0.398)" in text
         assert "## hartmann6, D = 100, 200 evaluations (optimum -3.322)" in text
+
+
+def test_a_run_counts_once_however_often_it_is_asked_for_or_kept(tmp_path):
+    words = ["optimisers", "--runs", "2", "--solver", "sobol", "--solver", "sobol", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, [*words, "--json"])
+    assert result.exit_code == 0, result.output
+    assert len(json.loads(result.stdout)["methods"]) == 1
+    file = tmp_path / "optimisers.jsonl"
+    lines = file.read_text()
+    file.write_text(lines + lines)
+    assert len(lines.splitlines()) == len(RunFile(tmp_path).read()) == 2
+
+
+def test_one_run_of_a_published_method_is_too_few_to_compare():
+    rows = table_rows([finished("sobol", -2.0, 0)])
+    assert rows[0]["differs"] == ""
+    text = markdown_table(rows)
+    assert "too few runs to compare: sobol" in text
+    assert "nothing is published" not in text
 
 
 def test_command_adds_to_one_table(tmp_path):

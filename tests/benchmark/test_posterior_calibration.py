@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cusick_bench.benchmark.posterior_calibration import calibration
 from cusick_bench.benchmark.posterior_calibration.calibration import (
     CalibrationError,
     CalibrationFit,

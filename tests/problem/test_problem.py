@@ -67,6 +67,30 @@ class TestEvaluation:
         assert warm.iterations[0] <= max(cold.iterations[0], 8)
         assert warm.vertices == pytest.approx(cold.vertices, abs=1e-6)
 
+    def test_draws_of_a_prediction_do_not_follow_the_branch_of_the_fit(self, monkeypatch):
+        """A draw is of another specimen, which is laid down by itself; it was sought from the fit's own folds."""
+        dropped, drop = [], outcome.drop_batch
+        monkeypatch.setattr(outcome, "drop_batch", lambda *words, **named: dropped.append(1) or drop(*words, **named))
+        problem = toy_problem(mode="equilibrium", budget=Budget())
+        tau = problem.space.bending_level(2.0)
+        problem.evaluate(tau)
+        fit = len(dropped)
+        problem.evaluate(tau)
+        assert len(dropped) == fit, "a fit goes on from the best drape"
+        problem.draw_batch(tau[None])
+        assert len(dropped) == fit + 1
+        assert not problem.meter.trace[-1].jumped
+
+    def test_drapes_of_meshes_of_any_size_are_journalled(self, monkeypatch, tmp_path):
+        """A resumed run is fed with them; gradients that are too long are their solver's matter."""
+        monkeypatch.setattr("cusick_bench.problem.metering.journal.LONGEST", 10)
+        tau, again = np.zeros(39), {}
+        for _ in range(2):
+            problem = replace(toy_problem(budget=Budget()), journal=Journal(tmp_path, "key"))
+            again[len(again)] = problem.observe(tau)
+            problem.journal.close()
+        assert (again[0].vertices == again[1].vertices).all()
+
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
     def test_parameters_must_be_finite(self, bad):
         problem = toy_problem()

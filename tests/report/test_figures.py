@@ -175,6 +175,18 @@ def test_where_samples_are_left_out_in_turn_one_split_is_shown(toy_dataset, tmp_
     assert set(fit.predicted) == {"right", "null:disc"}
 
 
+def test_a_sample_is_compared_with_draws_of_its_own_face(toy_dataset, tmp_path):
+    """As scores are: the best draw of the other face is no prediction of this sample."""
+    own = held_out_images(toy_dataset, CLOTHS[0])
+    draws = np.concatenate([own[:1] * 0.9, own])
+    turned = {"draw_turned": np.arange(len(draws)) > 0}
+    write_cell(tmp_path, toy_dataset, "null:rotation", CLOTHS[0], draws, arrays=turned)
+    (strip,) = held_out(load_cells(tmp_path), toy_dataset, samples=1)
+    shown = strip.predicted["null:rotation"]
+    assert shown.remark == "its only draw"
+    assert shown.mse > 1e-3
+
+
 def test_an_oracle_shows_the_draw_that_it_made_for_the_sample(toy_dataset, tmp_path):
     """Its draws are the held-out samples in another order: the best one is not the one made for the sample."""
     own = held_out_images(toy_dataset, CLOTHS[0])

@@ -15,6 +15,7 @@ from cusick_bench.leaderboard.verification.verify import verify_cell
 from cusick_bench.problem.cloth_prior import CLOTH, trait_entry
 from cusick_bench.runner import load_prediction
 from cusick_bench.runner.cell import build_problem, solve_cell
+from cusick_bench.runner.errors import RunnerError
 from cusick_bench.runner.grid import ProblemSettings, plan
 from cusick_bench.runner.samples import training_rows
 from cusick_bench.solvers.registry import make_solver
@@ -54,6 +55,15 @@ def test_a_problem_is_shown_the_other_face(dataset, left_out):
     _, other = training_rows(dataset, left_out.train)
     assert len(problem.train_images) == len(problem.other_face_images) == 11
     assert np.array_equal(problem.other_face_images[3], dataset.image(other[3]).numpy())
+
+
+def test_effects_are_refused_where_both_faces_are_learned(dataset, left_out):
+    """They act on the other face with another sign or from another side, and one face is simulated only."""
+    settings = ProblemSettings(vertices=97, causes=("rest-curvature:curvature=15",))
+    with pytest.raises(RunnerError, match="learns from both faces of fabric_3, but effects are simulated for the face"):
+        plan(dataset, solvers=["bdp-field"], splits=[left_out], settings=settings)
+    assert plan(dataset, solvers=["homo", "null:rotation"], splits=[left_out], settings=settings)
+    assert plan(dataset, solvers=["bdp-field"], cloths=["fabric_3"], settings=settings)
 
 
 def test_only_cells_that_show_a_sample_twice_are_new_to_a_run(dataset, left_out):

@@ -1,5 +1,7 @@
 """Stiffness from three-dimensional shapes: the linear map, what it recovers, what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -18,6 +20,7 @@ from cusick_bench.sim.reference.laws import Reference, TorchParameters
 from cusick_bench.sim.render.camera import ParallelCamera
 from cusick_bench.sim.render.silhouette import render
 from cusick_bench.solvers.base import SolverError
+from cusick_bench.solvers.convex import force_balance
 from cusick_bench.solvers.convex.equilibrium_gap import EquilibriumGap, edge_strain
 from cusick_bench.solvers.convex.force_balance import (
     NAMES,
@@ -242,6 +245,21 @@ class TestSolver:
         assert not answer.notes["entries"]["C[3,c11]"]["identifiable"]
         assert len(answer.notes["combinations"]) == 39
         assert answer.notes["edge_strain_rms"] < 0.01
+
+    def test_the_drape_of_a_fit_that_took_all_the_time_is_granted(self, mesh, monkeypatch):
+        shape = _drape(mesh, HomogeneousSpace(mesh, PRIOR).bending_level(2.0), 0)
+        problem = _problem(TrainMesh(shape.x, mesh.faces, mesh.material), mesh)
+        problem = replace(problem, meter=Meter(Budget(seconds=1.0)))
+        fitted = force_balance.balance
+
+        def slowly(*words):
+            problem.meter._clock_zero -= 60
+            return fitted(*words)
+
+        monkeypatch.setattr(force_balance, "balance", slowly)
+        answer = EquilibriumGap(rest_height=0, unevenness=0).solve(problem, np.random.default_rng(0))
+        assert problem.meter.forward == 1
+        assert answer.vertices is not None
 
     def test_fits_on_the_mesh_of_the_data_not_on_the_simulators(self, mesh):
         shape = _drape(disc_mesh(VERTICES, seed=3), np.zeros(39), 0)

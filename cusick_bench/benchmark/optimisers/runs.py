@@ -93,7 +93,7 @@ class Plan:
         dimension: D.
         evaluations: Number of evaluations of each run; 0 for as many as published comparisons spend.
         runs: Number of runs of each method; the coordinates that matter are drawn anew for each.
-        methods: Names in `METHODS`.
+        methods: Names in `METHODS`, each once.
         seed: Seed of all random choices.
     """
 
@@ -105,6 +105,7 @@ class Plan:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "methods", tuple(dict.fromkeys(self.methods)))
         hide(self.function, self.dimension, np.random.default_rng(0))  # refuses what cannot be hidden
         unknown = [name for name in self.methods if name not in METHODS]
         if unknown:
@@ -261,7 +262,7 @@ def compare(
     published = PUBLISHED.get((plan.function, plan.dimension, plan.spent), {})
     rows = []
     for method, runs in finished.items():
-        seconds = float(np.mean([run.seconds for run in runs]))
+        seconds = float(np.median([run.seconds for run in runs]))  # a run may have been suspended
         found = summary([run.best for run in runs], published.get(method))
         rows.append({"method": method, **found, "seconds_per_run": seconds})
     return {

@@ -58,7 +58,7 @@ class RunFile:
         return self.out / "optimisers.jsonl"
 
     def read(self) -> list[Finished]:
-        """Runs made with the numerics of this code; a last line that a crash cut off is left out.
+        """Runs made with the numerics of this code, each once; a last line that a crash cut off is left out.
 
         Raises:
             BenchmarkError: The file holds something else.
@@ -83,7 +83,8 @@ class RunFile:
             found.append(run)
         if last:
             write_atomically(self.path, "".join(f"{line}\n" for line in lines).encode())
-        known = [run for run in found if run.method in METHODS and run.function in FUNCTIONS]
+        once = {(run.function, run.dimension, run.evaluations, run.method, run.seed, run.run): run for run in found}
+        known = [run for run in once.values() if run.method in METHODS and run.function in FUNCTIONS]
         return [run for run in known if run.numerics == run_numerics(run.function, run.method)]
 
     def keep(self, run: Finished) -> None:
@@ -105,7 +106,8 @@ def table_rows(runs: Iterable[Finished]) -> list[dict[str, Any]]:
 
     Returns:
         Lines in the order of `METHODS`; `differs` is "lower" or "higher" where our mean is more than `APART` standard
-        errors of the difference from the published one, "no" where it is not, and "" where nothing is published.
+        errors of the difference from the published one, "no" where it is not, and "" where nothing is published, or
+        where one run has no standard error.
     """
     groups: dict[_Question, dict[str, list[Finished]]] = {}
     for run in runs:
@@ -222,8 +224,10 @@ def _verdict(rows: Sequence[dict[str, Any]]) -> str:
     for differs, meaning in words.items():
         if names := [f"{row['method']} (z {row['z']:+.1f})" for row in rows if row["differs"] == differs]:
             said.append(f"{meaning}: {', '.join(names)}")
-    if alone := [row["method"] for row in rows if row["differs"] == ""]:
-        said.append(f"nothing is published to compare with: {', '.join(alone)}")
+    open_rows = [row for row in rows if row["differs"] == ""]
+    for words, published in (("too few runs to compare", True), ("nothing is published to compare with", False)):
+        if names := [row["method"] for row in open_rows if isfinite(row["published_mean"]) == published]:
+            said.append(f"{words}: {', '.join(names)}")
     if missing := [name for name in METHODS if name not in {row["method"] for row in rows}]:
         said.append(f"not run here: {', '.join(missing)}")
     remarks = [REMARKS[key] for row in rows if (key := (row["function"], row["method"])) in REMARKS]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from itertools import product
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -110,7 +111,7 @@ def _print_table(document: dict[str, Any]) -> None:
             f"{row['median']:.3f}",
             f"{theirs['mean']:.3f} ± {theirs['standard_error']:.3f}" if theirs else "",
             f"{theirs['median']:.3f}" if theirs and theirs["median"] is not None else "",
-            f"{row['z']:+.1f}" if theirs else "",
+            f"{row['z']:+.1f}" if isfinite(row["z"]) else "",
             f"{row['seconds_per_run']:.1f}",
         )
     output.print(table)

@@ -39,6 +39,7 @@ _DIGEST_BYTES = hashlib.sha256().digest_size
 # Longer arrays are not journalled (2 MB a gradient of the heterogeneous space): their solvers use the
 # checkpoint.
 LONGEST = 100_000  # numbers
+_NEEDED = ("vertices",)  # drapes, of which a solver has no other record, are journalled however long they are
 
 
 @dataclass(frozen=True)
@@ -263,7 +264,7 @@ class Journal:
         """
         if self._trace is None or self._arrays is None:
             return
-        kept = Entry(entry.evaluation, {k: v for k, v in entry.arrays.items() if v.size <= LONGEST})
+        kept = Entry(entry.evaluation, {k: v for k, v in entry.arrays.items() if k in _NEEDED or v.size <= LONGEST})
         body = _body(kept)
         self._links.append(_link(self._links[-1], body, kept.arrays))
         for array in kept.arrays.values():

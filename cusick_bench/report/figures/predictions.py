@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import trimesh
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from cusick_bench.datasets import DrapeDataset
@@ -82,6 +82,7 @@ class Draws:
         vertices: Drapes behind `images` [m], None where there are none.
         faces: Triangles of both.
         protocol: How the silhouettes are taken.
+        turned: Which of `images` lie with the other face up than the training sample; None where all predict any face.
     """
 
     fit: Float[ndarray, "size size"]
@@ -90,6 +91,18 @@ class Draws:
     vertices: Float[ndarray, "draws vertices 3"] | None = None
     faces: Int[ndarray, "faces 3"] | None = None
     protocol: Protocol = RELEASE
+    turned: Bool[ndarray, " draws"] | None = None
+
+    def of_face(self, turned: bool) -> Int[ndarray, " own"]:
+        """Numbers of the draws that predict samples with one face up.
+
+        Args:
+            turned: Whether it is the other face than the training sample's.
+
+        Returns:
+            Numbers of the draws, from 0.
+        """
+        return np.arange(len(self.images)) if self.turned is None else np.flatnonzero(self.turned == turned)
 
     def evenly(self, count: int) -> UInt8[ndarray, "chosen size size"]:
         """Some of the silhouettes, evenly spaced: draws may be in order, as rotations are.
@@ -276,4 +289,7 @@ def _draws(arrays: Mapping[str, ndarray], protocol: Protocol) -> Draws:
             check_mesh(drapes, faces)
     if drawn is not None and len(drawn) != len(images):
         raise ValueError(f"{len(drawn)} drapes stand behind {len(images)} draws")
-    return Draws(fit, images, vertices, drawn, faces, protocol)
+    turned = arrays.get("draw_turned")
+    if turned is not None and (turned.dtype != bool or turned.shape != (len(images),)):
+        raise ValueError(f"its faces of {len(images)} draws have shape {turned.shape}, type {turned.dtype}")
+    return Draws(fit, images, vertices, drawn, faces, protocol, turned)

@@ -20,6 +20,7 @@ from numpy import ndarray
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.files.protocol import RELEASE, Protocol
 from cusick_bench.datasets.files.silhouette import outline_pixels
+from cusick_bench.datasets.index import OTHER_FACE
 from cusick_bench.leaderboard import Cells
 from cusick_bench.metrics import mse, mse_pairs
 from cusick_bench.report.drawing.pictures import drape_picture, silhouette_picture
@@ -33,6 +34,7 @@ from cusick_bench.report.figures.predictions import (
     load_draws,
     surface_of,
     train_row,
+    train_rows,
 )
 from cusick_bench.report.figures.sheet import empty_sheet, heading, in_blocks
 from cusick_bench.sim.constants import IMAGE_SIZE
@@ -166,14 +168,22 @@ def held_out(
             )  # one at a time: a thousand drapes have 65 MB
             errors = mse_pairs(draws.images, np.stack([real.image for real in reals]), dataset.protocol)
             own = _made_for(entrant, cloth, rows, len(draws.images))
-            for place, best in enumerate(own or errors.argmin(0).tolist()):
-                words = "" if own else f"best of {len(draws.images)}" if len(draws.images) > 1 else "its only draw"
+            for place, row in enumerate(rows):
+                offered = draws.of_face(_turned_over(dataset, entrant.folders(cloth)[0], row))
+                best = own[place] if own else int(offered[errors[offered, place].argmin()])
+                words = "" if own else f"best of {len(offered)}" if len(offered) > 1 else "its only draw"
                 predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
         strips += [
             Strip(cloth, _sample(dataset, row), real, tiles, dataset.protocol)
             for row, real, tiles in zip(rows, reals, predicted, strict=True)
         ]
     return strips
+
+
+def _turned_over(dataset: DrapeDataset, folder: Path, row: int) -> bool:
+    """Whether a sample is known to lie with the other face up than the training sample of a cell."""
+    side = dataset.table["side"].astype(str)
+    return side.iloc[row] == OTHER_FACE.get(side.iloc[train_rows(folder)[0]])
 
 
 def _first_folders(chosen: Sequence[Entrant], cloth: str) -> dict[str, Path]:

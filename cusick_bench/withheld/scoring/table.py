@@ -206,7 +206,8 @@ def _square(cases: pd.DataFrame) -> list[list[str]]:
 
 def _taken_for(cases: pd.DataFrame) -> list[list[str]]:
     """One line a truth: how often it was found, also where it was clear, and what else was said, most often first."""
-    strong = _nested(confusion_by_effect(cases.loc[(cases["kind"] != SINGLE) | are_clear(cases)]))
+    clear = are_clear(cases) | ((cases["kind"] != SINGLE) & cases["multiple"].isna())
+    strong = _nested(confusion_by_effect(cases.loc[clear]))
     lines = []
     for truth, counts in _nested(confusion_by_effect(cases)).items():
         others = sorted(((n, said) for said, n in counts.items() if said != truth), key=lambda item: -item[0])
