@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from cusick_bench.cli import app
 from cusick_bench.datasets import load
 from cusick_bench.leaderboard import load_cells
-from cusick_bench.leaderboard.verification.resimulate import read_record
+from cusick_bench.leaderboard.verification.resimulate import read_record, repeat
 from cusick_bench.leaderboard.verification.verify import verify_cell
 from cusick_bench.problem import Budget, DrapeProblem, ProblemError, Scene, canonical, parse_causes
 from cusick_bench.runner import (
@@ -191,8 +191,11 @@ class TestRun:
     def test_a_cell_is_not_verified_with_other_causes(self, finished, data, tmp_path, monkeypatch):
         table = load_cells(finished).table
         folder = table.loc[table["solver"].str.contains("plate-tilt"), "folder"].iloc[0]
-        of_record = ProblemSettings.from_record
-        monkeypatch.setattr(ProblemSettings, "from_record", lambda record: replace(of_record(record), causes=()))
+
+        def without_causes(folder: Path, cell: Cell, *words, **named):
+            return repeat(folder, replace(cell, settings=replace(cell.settings, causes=())), *words, **named)
+
+        monkeypatch.setattr("cusick_bench.leaderboard.verification.verify.repeat", without_causes)
         assert {"shape [m]", "fit"} <= {check.name for check in verify_cell(folder, load(data)).broken}
 
     def test_a_stopped_fit_goes_on_to_the_same_numbers(self, finished, data, tmp_path):

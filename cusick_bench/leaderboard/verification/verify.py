@@ -217,12 +217,16 @@ def _identity_checks(
     """Whether the cell fits its folder's name, and the data fit its record."""
     yield equal("record", record_key(record), folder.name)
     cell = Cell.from_record(record)
-    made = json.loads(json.dumps(cell.record() | {"solver_options": record.get("solver_options")}))
-    unlike = [name for name, value in made.items() if name in record and record[name] != value]
+    made = cell.record() | {"solver_options": record.get("solver_options")}
+    unlike = [name for name, value in made.items() if name in record and _text(record[name]) != _text(value)]
     yield equal("record of solver and settings", f"{', '.join(unlike)} changed" if unlike else "", "")
     changed = [name for name, value in record.items() if result.get(name) != value]
     yield equal("result's record", f"{', '.join(changed)} changed" if changed else "", "")
     yield equal("data", dataset.content_hash, str(record.get("dataset_hash")))
+
+
+def _text(value: object) -> str:
+    return json.dumps(value, sort_keys=True, default=str)  # as `record_key` does
 
 
 def _split_checks(cell: Cell, dataset: DrapeDataset) -> Iterator[Check]:
