@@ -12,7 +12,7 @@ from rich.text import Text
 
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard, Row
-from cusick_bench.leaderboard.cells.commands import typed
+from cusick_bench.leaderboard.cells.commands import machine, typed
 from cusick_bench.leaderboard.text import TextTable, text_table
 from cusick_bench.runner.environment import code_text
 
@@ -156,7 +156,7 @@ def record(board: Leaderboard, row: Row) -> dict[str, Any]:
         "protocol": board.protocol,
         "command": typed(board.run.get("command", "")),
         "code_version": row.code_version or code_text(board.run),
-        "hardware": " ".join(str(board.run.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
+        "hardware": machine(board.run),
     }
 
 

@@ -21,6 +21,7 @@ from cusick_bench.metrics.found_stiffness import FoundStiffness
 
 METRICS = ("test_mse", "test_energy_distance", "test_dc_crps", "test_dc_cover_50", "test_dc_cover_90")
 """Columns of `Cells.table` that a curve shows."""
+_FIRST = "first-"  # beginning of names of splits
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,31 @@ def learning_curve(cells: Cells, *, seed: int = 0) -> list[LearningStep]:
     return steps
 
 
+def split_name(samples: int) -> str:
+    """Name of the split of a learning curve.
+
+    Args:
+        samples: Number of training samples.
+
+    Returns:
+        Such as `first-4`.
+    """
+    return f"{_FIRST}{samples}"
+
+
+def samples_of_split(name: str) -> int | None:
+    """Number of training samples of a learning curve's split.
+
+    Args:
+        name: Name of a split.
+
+    Returns:
+        The number; None for any other split.
+    """
+    number = name.removeprefix(_FIRST)
+    return int(number) if number != name and number.isdecimal() else None
+
+
 def trained_on(table: pd.DataFrame) -> pd.Series:
     """Number of training samples of each cell.
 
@@ -127,10 +153,11 @@ def trained_on(table: pd.DataFrame) -> pd.Series:
     Raises:
         LeaderboardError: A cell of another protocol.
     """
-    names = table["protocol"].astype(str)
-    if not names.str.fullmatch(r"first-\d+").all():
-        raise LeaderboardError(f"cells of the protocol {names.iloc[0]!r} are no learning curve; see learning-curve")
-    return names.str.removeprefix("first-").astype(int)
+    names = table["protocol"].astype(str).tolist()
+    found = [samples_of_split(name) for name in names]
+    if None in found:
+        raise LeaderboardError(f"cells of the protocol {names[0]!r} are no learning curve; see learning-curve")
+    return pd.Series(found, index=table.index, dtype=int)
 
 
 def _estimate(part: pd.DataFrame, name: str, generator: np.random.Generator) -> Estimate:

@@ -242,7 +242,7 @@ class DrapeProblem:
         return self._observed("drape", taus[: max(1, affordable)])
 
     def draw_batch(self, taus: Vectors) -> list[Observation | None]:
-        """Drapes vectors that were drawn from what a solver has learned; they cost no budget.
+        """Drapes vectors that were drawn from what a solver has learned, each as laid down; they cost no budget.
 
         Args:
             taus: Parameter vectors, one a row.
@@ -253,7 +253,7 @@ class DrapeProblem:
         Raises:
             ProblemError: A vector has a wrong length or holds NaN or infinity.
         """
-        return self._observed("draw", taus)
+        return replace(self, follow=False)._observed("draw", taus)
 
     def at_pace(self, pace: PaceName) -> "DrapeProblem":
         """The same problem with another pace of its drops; it shares meter, journal and branch.
@@ -286,18 +286,13 @@ class DrapeProblem:
         return self.observe(tau).vertices
 
     def simulate(
-        self,
-        taus: Float[Tensor, "members dimension"],
-        warm: Float[Tensor, "members vertices 3"] | None = None,
-        *,
-        follow: bool = True,
+        self, taus: Float[Tensor, "members dimension"], warm: Float[Tensor, "members vertices 3"] | None = None
     ) -> DrapeBatch:
         """Drapes with gradients to the vectors, neither metered nor kept.
 
         Args:
             taus: Parameter vectors.
             warm: Positions from which equilibria are sought [m]; by default from the branch that is followed.
-            follow: Whether there is such a branch; without, equilibria are sought from the cloths as laid down.
 
         Returns:
             The drapes; brisk ones have no gradients, and are the same to the bit in any batch.
@@ -306,7 +301,7 @@ class DrapeProblem:
         materials = [one.material for one in specimens]
         initial = _stacked([self.initial if one.initial is None else one.initial for one in specimens])
         rest_angle = _stacked([one.rest_angle for one in specimens])
-        warm = self._branch.start(len(taus)) if warm is None and follow and self._follows else warm
+        warm = self._branch.start(len(taus)) if warm is None and self._follows else warm
         if self.scene is None:
             return self.simulator.drape_batch(materials, initial=initial, rest_angle=rest_angle, warm=warm)
         laid, flat = torch.from_numpy(self.simulator.laid_down()), self.simulator.rest_angles()
@@ -384,17 +379,16 @@ class DrapeProblem:
         return [None if entry.evaluation.failure else self._seen(entry) for entry in entries]
 
     def _metered(self, kind: str, taus: Vectors, measure: Measure | None = None) -> list[Entry]:
-        follows = self._follows and kind != "draw"
         entries = metered(
             kind,
             self._checked(taus),
-            lambda some: self._simulated(some, kind == "gradient", measure, follows),
+            lambda some: self._simulated(some, kind == "gradient", measure),
             self.meter,
             self.journal,
-            keeps_vertices=lambda loss: kind in _KEPT or (follows and loss < self._branch.loss),
+            keeps_vertices=lambda loss: kind in _KEPT or (self._follows and loss < self._branch.loss),
             all_at_once=measure is not None,
         )
-        if follows:
+        if self._follows:
             for entry in entries:
                 self._branch.keep(entry)
         return entries
@@ -413,12 +407,12 @@ class DrapeProblem:
     def _follows(self) -> bool:
         return self.follow and self.simulator.settings.mode == "equilibrium"
 
-    def _simulated(self, taus: Vectors, gradient: bool, measure: Measure | None, follows: bool) -> list[Simulated]:
+    def _simulated(self, taus: Vectors, gradient: bool, measure: Measure | None) -> list[Simulated]:
         """Drapes (and their adjoints), measured against the training image where the simulator's device leaves them."""
         parameters = torch.as_tensor(taus).clone().requires_grad_(gradient)
         target = torch.as_tensor(self.train_image)
         with torch.set_grad_enabled(gradient):
-            batch = self.simulate(parameters, follow=follows)
+            batch = self.simulate(parameters)
             alive = [member for member, failure in enumerate(batch.failures) if failure is None]
             images = {member: self.render(batch.vertices[member]) for member in alive}
             measure_loss = LOSSES[self.loss]
@@ -436,7 +430,7 @@ class DrapeProblem:
                 arrays["gradient"] = slopes[member]
             loss = losses[member].item()
             if all(np.isfinite(array).all() for array in (loss, *arrays.values())):
-                jumped = follows and self._branch.left_by(self.simulator.mesh, arrays["vertices"])
+                jumped = self._follows and self._branch.left_by(self.simulator.mesh, arrays["vertices"])
                 results[member] = Simulated(loss, "", arrays, fall, jumped)
             else:
                 results[member] = Simulated(failure="the drape, its loss or its gradient is not finite")

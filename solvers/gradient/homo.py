@@ -1,8 +1,7 @@
 """Gradient fit of one stretch and one bending table to the training silhouette, in log space.
 
-From the best of the drapes by which the bending level with the training drape coefficient is sought
-(`level_search`), rounds of Adam and L-BFGS (`descent`),
-each from the best point so far.
+From the best of the drapes by which the bending level with the training drape coefficient is sought (`level_search`),
+rounds of Adam and L-BFGS (`descent`), each from the best point so far.
 
 References:
     Gong, Mao, Wang, Bayesian Differentiable Physics for Cloth Digitalization, CVPR 2024 (the row HOMO of

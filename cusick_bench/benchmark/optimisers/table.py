@@ -225,9 +225,9 @@ def _verdict(rows: Sequence[dict[str, Any]]) -> str:
         if names := [f"{row['method']} (z {row['z']:+.1f})" for row in rows if row["differs"] == differs]:
             said.append(f"{meaning}: {', '.join(names)}")
     open_rows = [row for row in rows if row["differs"] == ""]
-    for words, published in (("too few runs to compare", True), ("nothing is published to compare with", False)):
+    for why, published in (("too few runs to compare", True), ("nothing is published to compare with", False)):
         if names := [row["method"] for row in open_rows if isfinite(row["published_mean"]) == published]:
-            said.append(f"{words}: {', '.join(names)}")
+            said.append(f"{why}: {', '.join(names)}")
     if missing := [name for name in METHODS if name not in {row["method"] for row in rows}]:
         said.append(f"not run here: {', '.join(missing)}")
     remarks = [REMARKS[key] for row in rows if (key := (row["function"], row["method"])) in REMARKS]

@@ -73,7 +73,7 @@ def learning_curve_command(
     import pandas as pd
 
     from cusick_bench.files.csv_text import csv_text
-    from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits
+    from cusick_bench.leaderboard.learning_curve import learning_curve, learning_splits, split_name
     from cusick_bench.problem import Budget as Limit
     from cusick_bench.runner import ProblemSettings, Source, load_once, plan
     from cusick_bench.runner.store import write_atomically
@@ -90,7 +90,7 @@ def learning_curve_command(
             solvers=solver or [_SOLVER],
             seeds=list(range(seed, seed + seeds)),
             settings=settings,
-            protocol=f"first-{count}",
+            protocol=split_name(count),
             splits=splits,
         )
     ]

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-_PLACE = ("processor", "platform", "cores")
+_MACHINE = ("processor", "platform", "cores")
 
 
 def typed(command: str | Sequence[object]) -> str:
@@ -52,8 +52,20 @@ def command_record(run: Mapping[str, Any], keys: Iterable[str]) -> dict[str, Any
             wanted -= set(record["cells"])
     if not needed:
         return dict(run)
-    joined = {name: "; ".join(_once(record.get(name, "") for record in needed)) for name in _PLACE}
+    joined = {name: "; ".join(_once(record.get(name, "") for record in needed)) for name in _MACHINE}
     return {**needed[-1], **joined, "command": "; ".join(_once(typed(record.get("command", "")) for record in needed))}
+
+
+def machine(record: Mapping[str, Any]) -> str:
+    """Machine that a command ran on, as rows of tables name it.
+
+    Args:
+        record: From `command_record`.
+
+    Returns:
+        Its processor, platform and number of cores.
+    """
+    return " ".join(str(record.get(name, "")) for name in _MACHINE).strip()
 
 
 def _once(values: Iterable[object]) -> list[str]:

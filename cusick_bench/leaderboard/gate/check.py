@@ -279,7 +279,7 @@ def _failures(run: pd.DataFrame, baseline: pd.DataFrame, solver: str) -> Iterato
     if failed:
         table = [[failed, len(run) - failed], [before, len(baseline) - before]]
         p = float(stats.fisher_exact(table, alternative="greater").pvalue) if before else 0.0  # pyright: ignore
-        detail = f"{failed} of {len(run)} cells failed, {before} of {len(baseline)} in the baseline"
+        detail = f"{_failed_of(run)}, {before} of {len(baseline)} in the baseline"
         yield Finding(solver, "cells", "undecided", detail, p=p)
 
 

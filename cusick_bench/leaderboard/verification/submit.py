@@ -21,7 +21,7 @@ import pandas as pd
 from cusick_bench.files import BadFile, read_csv
 from cusick_bench.files.csv_text import csv_text
 from cusick_bench.leaderboard.board import Leaderboard, Row, leaderboards, of_board
-from cusick_bench.leaderboard.cells.commands import command_record, typed
+from cusick_bench.leaderboard.cells.commands import command_record, machine, typed
 from cusick_bench.leaderboard.cells.loading import Cells
 from cusick_bench.leaderboard.cells.variants import variants
 from cusick_bench.leaderboard.errors import LeaderboardError
@@ -193,7 +193,7 @@ def _line(
         "settings": json.dumps(settings, sort_keys=True),
         "budget": _budget(settings.get("budget") or {}),
         "command": typed(made.get("command", [])),
-        "hardware": " ".join(str(made.get(key, "")) for key in ("processor", "platform", "cores")).strip(),
+        "hardware": machine(made),
         "time": made.get("time", ""),
         "row": hashlib.sha256(" ".join(keys).encode()).hexdigest()[:16],
     }

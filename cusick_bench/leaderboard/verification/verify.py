@@ -10,7 +10,6 @@ The outcome is kept in `verified.json` of the results folder, with hashes of the
 
 import json
 import logging
-import re
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from typing import Any
 from cusick_bench import metrics
 from cusick_bench.datasets import DrapeDataset
 from cusick_bench.datasets.splits import PROTOCOLS
-from cusick_bench.leaderboard.learning_curve import learning_splits
+from cusick_bench.leaderboard.learning_curve import learning_splits, samples_of_split
 from cusick_bench.leaderboard.verification.comparison import REDRAWN, Check, equal, metric_checks, stiffness_checks
 from cusick_bench.leaderboard.verification.resimulate import (
     read_record,
@@ -174,7 +173,7 @@ def _verified(
     simulators: Simulators | None,
 ) -> Verification:
     result, cell = read_json(folder / "result.json"), Cell.from_record(record)
-    checks, notes = list(_identity_checks(folder, record, result, dataset)), []
+    checks, notes = list(_identity_checks(folder, cell, record, result, dataset)), []
     identity = (folder.name, cell.label, cell.cloth, cell.seed)
     if result.get("status") != "done":
         return Verification(*identity, "unreadable", (), ("the cell has failed; it claims nothing",))
@@ -212,11 +211,10 @@ def _other_numerics(cell: Cell, record: dict[str, Any], dataset: DrapeDataset) -
 
 
 def _identity_checks(
-    folder: Path, record: dict[str, Any], result: dict[str, Any], dataset: DrapeDataset
+    folder: Path, cell: Cell, record: dict[str, Any], result: dict[str, Any], dataset: DrapeDataset
 ) -> Iterator[Check]:
     """Whether the cell fits its folder's name, and the data fit its record."""
     yield equal("record", record_key(record), folder.name)
-    cell = Cell.from_record(record)
     made = cell.record() | {"solver_options": record.get("solver_options")}
     unlike = [name for name, value in made.items() if name in record and _text(record[name]) != _text(value)]
     yield equal("record of solver and settings", f"{', '.join(unlike)} changed" if unlike else "", "")
@@ -231,11 +229,11 @@ def _text(value: object) -> str:
 
 def _split_checks(cell: Cell, dataset: DrapeDataset) -> Iterator[Check]:
     """Whether the cell's samples are those of the split that it names; none where the split is of the user's making."""
-    learning = re.fullmatch(r"first-(\d+)", cell.protocol)
+    learned = samples_of_split(cell.protocol)
     if cell.protocol in PROTOCOLS:
         splits = dataset.split(cell.protocol, [cell.cloth])
-    elif learning is not None:
-        splits = learning_splits(dataset, [cell.cloth], [int(learning[1])], len(cell.test))[int(learning[1])]
+    elif learned is not None:
+        splits = learning_splits(dataset, [cell.cloth], [learned], len(cell.test))[learned]
     else:
         return
     known = any((cell.train, cell.test) == (split.train, split.test) for split in splits)

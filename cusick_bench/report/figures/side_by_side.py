@@ -168,8 +168,9 @@ def held_out(
             )  # one at a time: a thousand drapes have 65 MB
             errors = mse_pairs(draws.images, np.stack([real.image for real in reals]), dataset.protocol)
             own = _made_for(entrant, cloth, rows, len(draws.images))
+            trained = train_rows(entrant.folders(cloth)[0])[0]
             for place, row in enumerate(rows):
-                offered = draws.of_face(_turned_over(dataset, entrant.folders(cloth)[0], row))
+                offered = draws.of_face(_turned_over(dataset, trained, row))
                 best = own[place] if own else int(offered[errors[offered, place].argmin()])
                 words = "" if own else f"best of {len(offered)}" if len(offered) > 1 else "its only draw"
                 predicted[place][entrant.label] = _draw_tile(draws, best, float(errors[best, place]), words)
@@ -180,10 +181,10 @@ def held_out(
     return strips
 
 
-def _turned_over(dataset: DrapeDataset, folder: Path, row: int) -> bool:
-    """Whether a sample is known to lie with the other face up than the training sample of a cell."""
-    side = dataset.table["side"].astype(str)
-    return side.iloc[row] == OTHER_FACE.get(side.iloc[train_rows(folder)[0]])
+def _turned_over(dataset: DrapeDataset, trained: int, row: int) -> bool:
+    """Whether a sample is known to lie with the other face up than the training sample."""
+    side = dataset.table["side"]
+    return str(side.iloc[row]) == OTHER_FACE.get(str(side.iloc[trained]))
 
 
 def _first_folders(chosen: Sequence[Entrant], cloth: str) -> dict[str, Path]:

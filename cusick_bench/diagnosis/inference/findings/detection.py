@@ -86,20 +86,22 @@ def detection_p_value(
         The p-value; never 0.
     """
     observed = detection_statistic(model, model.white[None])[0]
+    allowed = model.likelihoods(()).symmetric[-1]
+    shares = np.exp(allowed - logsumexp(allowed))
     made = as_large = 0
     spread = np.sqrt(ALPHA * (1 - ALPHA))
     while made < draws or (made < most and abs(as_large / made - ALPHA) < 3 * spread / np.sqrt(made)):
         batch = min(_AT_ONCE, (draws if made < draws else most) - made)
-        as_large += int((_null_statistics(model, generator, batch) >= observed).sum())
+        as_large += int((_null_statistics(model, shares, generator, batch) >= observed).sum())
         made += batch
     return (1 + as_large) / (1 + made)
 
 
-def _null_statistics(model: SetModel, generator: np.random.Generator, draws: int) -> Float[ndarray, "draws"]:
-    """Statistics of fabrics for which the base model holds but for its misfit."""
-    allowed = model.likelihoods(()).symmetric[-1]
-    shares = np.cumsum(np.exp(allowed - logsumexp(allowed)))
+def _null_statistics(
+    model: SetModel, shares: Float[ndarray, "sizes"], generator: np.random.Generator, draws: int
+) -> Float[ndarray, "draws"]:
+    """Statistics of fabrics for which the base model holds but for its misfit, whose sizes have these probabilities."""
     stratified = LatinHypercube(1, rng=generator).random(draws)[:, 0]
-    sizes = MISFIT_SIZES[np.searchsorted(shares[:-1], stratified)]
-    scale = np.stack([np.sqrt(model.misfit.variance(size, 0.0)) for size in sizes])
+    scales = np.stack([np.sqrt(model.misfit.variance(size, 0.0)) for size in MISFIT_SIZES])
+    scale = scales[np.searchsorted(shares.cumsum()[:-1], stratified)]
     return detection_statistic(model, scale * model.null_noise(draws, generator))
