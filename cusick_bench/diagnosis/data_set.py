@@ -79,7 +79,9 @@ class DataSetDiagnosis:
         try:
             found = diagnose(
                 captures, self.emulator, self.calibration, self.options,
-                shared=self.laboratory.named if self.laboratory else (), simulators=self.simulators, progress=progress,
+                shared=self.laboratory.named if self.laboratory else (),
+                acting=self.laboratory.acting if self.laboratory else None,
+                simulators=self.simulators, progress=progress,
             )  # fmt: skip
         except Refused as refusal:
             return refused_document(fabric, str(refusal), command=command, version=version)

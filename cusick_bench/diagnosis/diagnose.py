@@ -115,6 +115,7 @@ def diagnose(
     options: Options | None = None,
     *,
     shared: tuple[Candidate, ...] = (),
+    acting: Mapping[str, Mapping[str, float]] | None = None,
     simulators: Simulators | None = None,
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Diagnosis:
@@ -126,6 +127,8 @@ def diagnose(
         calibration: Calibration of the probabilities; theory by default.
         options: How to diagnose.
         shared: Effects of the laboratory that all its fabrics show, from `laboratory`.
+        acting: For each of them the probability that it acts, and that each of its look-alikes does instead; by default
+            they act for certain.
         simulators: Simulators that are reused from fabric to fabric.
         progress: Called with what is being done and the share that is done.
 
@@ -141,7 +144,11 @@ def diagnose(
         raise DiagnosisError(ONE_SAMPLE)
     generator = np.random.default_rng([_SEED, chosen.seed])
     progress("statistics, base model, sets of effects", 0.0)
-    evidence = fabric_evidence(captures, emulator, known, generator, without=chosen.without, shared=shared)
+    of_laboratory = acting or {one.hypothesis.name: {one.hypothesis.name: 1.0} for one in shared}
+    evidence = fabric_evidence(
+        captures, emulator, known, generator, without=chosen.without, shared=shared,
+        alike=[tuple(group) for group in of_laboratory.values() if len(group) > 1],
+    )  # fmt: skip
     found, sets, notes = evidence.finding, evidence.sets, list(evidence.notes)
     drifting = [one for one in evidence.causes if acts_later(one.hypothesis.effect)]
     if drifting:
@@ -160,7 +167,7 @@ def diagnose(
         verdict=found.verdict,
         p=evidence.p,
         probability=found.leading,
-        acting={**dict.fromkeys([one.hypothesis.name for one in shared], 1.0), **sets.posterior.effects},
+        acting=_acting(of_laboratory, sets.posterior.effects),
         sets=sets.posterior.sets,
         set90=found.set90,
         effects=found.effects,
@@ -189,6 +196,15 @@ def diagnose(
         without=chosen.without,
         simulated=simulated,
     )
+
+
+def _acting(of_laboratory: Mapping[str, Mapping[str, float]], own: Mapping[str, float]) -> dict[str, float]:
+    """Probability that each effect acts, as one of the laboratory or as one of the fabric's own."""
+    acting = dict(own)
+    for first, group in of_laboratory.items():
+        for name, p in group.items():
+            acting[name] = p if name == first else max(p, acting.get(name, 0.0))
+    return acting
 
 
 def _place(evidence: FabricEvidence) -> Place:

@@ -190,7 +190,8 @@ def _print_laboratory(shared: LaboratoryDocument) -> None:
     for one in shared.effects:
         parameters = ", ".join(f"{name} {_shown(value)}" for name, value in one.parameters.items())
         evidence = ", ".join(f"{name} {value:.1f}" for name, value in one.evidence.items())
-        table.add_row(one.effect, one.stage, f"{one.probability:.2f}", parameters, evidence)
+        name = " or ".join((one.effect, *one.look_alikes))
+        table.add_row(name, one.stage, f"{one.probability:.2f}", parameters, evidence)
     output.print(table)
     for note in shared.notes:
         output.print(f"note: {note}")

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from cusick_bench.diagnosis.document.model import ParameterValue
 from cusick_bench.diagnosis.document.part import Part, Probability
-from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import Laboratory, least_lead
 from cusick_bench.diagnosis.inference.residuals.samples import lengths_of_atlas
 from cusick_bench.diagnosis.measure.captures import Captures
 from cusick_bench.runner.store import write_atomically
@@ -24,10 +24,11 @@ class SharedCause(Part):
     Attributes:
         effect: Its name.
         stage: Its class. The file's key is `class`.
-        probability: That all fabrics show it, with one severity and direction.
+        probability: That all fabrics show it, or one of its look-alikes, with one severity and direction.
         named: Whether it is taken to act in every fabric.
         parameters: Shared parameters by name.
         evidence: By fabric, ln of its likelihood with the effect over that without [nat].
+        look_alikes: Effects that may act in its place, with how far the shared set with them stays behind [nat].
     """
 
     effect: str
@@ -36,6 +37,7 @@ class SharedCause(Part):
     named: bool
     parameters: dict[str, ParameterValue]
     evidence: dict[str, float]
+    look_alikes: dict[str, float] = Field(default_factory=dict)
 
 
 class LaboratoryDocument(Part):
@@ -94,11 +96,21 @@ def laboratory_document(found: Laboratory, captures: Mapping[str, Captures]) -> 
                     for name, value in one.cause.value.items()
                 },
                 evidence=dict(one.evidence),
+                look_alikes=dict(one.look_alikes),
             )
         )
     own = [captures[name] for name in found.fabrics]
-    notes = (*lengths_of_atlas(own[0].protocol), *shown_twice(own))
+    notes = (*_in_doubt(found), *lengths_of_atlas(own[0].protocol), *shown_twice(own))
     return LaboratoryDocument(fabrics=found.fabrics, effects=tuple(causes), notes=notes)
+
+
+def _in_doubt(found: Laboratory) -> Iterator[str]:
+    """Which named effects cannot be told from others."""
+    needed = least_lead(len(found.fabrics))
+    for one in found.effects:
+        if one.look_alikes:
+            others = ", ".join(f"{name} ({nats:.0f} nat behind)" for name, nats in one.look_alikes.items())
+            yield f"{one.name} is the likeliest of several that explain the same: {others}; {needed:.0f} nat would tell"
 
 
 def shown_twice(fabrics: Sequence[Captures]) -> Iterator[str]:

@@ -88,6 +88,7 @@ def fabric_evidence(
     *,
     without: Sequence[str] = (),
     shared: tuple[Candidate, ...] = (),
+    alike: Sequence[tuple[str, ...]] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> FabricEvidence:
     """Computes the evidence for every set of causes in one fabric.
@@ -99,6 +100,7 @@ def fabric_evidence(
         generator: Generator of bootstraps and samplers.
         without: Effects that are not to be considered.
         shared: Effects of the laboratory that all its fabrics show.
+        alike: Groups of look-alikes; the first of each is among the shared effects and stands for one of its group.
         progress: Called with the share that is done.
 
     Returns:
@@ -129,7 +131,7 @@ def fabric_evidence(
     together = refitted(data, sets, best.causes)
     best = named_set(data, together, best.causes)
     test = novelty(together, best, generator)
-    found = finding(own_p, sets.posterior, test, tuple(one.hypothesis.name for one in shared))
+    found = finding(own_p, sets.posterior, test, tuple(one.hypothesis.name for one in shared), alike)
     causes = best.causes
     stated = [*found.effects, *(group[0] for group in found.groups)]
     if stated and set(stated) != set(likeliest):

@@ -60,7 +60,13 @@ def set90(probability: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[str] = ()) -> Finding:
+def finding(
+    p: float,
+    posterior: SetPosterior,
+    test: Novelty,
+    shared: Sequence[str] = (),
+    alike: Sequence[tuple[str, ...]] = (),
+) -> Finding:
     """The verdict.
 
     Args:
@@ -68,33 +74,40 @@ def finding(p: float, posterior: SetPosterior, test: Novelty, shared: Sequence[s
         posterior: Posterior over sets.
         test: Whether the likeliest set is all that acts.
         shared: Effects of the laboratory that all its fabrics show, the likeliest first; they are named in each.
+        alike: Groups of look-alikes of which all fabrics show one; the first of each is among the shared effects, and
+            stands for the group instead of being named.
 
     Returns:
         What is found.
     """
     leading = _with_shared(posterior.leading, shared)
+    standing = {group[0] for group in alike}
+    certain = tuple(name for name in shared if name not in standing)
+    members_of_groups = tuple(name for group in alike for name in group)
     if p > ALPHA:
-        stated = tuple(shared) or (NONE,)
-        leading = _at_least(leading, stated[0], _LEAST_NONE)
-        verdict = NONE if not shared else "several" if len(shared) > 1 else "effect"
-        return Finding(verdict, tuple(shared), (), _members_with_named(leading, stated), leading)
-    acting = {**dict.fromkeys(shared, 1.0), **posterior.effects}
+        leading = _at_least(leading, shared[0] if shared else NONE, _LEAST_NONE)
+        members = _members_with_named(leading, (*certain, *members_of_groups) or (NONE,))
+        return Finding(_verdict(certain, tuple(alike)), certain, tuple(alike), members, leading)
+    acting = {**dict.fromkeys(certain, 1.0), **posterior.effects}
     named = tuple(sorted((n for n, p in acting.items() if p >= NAMED), key=lambda n: -acting[n]))
-    groups = look_alikes(posterior, named)
+    groups = (*alike, *look_alikes(posterior, named))
     unlisted = test.rejected
     leading = _with_unlisted(leading, test.probability)
     if unlisted and (not (named or groups) or test.explained < _CARRIES):
         leading = _at_least(leading, UNKNOWN, _LEAST_UNKNOWN)
-        return Finding(
-            UNKNOWN, named, groups, _members_with_named(leading, (*named, UNKNOWN)), leading, _mimicry_note(named)
-        )
-    members = _members_with_named(leading, (*named, UNKNOWN) if unlisted else named)
+        members = _members_with_named(leading, (*named, *members_of_groups, UNKNOWN))
+        return Finding(UNKNOWN, named, groups, members, leading, _mimicry_note(named))
+    members = _members_with_named(leading, (*named, *members_of_groups, *((UNKNOWN,) if unlisted else ())))
     notes = (f"something that is not on the list acts too (p = {test.p:.2g})",) if unlisted else ()
     notes += tuple(f"beside the named effects one of {', '.join(group)} acts" for group in groups if named)
-    if not named:
-        return Finding("ambiguous", (), groups, members, leading, notes)
-    verdict = "several" if len(named) + len(groups) > 1 else "effect"
-    return Finding(verdict, named, groups, members, leading, notes)
+    return Finding("ambiguous" if not named else _verdict(named, groups), named, groups, members, leading, notes)
+
+
+def _verdict(named: Sequence[str], groups: Sequence[tuple[str, ...]]) -> Verdict:
+    """The verdict on named effects and groups, of which there may be none."""
+    if len(named) + len(groups) > 1:
+        return "several" if named else "ambiguous"
+    return "effect" if named else "ambiguous" if groups else NONE
 
 
 def look_alikes(posterior: SetPosterior, named: Sequence[str]) -> tuple[tuple[str, ...], ...]:

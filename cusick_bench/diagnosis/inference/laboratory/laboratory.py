@@ -7,9 +7,10 @@ shared grid, and each fabric's own set given the shared one. Several fabrics may
 
 Once the fabrics' own sets have adapted to one of two shared look-alikes (a camera off its place, a plate out of level),
 a single step no longer exchanges it for the other. So short chains start from no shared effect and from each single
-one. The likeliest go on, on grids with finer steps around their points, and are weighted by the geometric mean of the
-joint probabilities of what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens
-of nats, and another effect would be added to make up for it.
+one, and exchanges of the effects of the likeliest set are tried (`look_alikes`). From the likeliest set two chains go
+on, on grids with finer steps around its points, and are weighted by the geometric mean of the joint probabilities of
+what they visit. The finer steps matter: over a dozen fabrics, half a step of a grid costs tens of nats, and another
+effect would be added to make up for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,11 +23,13 @@ from threadpoolctl import threadpool_limits
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.inference.laboratory.look_alikes import Exchanges
 from cusick_bench.diagnosis.inference.laboratory.shared_effects import (
     Laboratory,
     LaboratoryFabric,
     finer_shared_points,
     shared_points,
+    shares,
 )
 from cusick_bench.diagnosis.inference.laboratory.shared_walk import SharedWalk, pooled
 from cusick_bench.diagnosis.inference.residuals.refusal import domain_doubts
@@ -34,7 +37,7 @@ from cusick_bench.diagnosis.inference.sets.effect_points import EffectPoints
 from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
 from cusick_bench.diagnosis.inference.sets.fabric_sets import fabric_sets, named_causes
 from cusick_bench.diagnosis.inference.sets.refined import shared_set
-from cusick_bench.diagnosis.inference.single_effects.evidence import Candidate
+from cusick_bench.diagnosis.inference.single_effects.evidence import NONE, Candidate
 from cusick_bench.diagnosis.measure.captures import Captures
 
 STEPS: Final = 40
@@ -68,26 +71,26 @@ def laboratory(
         return None
     points = [shared_points(fabric) for fabric in fabrics]
     tried = [SharedWalk(fabrics, points, generator, start) for start in ([], *_starts(fabrics, points))]
-    total, done = len(tried) * _SCREENED + _CHAINS * (_SETTLED + steps), 0
-    for chain in tried:
+    for number, chain in enumerate(tried):
         for _ in range(_SCREENED):
             chain.step(counts=False)
-            done += 1
-            progress(done / total)
-    chains = sorted(tried, key=lambda chain: -chain.log_joint())[:_CHAINS]
+        progress(0.3 * (number + 1) / len(tried))
+    exchanges = Exchanges(fabrics, generator, progress=lambda share: progress(0.3 + 0.4 * share))
+    exchanges.search(max(tried, key=lambda chain: chain.log_joint()))
+    likeliest = exchanges.sets[exchanges.likeliest].walk
+    chains = [likeliest.on(points) for _ in range(_CHAINS)]
     near = {point for chain in chains for point in chain.shared}
     points = [finer_shared_points(fabric, one, near) for fabric, one in zip(fabrics, points, strict=True)]
     chains = [chain.on(points) for chain in chains]
-    for chain in chains:
+    for number, chain in enumerate(chains):
         for step in range(_SETTLED + steps):
             chain.step(counts=step >= _SETTLED)
-            done += 1
-            progress(done / total)
+        progress(0.7 + 0.3 * (number + 1) / len(chains))
     mean = np.array([np.mean(chain.log_joints) for chain in chains])
     found = pooled(chains, np.exp(mean - float(np.logaddexp.reduce(mean))))
     own = chains[int(np.argmax(mean))].own
     named = shared_set([(fabric.data, fabric.sets) for fabric in fabrics], own, found.named)
-    return _with_causes(found, named)
+    return _with_causes(found, named, exchanges)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices so small, threads only wait for each other
@@ -140,7 +143,16 @@ def _starts(fabrics: Sequence[LaboratoryFabric], points: Sequence[EffectPoints])
     return [[point] for point in best if np.isfinite(gained[point])]
 
 
-def _with_causes(found: Laboratory, causes: Sequence[Candidate]) -> Laboratory:
-    """The laboratory with other parameters of some effects."""
+def _with_causes(found: Laboratory, causes: Sequence[Candidate], exchanges: Exchanges) -> Laboratory:
+    """The laboratory with other parameters of the named effects, and with what may act in their place."""
     by_name = {one.hypothesis.name: one for one in causes}
-    return replace(found, effects=tuple(replace(one, cause=by_name.get(one.name, one.cause)) for one in found.effects))
+    effects = []
+    for one in found.effects:
+        if one.name in by_name:
+            look_alikes, without = exchanges.look_alikes(one.name), exchanges.without(one.name)
+            nothing = shares({"": 0.0, **look_alikes, NONE: without}, len(found.fabrics))[NONE]
+            one = replace(
+                one, cause=by_name[one.name], look_alikes=look_alikes, probability=one.probability * (1 - nothing)
+            )
+        effects.append(one)
+    return replace(found, effects=tuple(sorted(effects, key=lambda one: -one.probability)))

@@ -1,7 +1,7 @@
 """What fabrics of a laboratory may share: the effects, their points and prior, and what is found of them."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -25,6 +25,7 @@ SHARED: Final = (
 MOST_SHARED: Final = 3
 """Most effects in a shared set."""
 _COUNT_PRIOR = np.array([0.5, 0.3, 0.15, 0.05])  # probability of a shared set of 0, 1, 2, 3 effects
+_LEAST_LEAD = 10.0  # of one fabric [nat]
 _SPREAD = 1.0  # standard deviation of ln severity about the typical one, in careful laboratories
 
 
@@ -34,11 +35,13 @@ class SharedEffect:
 
     Attributes:
         name: Name of the effect.
-        probability: That all fabrics show it, with one severity and direction.
+        probability: That all fabrics show it, or one of its look-alikes, with one severity and direction.
         cause: The effect at its likeliest shared parameters.
         intervals: 90 % intervals of these.
         evidence: By fabric, ln of its likelihood with the effect over that without it, with the other effects unchanged
             [nat].
+        look_alikes: Effects that may act instead of a named one, with how far the shared set with them stays behind
+            [nat], the nearest first.
     """
 
     name: str
@@ -46,6 +49,7 @@ class SharedEffect:
     cause: Candidate
     intervals: Mapping[str, ParameterInterval]
     evidence: Mapping[str, float]
+    look_alikes: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +68,18 @@ class Laboratory:
 
     @property
     def named(self) -> tuple[Candidate, ...]:
-        """Effects that are taken to act in every fabric."""
+        """Effects that are taken to act in every fabric; some may stand for a look-alike."""
         return tuple(one.cause for one in self.effects if one.probability >= NAMED)
+
+    @property
+    def acting(self) -> Mapping[str, Mapping[str, float]]:
+        """For each effect of `named`, the probability that it acts, and that each of its look-alikes does instead."""
+        found = {}
+        for one in self.effects:
+            if one.probability >= NAMED:
+                share = shares({one.name: 0.0, **one.look_alikes}, len(self.fabrics))
+                found[one.name] = {name: one.probability * each for name, each in share.items()}
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,17 +97,50 @@ class LaboratoryFabric:
     sets: FabricSets
 
 
-def shared_points(fabric: LaboratoryFabric) -> EffectPoints:
+def least_lead(fabrics: int) -> float:
+    """Least difference of log densities that counts, where several fabrics are explained in two ways.
+
+    Because of errors of the base model, single fabrics prefer a wrong explanation, by up to six nats as a rule and in
+    one of seven by fourteen (`docs/diagnosis-results.md`, *How samples were turned over*).
+
+    Args:
+        fabrics: Number of fabrics whose log densities are added.
+
+    Returns:
+        The lead [nat].
+    """
+    return _LEAST_LEAD * float(np.sqrt(max(fabrics, 1)))
+
+
+def shares(behind: Mapping[str, float], fabrics: int) -> dict[str, float]:
+    """Probabilities of several explanations of some fabrics.
+
+    Errors of the base model are common to the fabrics, so evidence counts such that `least_lead` means 19 to 1.
+
+    Args:
+        behind: How far the log density of each is behind that of the likeliest [nat].
+        fabrics: Number of fabrics whose log densities are added.
+
+    Returns:
+        Their probabilities, which add up to 1.
+    """
+    odds = {name: 19 ** (-nats / least_lead(fabrics)) for name, nats in behind.items()}
+    return {name: each / sum(odds.values()) for name, each in odds.items()}
+
+
+def shared_points(fabric: LaboratoryFabric, names: Collection[str] = SHARED) -> EffectPoints:
     """All points of the effects that may be shared, the same in every fabric.
 
     Args:
         fabric: A fabric of the laboratory.
+        names: Effects of `SHARED`; by default all.
 
     Returns:
         The points, in the rows of this fabric's misfit.
     """
     data, sets = fabric.data, fabric.sets
-    listed = [one for one in hypotheses(data.emulator) if _may_be_shared(one) and one.name not in data.without]
+    listed = [one for one in hypotheses(data.emulator) if _may_be_shared(one) and one.name in names]
+    listed = [one for one in listed if one.name not in data.without]
     grids = [grid_at(data.emulator, one, sets.residual) for one in listed]
     return effect_points(grids, sets.model.misfit, data.calibration.mismatch, weak=True)
 
@@ -145,7 +192,7 @@ def log_count(count: int, listed: int) -> float:
     Returns:
         The log probability.
     """
-    if count > MOST_SHARED:
+    if count > min(MOST_SHARED, listed):
         return -np.inf
     choices = gammaln(listed + 1) - gammaln(count + 1) - gammaln(listed - count + 1)
     return float(np.log(_COUNT_PRIOR[count]) - choices)

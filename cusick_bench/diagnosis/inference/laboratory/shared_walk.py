@@ -32,6 +32,8 @@ class SharedWalk:
         points: Points of the effects that may be shared, in the rows of each fabric.
         generator: Generator of the walk.
         start: Shared points to start from.
+        complete: Whether the shared set holds every effect that has points, from the first steps on, instead of any of
+            them.
     """
 
     def __init__(
@@ -40,8 +42,10 @@ class SharedWalk:
         points: Sequence[EffectPoints],
         generator: np.random.Generator,
         start: Sequence[int],
+        *,
+        complete: bool = False,
     ) -> None:
-        self.fabrics, self.points, self.generator = fabrics, points, generator
+        self.fabrics, self.points, self.generator, self.complete = fabrics, points, generator, complete
         first = self.points[0]
         self.log_prior = log_prior(self.points)
         self.own = [list(fabric.sets.posterior.best) for fabric in fabrics]
@@ -56,17 +60,18 @@ class SharedWalk:
         self.log_joints: list[float] = []
         self.counted = 0
 
-    def on(self, points: Sequence[EffectPoints]) -> "SharedWalk":
-        """A walk that goes on from the present state of this one, over finer grids.
+    def on(self, points: Sequence[EffectPoints], *, complete: bool = False) -> "SharedWalk":
+        """A walk that goes on from the present state of this one, over finer grids or more effects.
 
         Args:
-            points: Points of the same grids, made finer; the points of this walk are among them.
+            points: Points in whose grids those of the shared set are, too.
+            complete: Whether its shared set holds every effect that has points.
 
         Returns:
             The walk, with all counts at 0.
         """
-        start = [_same(self.points[0], point, points[0]) for point in self.shared]
-        walk = SharedWalk(self.fabrics, points, self.generator, start)
+        start = [same_point(self.points[0], point, points[0]) for point in self.shared]
+        walk = SharedWalk(self.fabrics, points, self.generator, start, complete=complete)
         walk.own = [list(own) for own in self.own]
         return walk
 
@@ -126,6 +131,8 @@ class SharedWalk:
         prior = np.where(taken, -np.inf, self.log_prior) + log_count(count + 1, len(points.names))
         prior -= np.log(MOST_SHARED - count)
         weighed = total + np.append(prior, log_count(count, len(points.names)))
+        if self.complete and np.isfinite(weighed[:-1]).any():
+            weighed[-1] = -np.inf
         return np.exp(weighed - logsumexp(weighed))
 
     def _count(self, options: ndarray, others: Sequence[int], own: ndarray) -> None:
@@ -156,11 +163,22 @@ class SharedWalk:
             self.own[fabric] = others + ([chosen] if chosen < len(model.points) else [])
 
 
-def _same(points: EffectPoints, point: int, others: EffectPoints) -> int:
-    """The point of other grids with the same parameters."""
+def same_point(points: EffectPoints, point: int, others: EffectPoints) -> int:
+    """The point of other grids with the same parameters.
+
+    Args:
+        points: Points of grids.
+        point: One of them.
+        others: Points of other grids, among which the same effect at the same parameters is.
+
+    Returns:
+        Its index there.
+    """
     value = points.value(point)
-    of_grid = np.flatnonzero(others.grid == points.grid[point])
-    return next(int(o) for o in of_grid if np.allclose([*others.value(int(o)).values()], [*value.values()], rtol=1e-9))
+    of_effect = np.flatnonzero(others.effect == others.names.index(points.name(point)))
+    return next(
+        int(o) for o in of_effect if np.allclose([*others.value(int(o)).values()], [*value.values()], rtol=1e-9)
+    )
 
 
 def pooled(chains: Sequence[SharedWalk], share: Float[ndarray, "chains"]) -> Laboratory:

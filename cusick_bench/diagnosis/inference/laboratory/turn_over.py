@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 from cusick_bench.diagnosis.atlas.emulator import Emulator
 from cusick_bench.diagnosis.atlas.store import Calibration
 from cusick_bench.diagnosis.errors import Refused
+from cusick_bench.diagnosis.inference.laboratory.shared_effects import least_lead
 from cusick_bench.diagnosis.inference.sets.fabric_data import fabric_data
 from cusick_bench.diagnosis.inference.sets.fabric_sets import best_log_joint
 from cusick_bench.diagnosis.measure.captures import ANGLES, Captures
@@ -37,11 +38,6 @@ _SEEN_AT: Final[Mapping[Way, np.ndarray]] = {
     "mirrored-y": -_DEGREES % ANGLES,
 }
 WAYS: Final = tuple(_SEEN_AT)
-
-_LEAST = 10.0
-"""Least difference of log densities that counts [nat], to be multiplied by the square root of the number of fabrics:
-because of errors of the base model, single fabrics prefer a wrong way, by up to six as a rule and in one of seven by
-fourteen (`docs/diagnosis-results.md`)."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ class TurnOver:
     @property
     def least(self) -> float:
         """Least lead of the best way over all others with which it is named [nat]."""
-        return _LEAST * float(np.sqrt(max(len(self.by_fabric), 1)))
+        return least_lead(len(self.by_fabric))
 
     @property
     def told(self) -> Way | None:

@@ -114,7 +114,9 @@ def _remarks(cause: Cause, document: DiagnosisDocument) -> list[str]:
     if cause.effect in document.effects and percent(cause.likelihood_of_acting) != percent(cause.probability):
         remarks.append(f"accounts for most with probability {percent(cause.probability)}")
     if cause.shared:
-        remarks.append("shown by all fabrics of this laboratory")
+        group = next((group for group in document.groups if group[0] == cause.effect), ())
+        which = f"one of {', '.join(group)} is " if group else ""
+        remarks.append(f"{which}shown by all fabrics of this laboratory")
     remarks += [_share_in_words(one) for one in document.budget if one.effect == cause.effect]
     fraction, interval = document.closure.fraction, document.closure.ci90
     if fraction is not None and cause.effect in named_causes(document):
